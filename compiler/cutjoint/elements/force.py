@@ -1,6 +1,6 @@
-"""What a force kind is: its fields in the file, its record, and the interaction by which it works on its bodies.
+"""The description of a force kind: its fields in the file, its record, and the interaction by which it works on its bodies.
 
-An interaction names the points and directions on the bodies and what the laws are over.  It has no formula of any method: formulations,
+An interaction names points and directions on the bodies and the variables of the laws.  It has no formula of any method: formulations,
 twins, exporters and `explain` interpret it.  Expressions come in by the builders of `Reader` and `Mirror`.
 """
 
@@ -18,7 +18,7 @@ from cutjoint.elements.terms import Scalar, Span, Vector
 
 
 class Shape(StrEnum):
-    """What is written in a field."""
+    """The shape of a field's value in the file."""
 
     BODY = "body"
     BODIES = "bodies"  #: base and follower
@@ -86,10 +86,10 @@ class Reader(Protocol):
     """Makes expressions of a force's fields and notes what is wrong with them; fields are given by their names in the file."""
 
     def common(self) -> Mapping[str, Any]:
-        """What all forces have: ``name``, ``active`` and ``span``."""
+        """The fields of all forces: ``name``, ``active`` and ``span``."""
 
     def given(self, name: str) -> Any:
-        """What the file has in a field, None if nothing."""
+        """The value of a field in the file, None if there is none."""
 
     def body(self, name: str) -> str:
         """The full name of a body."""
@@ -192,7 +192,7 @@ class Frame(Place):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class LineForce:
     """A tension, a law over ``length`` (m) of the way from start to end and its ``rate`` (m/s)."""
 
     start: Point
@@ -201,7 +201,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Travel:
+class AxisForce:
     """A push on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
 
     The reaction acts on the same line.
@@ -244,7 +244,7 @@ class RoadContact:
     axis: Axis
 
 
-Interaction: TypeAlias = Stretch | Travel | Compliance | Wrench | OnCoordinate | RoadContact
+Interaction: TypeAlias = LineForce | AxisForce | Compliance | Wrench | OnCoordinate | RoadContact
 
 # The record
 
@@ -276,7 +276,7 @@ class ForceElement:
 
 @dataclass(frozen=True, kw_only=True)
 class Force:
-    """What the records of all forces have; ``active`` says whether it acts unless a scene switches it."""
+    """The common part of all forces' records; ``active`` says whether a force acts unless a scene switches it."""
 
     element: ClassVar[ForceElement]
 
@@ -291,7 +291,7 @@ class Force:
 
     @property
     def interaction(self) -> Interaction:
-        """How it works on its bodies."""
+        """The way in which the force works on its bodies."""
         return self.element.interaction
 
     @property
@@ -316,29 +316,29 @@ class Force:
 
     @property
     def has_road(self) -> bool:
-        """Whether it touches the road."""
+        """Return whether the force touches the road."""
         return isinstance(self.interaction, RoadContact)
 
     @property
     def needs_attitude(self) -> bool:
-        """Whether it depends on all directions of its bodies, or works on them."""
+        """Return whether the force depends on all directions of its bodies, or works on them."""
         return isinstance(self.interaction, Compliance | RoadContact)
 
     @property
     def can_be_guarded(self) -> bool:
-        """Whether a guard can stand for it: its law is over one position, or over a point's."""
+        """Return whether a guard can stand for the force: its law is over one position, or over a point's."""
         return not isinstance(self.interaction, Compliance | RoadContact)
 
     @property
     def has_frame(self) -> bool:
-        """Whether it counts along axes of a body, so that its points and directions alone do not say where it acts."""
+        """Return whether the force counts along axes of a body, so that its points and directions alone do not determine it."""
         return any(isinstance(place, Frame) for place in self.places)
 
     @property
     def swapped(self) -> Mapping[str, Any]:
         """Its places after its bodies change parts, {} where that makes another force of it."""
         how = self.interaction
-        return {how.start.field: how.end.of(self), how.end.field: how.start.of(self)} if isinstance(how, Stretch) else {}
+        return {how.start.field: how.end.of(self), how.end.field: how.start.of(self)} if isinstance(how, LineForce) else {}
 
     def sole_point(self, carrier: Carrier) -> Point | None:
         """The point at which it acts on a body, if that is all that it needs of the body."""
@@ -353,7 +353,7 @@ class Force:
 
     @property
     def quantities(self) -> Mapping[str, str]:
-        """What it reports, with units."""
+        """The quantities that the force reports, with units."""
         return self.element.quantities
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
@@ -366,14 +366,14 @@ class Force:
         return replace(self, **images)
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """Whether a quantity counts the same way in its image: 1 or -1.
+        """The sign of a quantity in the force's image: 1 if it counts the same way, else -1.
 
         ``sign`` says it of the components of vectors (x, Fx) and of rotations (Mx), ``of_coordinate`` of the coordinate that it acts on.
         """
         return 1
 
     def is_halved(self, quantity: str) -> bool:
-        """Whether a quantity counts half of it when it is halved: forces, torques and their slopes."""
+        """Return whether half of the force has half of the quantity: forces, torques and their slopes."""
         return self.quantities[quantity].startswith("N")
 
     def halved(self) -> Self:
@@ -393,7 +393,7 @@ class LawForce(Force):
 
     @property
     def variables(self) -> Law:
-        """What the law is over."""
+        """The variables of the law."""
         (form,) = self.element.forms
         return form
 

@@ -1,4 +1,4 @@
-"""What a joint kind is: its fields in the file, its chain of elementary motions as a tree joint, its conditions as a cut joint.
+"""The description of a joint kind: its fields in the file, its chain of elementary motions as a tree joint, its conditions as a cut joint.
 
 A record has no formula of any method.  Coordinates, speeds, units, mirror images and the order in which a reversed joint undoes its
 motions follow from the chain; residuals, shared points and equations of natural coordinates follow from the conditions.
@@ -78,7 +78,7 @@ Motion: TypeAlias = Slide | Turn | Ball | Offset
 
 
 class End(StrEnum):
-    """Which body of a joint carries something."""
+    """The body at one end of a joint, as the carrier of a direction."""
 
     BASE = "base"
     FOLLOWER = "follower"
@@ -92,17 +92,17 @@ class Carried:
     direction: Direction
 
 
-class Way(StrEnum):
+class JointGap(StrEnum):
     """The way from the base's point of a joint to the follower's."""
 
-    WAY = "way"
+    VECTOR = "way"
 
 
 @dataclass(frozen=True)
 class Product:
     """A weight times the scalar product of two vectors."""
 
-    left: Carried | Way
+    left: Carried | JointGap
     right: Carried
     weight: Fraction = Fraction(1)
 
@@ -144,8 +144,8 @@ class Products:
 
     @property
     def joins_points(self) -> bool:
-        """Whether the way between the joint's points is in the products, and not directions alone."""
-        return any(p.left is Way.WAY for products in self.sums for p in products)
+        """Return whether the vector between the joint's points is in the products, and not directions alone."""
+        return any(p.left is JointGap.VECTOR for products in self.sums for p in products)
 
 
 @dataclass(frozen=True)
@@ -174,11 +174,11 @@ def _on_base(direction: Direction) -> Carried:
 #: The follower's point stays on the base's axis.
 ON_LINE = Products(
     names=("across_1", "across_2"), base=AXIAL_FRAME,
-    sums=tuple((Product(Way.WAY, _on_base(d)),) for d in (Direction.ACROSS_1, Direction.ACROSS_2)),
+    sums=tuple((Product(JointGap.VECTOR, _on_base(d)),) for d in (Direction.ACROSS_1, Direction.ACROSS_2)),
 )  # fmt: skip
 
 #: The follower's point stays in the plane across the base's axis.
-IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(Way.WAY, _on_base(Direction.AXIS)),),))
+IN_PLANE = Products(names=("height",), base=(Direction.AXIS,), sums=((Product(JointGap.VECTOR, _on_base(Direction.AXIS)),),))
 
 #: The base's axis and the follower's second one stay perpendicular.
 PERPENDICULAR = Products(
@@ -200,7 +200,8 @@ NO_TWIST = Products(
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """How an angle is read: from ``first`` towards ``second``, both carried by the body ``carrier``, to ``pointer`` of the other body."""
+    """The reading of an angle: from ``first`` towards ``second``, both carried by the body ``carrier``, to ``pointer`` of the other
+    body."""
 
     carrier: End
     first: Direction
@@ -303,52 +304,52 @@ class JointElement:
 
     @property
     def is_measured(self) -> bool:
-        """Whether natural coordinates can have all of its angles."""
+        """Return whether natural coordinates can have all angles of the joint."""
         return self.angles == tuple(self.measures)
 
     @cached_property
     def has_ball(self) -> bool:
-        """Whether a ball is among its motions."""
+        """Return whether a ball is among the joint's motions."""
         return any(isinstance(m, Ball) for m in self.chain)
 
     @property
     def is_ball(self) -> bool:
-        """Whether it is a ball and nothing else."""
+        """Return whether the joint is a ball and nothing else."""
         return self.chain == (Ball(),)
 
     @property
     def shares_coordinates(self) -> bool:
-        """Whether several motions of its chain have a coordinate in common."""
+        """Return whether several motions of the joint's chain have a coordinate in common."""
         return len(self.coordinates) < len(list(self.scalar_motions))
 
     @property
     def has_attitude(self) -> bool:
-        """Whether its ball is all that turns its follower beside its base."""
+        """Return whether the joint's ball alone turns its follower beside its base."""
         return self.has_ball and not any(isinstance(m, Turn) for m in self.chain)
 
     @property
     def is_free(self) -> bool:
-        """Whether it leaves everything free."""
+        """Return whether the joint leaves everything free."""
         return len(self.speeds) == 6
 
     @property
     def keeps_attitude(self) -> bool:
-        """Whether its follower never turns beside its base."""
+        """Return whether the joint's follower never turns beside its base."""
         return not any(isinstance(m, Turn | Ball) for m in self.chain)
 
     @property
     def is_rigid(self) -> bool:
-        """Whether it leaves nothing free."""
+        """Return whether the joint leaves nothing free."""
         return not self.chain
 
     @property
     def can_be_guided(self) -> bool:
-        """Whether functions of time can prescribe all of its motion."""
+        """Return whether functions of time can prescribe the joint's whole motion."""
         return bool(self.coordinates) and not self.has_ball
 
     @property
     def is_undone_backwards(self) -> bool:
-        """Whether a reversed joint has its motions in the opposite order: those about one direction may stand in any."""
+        """Return whether a reversed joint has its motions in the opposite order; the order of motions about one direction is free."""
         directions = {getattr(m, "direction", None) for m in self.chain}
         return not self.from_inner and len(directions) > 1
 
@@ -364,12 +365,12 @@ class JointElement:
 
     @property
     def closes(self) -> bool:
-        """Whether it can be a cut joint."""
+        """Return whether the joint can be a cut joint."""
         return bool(self.conditions)
 
     @property
     def shares_point(self) -> bool:
-        """Whether its bodies have a point in common that natural coordinates share; rigidly joined bodies are one instead."""
+        """Return whether the joint's bodies have a common point that natural coordinates share; rigidly joined bodies are one instead."""
         return any(isinstance(c, SamePoint) for c in self.conditions) and not self.is_rigid
 
     @property
@@ -379,22 +380,22 @@ class JointElement:
 
     @property
     def keeps_directions(self) -> bool:
-        """Whether its bodies carry all directions in common."""
+        """Return whether the joint's bodies carry all directions in common."""
         return any(isinstance(c, SameAttitude) for c in self.conditions)
 
     @property
     def holds_points_alone(self) -> bool:
-        """Whether it holds points and no direction."""
+        """Return whether the joint holds points and no direction."""
         return self.closes and all(isinstance(c, SamePoint | SameDistance) for c in self.conditions)
 
     @property
     def holds_one_turn(self) -> bool:
-        """Whether it holds a point and, by products of directions, one turn."""
+        """Return whether the joint holds a point and, by products of directions, one turn."""
         return self.shares_point and any(isinstance(c, Products) and not c.joins_points for c in self.conditions)
 
     @property
     def advances(self) -> bool:
-        """Whether its displacement follows from its angle."""
+        """Return whether the joint's displacement follows from its angle."""
         return any(isinstance(c, Advance) for c in self.conditions)
 
     @property
@@ -411,7 +412,7 @@ class JointElement:
 
     @property
     def axis_mirrors_as_rotation(self) -> bool:
-        """Whether the axis of the mirror image is the image of an axis of rotation, so that positive angles stay positive."""
+        """Return whether the axis of the mirror image is the image of an axis of rotation, so that positive angles stay positive."""
         return any(isinstance(m, Turn) and m.direction in (Direction.AXIS, Direction.AXIS_2) for m in self.chain)
 
 

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class JointKind(StrEnum):
-    """What a joint leaves free; ``cutjoint.elements.joints`` has what each kind is."""
+    """The kinds of joints, by the motions that they leave free; ``cutjoint.elements.joints`` describes each."""
 
     FIXED = "fixed"
     REVOLUTE = "revolute"
@@ -23,7 +23,7 @@ class JointKind(StrEnum):
 
 
 class ForceKind(StrEnum):
-    """How a force acts; ``cutjoint.elements.forces`` has what each kind is."""
+    """The kinds of forces, by the way in which they act; ``cutjoint.elements.forces`` describes each."""
 
     POINT_SPRING = "point_spring"
     AXIAL_FORCE = "axial_force"

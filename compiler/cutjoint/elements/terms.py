@@ -1,4 +1,4 @@
-"""What the records of elements are made of: expressions, vectors, and places in the user's file."""
+"""The material of elements' records: expressions, vectors, and places in the user's file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Span:
-    """Where an element stands in the user's file; line and column count from one."""
+    """The place of an element in the user's file; line and column count from one."""
 
     file: str
     line: int

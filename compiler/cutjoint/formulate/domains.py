@@ -1,4 +1,4 @@
-"""Where laws have no value: shared by all formulations.
+"""The margins of the domains of laws: shared by all formulations.
 
 The function ``domains`` has a margin for each root, logarithm or quotient of a law; it is called only where a step has failed.
 """

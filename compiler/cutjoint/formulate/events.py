@@ -1,6 +1,6 @@
-"""Where forces, guides and drives change their formulas: shared by the formulations in relative coordinates.
+"""The places at which forces, guides and drives change their formulas: shared by the formulations in relative coordinates.
 
-The function ``events`` has the values at whose changes of sign that is; a description says what they belong to.
+The function ``events`` has values that change their sign at such a place; a description says to what each belongs.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ SIDE = sympy.Symbol("side", real=True)
 
 
 def is_active(force: Force, scene: Scene) -> bool:
-    """Whether the scene has the force switched on."""
+    """Return whether the scene has the force switched on."""
     return scene.switches.get(force.name, force.active)
 
 
@@ -72,14 +72,14 @@ def stretch(b: Builder, way: Block, speed: Block) -> tuple[Block, dict[Scalar, B
     return n, {LENGTH: length, RATE: b.dot(n, speed)}
 
 
-def spring_pull(b: Builder, translator: Translator, law: Scalar, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
+def line_force(b: Builder, translator: Translator, law: Scalar, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
     """The force (3, 1) on the follower's point at ``way`` (3, 1) from the base's, whose rate is ``speed``; and its quantities."""
     n, values = stretch(b, way, speed)
     pull = law_of(translator, law, values, LENGTH)
-    return b.neg(b.scale(pull["force"], n)), {**pull, **named(values)}
+    return b.neg(b.scale(pull["force"], n)), {**pull, **reported_variables(values)}
 
 
-def named(values: Mapping[Scalar, Block]) -> dict[str, Block]:
+def reported_variables(values: Mapping[Scalar, Block]) -> dict[str, Block]:
     """The motion that a law depends on, as reported quantities; a coordinate is its joint's."""
     return {} if POSITION in values else {symbol.name: block for symbol, block in values.items()}
 

@@ -114,7 +114,7 @@ def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str
 
 
 def make_charts(topology: Topology) -> tuple[Chart, ...]:
-    """Where each tree joint's coordinates and speeds stand in q and v; guided and fixed joints have none."""
+    """The places of each tree joint's coordinates and speeds in q and v; guided and fixed joints have none."""
     charts: list[Chart] = []
     q = v = 0
     for t in topology.tree:

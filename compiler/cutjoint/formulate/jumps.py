@@ -24,7 +24,7 @@ def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
 
 
 def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:
-    """When an expression is zero, if it is linear in time and has no other variable."""
+    """The time at which an expression is zero, if it is linear in time and has no other variable."""
     if not {TIME} <= expression.free_symbols <= {TIME, *known} or not expression.is_polynomial(TIME):
         return
     at_zero, at_one, at_two = (evaluate(expression, {**known, TIME: float(t)}) for t in (0, 1, 2))

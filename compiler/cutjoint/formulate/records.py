@@ -1,4 +1,4 @@
-"""What a formulation hands on: the functions of the mechanism as blocks, and the layout of their inputs and outputs."""
+"""The results of a formulation: the functions of the mechanism as blocks, and the layout of their inputs and outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:
-    """How one joint's coordinates follow its speeds.
+    """The chart of one joint: its coordinates beside its speeds.
 
     ``scalars`` coordinates start at ``q``, their rates at ``v``; a ball adds a quaternion (scalar first) after them whose
     angular velocity, in the inner body's axes, follows the rates.  The quaternion is that of the outer body beside the inner one, which
@@ -44,7 +44,7 @@ class Closure:
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchPlace:
-    """Where a formula changes: the element and its line in the model file.
+    """A place at which a formula changes: the element and its line in the model file.
 
     If the value is a place along a road, ``road`` is its tyre and ``across`` the number of the switch that is the place across it;
     otherwise "" and -1.
@@ -79,7 +79,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Slot:
-    """Where a symbol's column stands among a generated function's arguments: ``array`` from ``offset`` on; a name for each element."""
+    """The place of a symbol's column among a generated function's arguments: ``array`` from ``offset`` on; a name for each element."""
 
     array: str
     offset: int
@@ -136,7 +136,7 @@ class Equations:
 
     @property
     def unknowns(self) -> int:
-        """How many unknowns a step solves for, multipliers not counted."""
+        """The number of unknowns of a step, multipliers not counted."""
         raise NotImplementedError
 
     @property
@@ -272,7 +272,7 @@ class SystemEquations(Equations):
 
     @property
     def charts(self) -> tuple[Chart, ...]:
-        """How relative coordinates follow their speeds; none of natural ones, which are their own."""
+        """No charts: natural coordinates are their own speeds' integrals."""
         return ()
 
     @property

@@ -1,4 +1,4 @@
-"""What a scene gives to the model's inputs: its laws with their first and second derivatives, as a function of their own.
+"""The model's inputs in a scene: its laws with their first and second derivatives, as a function of their own.
 
 The function ``scene_inputs`` fills the array that a step reads: three numbers of each input, then the values at whose changes of sign laws
 change their formulas, then the margins of what must lie in the domains of laws.  All other functions read the array alone.
@@ -97,7 +97,7 @@ def _used(results: Iterable[Block]) -> list[int]:
 
 
 def _read(b: Builder, count: int) -> Iterator[Block]:
-    """What a step reads of the laws besides the inputs, element by element."""
+    """The values of the laws besides the inputs that a step reads, element by element."""
     if count:
         column = b.symbol(LAW_VALUES, count, BindingTime.STEP)
         yield from (b.element(column, i) for i in range(count))

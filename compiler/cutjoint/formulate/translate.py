@@ -147,7 +147,7 @@ def _polynomial_symbol(e: Any) -> Any:
 
 
 def _largest_degree(e: Any) -> int:
-    """What the degree of such a polynomial cannot exceed; without SymPy's polynomials, which take a hundred times as long."""
+    """An upper bound of the degree of a polynomial in one symbol; without SymPy's polynomials, which take a hundred times as long."""
     if e.is_Mul:
         return sum(map(_largest_degree, e.args))
     if e.is_Add:

@@ -24,7 +24,7 @@ STANDING = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
-    """How a wheel moves: its centre from the world's origin and that point's velocity, its axis and that direction's rate, (3, 1)."""
+    """The motion of a wheel: its centre from the world's origin and that point's velocity, its axis and that direction's rate, (3, 1)."""
 
     centre: Block
     velocity: Block

@@ -22,12 +22,12 @@ from cutjoint.elements.joint import (
     Condition,
     Direction,
     End,
+    JointGap,
     Products,
     SameAttitude,
     SameDirection,
     SameDistance,
     SamePoint,
-    Way,
 )
 from cutjoint.kernels.directions import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
@@ -75,7 +75,7 @@ def derive_closure(joint: Joint) -> ClosureKernel:
 
 @cache
 def _jacobian_and_drift(residual: Matrix) -> tuple[Matrix, Matrix]:
-    """Those of a residual, which joints of a kind have in common."""
+    """The Jacobian and the drift of a residual, which joints of a kind have in common."""
     rates = _rates()
     velocity = _along(residual, rates)
     return velocity.jacobian(list(V) + list(W)), _along(velocity, rates)
@@ -127,9 +127,9 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Sca
             yield f[Direction.ACROSS_1].dot(second * sympy.cos(angle) - first * sympy.sin(angle))
 
 
-def _factor(factor: Carried | Way, gap: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
+def _factor(factor: Carried | JointGap, gap: Matrix, b: Mapping[Direction, Matrix], f: Mapping[Direction, Matrix]) -> Matrix:
     """The symbols of a factor of a product."""
-    if isinstance(factor, Way):
+    if isinstance(factor, JointGap):
         return gap
     return (b if factor.end is End.BASE else f)[factor.direction]
 

@@ -1,4 +1,4 @@
-"""Who carries whom in a spanning tree, and which subtrees cut joints and gears connect.
+"""The parents of bodies in a spanning tree, and the subtrees that cut joints and gears connect.
 
 A body of known motion counts as the one that carries it.
 """

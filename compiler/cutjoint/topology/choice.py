@@ -1,4 +1,4 @@
-"""Which joint of a loop is cut, which others could be, and what each choice costs."""
+"""The cut joint of a loop, the others that could be cut, and the cost of each choice."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
     choices = []
     for cut in topology.cuts:
         joints = sorted(exchanges.around(used, cut), key=lambda j: place[j.name])
-        choices_of = {joint: (exchanges.everywhere(used, cut, joint), used.exchanged(cut, joint)) for joint in joints}
-        harmless = {joint: [s for s in both if exchanges.harm(s) <= exchanges.harm(used)] for joint, both in choices_of.items()}
+        choices_of = {joint: (exchanges.exchange_in_all_alike(used, cut, joint), used.exchanged(cut, joint)) for joint in joints}
+        harmless = {joint: [s for s in both if exchanges.violations(s) <= exchanges.violations(used)] for joint, both in choices_of.items()}
         options = [_option(joint, *spannings) for joint, spannings in harmless.items() if spannings]
         choices.append(Choice(used=_option(cut, used), alternatives=tuple(sorted(options, key=lambda o: o.cost))))
     return tuple(choices)

@@ -28,7 +28,7 @@ def find_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
 
 
 def find_independent_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
-    """The same without the parts that cut joints and gears connect with others."""
+    """Classes of isomorphic parts without the parts that cut joints and gears connect with others."""
     alone = [[t.child] for t in graph.tree if t.child not in graph.tied]
     return tuple(c for c in _find(model, graph, [*_linked(graph), *alone]) if c.independent)
 
@@ -72,7 +72,7 @@ class _Part:
 
 
 class _Attached:
-    """What is attached to each body; ``sizes`` are the numbers of bodies of their subtrees."""
+    """The elements attached to each body; ``sizes`` are the numbers of bodies of their subtrees."""
 
     def __init__(self, model: Model, graph: BodyGraph) -> None:
         self._graph = graph

@@ -1,4 +1,4 @@
-"""How well the equations of loops are conditioned in the design position."""
+"""The condition of the equations of loops in the design position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which joints may be cut, and whether the others span a tree."""
+"""The joints that may be cut, and a check that the others span a tree."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from cutjoint.topology.spanning_tree import joints_around
 
 @dataclass(frozen=True, kw_only=True)
 class CutRules:
-    """Which joints may be cut: those without a reason to ``stay`` whose coordinates, where they have ``uses``, can be measured."""
+    """The rules of cutting: joints without a reason to ``stay`` may be cut if the coordinates in ``uses`` can be measured."""
 
     stay: Mapping[str, str]
     uses: Mapping[str, tuple[Use, ...]]
 
     def reason(self, cut: Joint, tree: Sequence[TreeJoint]) -> str:
-        """Why a joint must not be cut beside a tree; "" if it may."""
+        """The reason that a joint must not be cut beside a tree; "" if it may."""
         if cut.name in self.stay and cut.cut is not True:
             return self.stay[cut.name]
         uses = self.uses.get(cut.name, ())
         return reason_not_to_measure(cut, uses, joints_around(tree, cut)) if uses else ""
 
     def faults(self, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> int:
-        """How many cut joints must not be cut."""
+        """The number of cut joints that must not be cut."""
         return sum(bool(self.reason(cut, tree)) for cut in cuts)
 
     def forces_on(self, cuts: Iterable[Joint]) -> int:
-        """How many forces act on coordinates of cut joints."""
+        """The number of forces on coordinates of cut joints."""
         return sum(use.is_force for cut in cuts for use in self.uses.get(cut.name, ()))
 
 
@@ -42,7 +42,10 @@ def find_rules(model: Model) -> CutRules:
 
 
 def reasons_to_stay(model: Model) -> Mapping[str, str]:
-    """Why joints stay in the tree, by their names: free joints, which close nothing, and those whose coordinates are given or coupled."""
+    """The reasons that joints stay in the tree, by their names.
+
+    Free joints stay, since they close nothing, and joints whose coordinates are given or coupled.
+    """
     reasons: dict[str, str] = {}
     for scene in model.scenes.values():
         for key in (*scene.positions, *scene.rates):
@@ -78,7 +81,7 @@ def shortest_paths(joints: Sequence[Joint], bound: Iterable[str]) -> set[str]:
 
 
 def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str]) -> Iterator[Problem]:
-    """What is wrong where the ``chosen`` joints do not reach all bodies."""
+    """The problems of bodies that the ``chosen`` joints do not reach."""
     reached = {GROUND} | {b for j in joints if j.name in chosen for b in (j.base, j.follower)}
     for body in bodies:
         if body.name not in reached:
@@ -89,7 +92,7 @@ def torn_bodies(bodies: Iterable[Body], joints: Sequence[Joint], chosen: set[str
 
 
 def wrong_cuts(rules: CutRules, tree: Sequence[TreeJoint], cuts: Iterable[Joint]) -> Iterator[Problem]:
-    """What is wrong where joints are cut that must not be."""
+    """The problems of cut joints that must not be cut."""
     for cut in cuts:
         reason = rules.reason(cut, tree)
         message, hint = f"it must not be cut, since {reason}", "cut another joint of its loop"

@@ -1,4 +1,4 @@
-"""Which coordinates of a cut joint can be measured from the pose of its bodies.
+"""The coordinates of a cut joint that can be measured from the pose of its bodies.
 
 A displacement is a distance.  An angle counts turns, which no pose shows.  It is the sum of the turns around its loop where all of them are
 about one direction, as in a planar loop.  Where the turns of a loop are about one direction and then about a second one, as in a Sarrus
@@ -25,7 +25,7 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Use:
-    """What uses a coordinate of a joint, or its rate alone, as a reason: "force 'x' acts on its coordinate"."""
+    """A use of a joint's coordinate, or of its rate alone, as a reason: "force 'x' acts on its coordinate"."""
 
     coordinate: str
     rate_alone: bool
@@ -43,7 +43,7 @@ class SignedTurn:
 
 
 def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
-    """What measures the coordinates of joints, by the joints' names: forces and outputs."""
+    """The uses of joints' coordinates by forces and outputs, by the joints' names."""
     joints = {joint.name: joint for joint in model.joints}
     uses: dict[str, list[Use]] = {}
     for force in model.force_elements:
@@ -65,7 +65,10 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
 
 
 def reason_not_to_measure(cut: Joint, uses: Iterable[Use], around: Sequence[TreeJoint]) -> str:
-    """Why what is used of a joint cannot be measured where it is cut, with the tree joints ``around`` its loop; "" if it can."""
+    """The reason that a used coordinate of a joint cannot be measured where the joint is cut; "" if all can.
+
+    ``around`` are the tree joints of its loop.
+    """
     for use in uses:
         if use.coordinate not in cut.element.measurable:
             return f"{use.reason}, which a cut {cut.kind} joint does not have"

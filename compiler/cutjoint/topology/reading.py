@@ -25,7 +25,7 @@ def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
 
 
 def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Model:
-    """The same from a text; ``file`` is the name that places and messages carry."""
+    """Read a model from a text; ``file`` is the name in places and messages."""
     with _problems_of_loops():
         return read.read_model_text(text, file, opened=opened)
 

@@ -91,7 +91,7 @@ class Topology:
 
     @property
     def closing(self) -> tuple[Joint | Gear, ...]:
-        """What has equations: the cut joints, then the model's gears."""
+        """The elements that have equations: the cut joints, then the model's gears."""
         return (*self.cuts, *self.model.gears)
 
     @property

@@ -64,30 +64,31 @@ class Spanning:
 
     @cached_property
     def cost(self) -> Cost:
-        """What it costs."""
+        """The cost of the choice."""
         return cost_of(self.model, self.tree, self.cuts)
 
     def exchanged(self, cut: Joint, instead: Joint) -> Spanning:
-        """The same with another joint cut, and the cut joint in the tree."""
+        """Copy the choice with another joint cut, and the cut joint in the tree."""
         return replace(self, cut=(self.cut - {cut.name}) | {instead.name})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exchanges:
-    """Which joints may be cut instead of others by the ``rules``; those of one ``number`` stand alike."""
+    """Exchanges of cut joints for others by the ``rules``; joints of one ``number`` stand alike."""
 
     rules: CutRules
     number: Mapping[str, int]
 
     def around(self, spanning: Spanning, cut: Joint) -> list[Joint]:
-        """The joints of a cut joint's loop that have no reason to stay in the tree; whether the exchange does `harm` is another matter."""
+        """The joints of a cut joint's loop that have no reason to stay in the tree; `violations` judges the exchange."""
         return [t.joint for t in joints_around(spanning.tree, cut) if t.joint.name not in self.rules.stay]
 
-    def harm(self, spanning: Spanning) -> tuple[int, int]:
-        """What counts before the cost: cut joints that must not be cut, and forces on cut joints, which cost nothing in the tree."""
+    def violations(self, spanning: Spanning) -> tuple[int, int]:
+        """Two counts that come before the cost: cut joints that must not be cut, and forces on cut joints, which cost nothing in the
+        tree."""
         return self.rules.faults(spanning.tree, spanning.cuts), self.rules.forces_on(spanning.cuts)
 
-    def everywhere(self, spanning: Spanning, cut: Joint, instead: Joint) -> Spanning:
+    def exchange_in_all_alike(self, spanning: Spanning, cut: Joint, instead: Joint) -> Spanning:
         """The exchange in this loop and in those of all cut joints alike; given cuts for given ones only.
 
         Of several joints alike, the one at the same place in its loop is taken.
@@ -130,14 +131,14 @@ class _Search:
         options = [(cut, used)]
         for joint in self.exchanges.around(used, cut):
             options += [(joint, used.exchanged(cut, joint))]
-            options += [(joint, self.exchanges.everywhere(used, cut, joint))] if everywhere else []
+            options += [(joint, self.exchanges.exchange_in_all_alike(used, cut, joint))] if everywhere else []
         least = min(self._cost(spanning) for _, spanning in options)
         equal = [(joint, spanning) for joint, spanning in options if self._cost(spanning) == least and spanning.cut not in self.left]
         return min(equal, key=lambda option: self._condition(*option))[1] if len(equal) > 1 else equal[0][1]
 
     def _cost(self, spanning: Spanning) -> tuple[tuple[int, int], Cost]:
         if spanning.cut not in self.costs:
-            self.costs[spanning.cut] = self.exchanges.harm(spanning), spanning.cost
+            self.costs[spanning.cut] = self.exchanges.violations(spanning), spanning.cost
         return self.costs[spanning.cut]
 
     def _condition(self, cut: Joint, spanning: Spanning) -> float:

@@ -18,7 +18,7 @@ class TopologyError(ModelError):
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Cost:
-    """What a choice of cut joints costs.
+    """The cost of a choice of cut joints.
 
     ``counted_once`` are the operations predicted for one evaluation, those side by side in lanes counted once: the time that it takes,
     by which choices compare.  ``operations`` has all lanes counted.  ``redundant`` counts the cut joints that align a direction by three
@@ -51,7 +51,7 @@ def loops_of(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, list
 
 
 def joints_around(tree: Sequence[TreeJoint], cut: Joint) -> list[TreeJoint]:
-    """The same of one cut joint."""
+    """The tree joints around the loop of one cut joint."""
     return loops_of(tree, [cut])[cut.name]
 
 

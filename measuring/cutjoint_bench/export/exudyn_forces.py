@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, OnCoordinate, Point, RoadContact, Wrench
 from cutjoint.export.numbers import Numbers, Triple
 from cutjoint.export.start import Array
 from cutjoint.formulate.forces import LENGTH, RATE
@@ -39,11 +39,11 @@ class ForceWriter:
         if len(force.bodies) == 2 and len({self.place(body).of for body in force.bodies}) == 1:
             return None
         match force.interaction:
-            case Stretch() as how:
+            case LineForce() as how:
                 return self.spring(force, how)
             case OnCoordinate():
                 return self.joint_force(force)
-            case Travel() as how:
+            case AxisForce() as how:
                 base, follower = (self.arm_of(point, force) for point in (how.origin, how.point))
                 law = function((how.position, "rate"), self.numbers.law(force.expressions[0]))
                 call = f"sliding({base!r}, {self.direction(how.axis.body(force), how.axis.of(force))!r}, {follower!r}, {law})"
@@ -83,7 +83,7 @@ class ForceWriter:
     def axes(self, body: str, axes: Sequence[Vector]) -> tuple[Triple, ...]:
         return tuple(self.direction(body, axis) for axis in axes)
 
-    def spring(self, force: Force, how: Stretch) -> str:
+    def spring(self, force: Force, how: LineForce) -> str:
         """A linear law is Exudyn's own, if it does not push the wrong way; another one is a function."""
         law = self.numbers.law(force.expressions[0])
         ends = f"{self.end(how.start, force)}, {self.end(how.end, force)}"
@@ -94,7 +94,7 @@ class ForceWriter:
             return f"mechanism.spring({ends}, {arguments}, force={evaluate(law, {LENGTH: 0.0, RATE: 0.0})!r})"
         return f"mechanism.spring_law({ends}, {arguments}, law={function(('length', 'rate'), law)})"
 
-    def stretch(self, force: Force, how: Stretch) -> dict[Scalar, float]:
+    def stretch(self, force: Force, how: LineForce) -> dict[Scalar, float]:
         """Length and rate of a spring at the start."""
         (start, start_rate), (end, end_rate) = (self.moving(p.body(force), p.of(force)) for p in (how.start, how.end))
         way = end - start

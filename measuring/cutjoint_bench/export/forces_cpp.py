@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.force import Compliance, Point, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, RoadContact, Wrench
 from cutjoint.emit.names import unique
 from cutjoint.export.laws import expression
 from cutjoint.export.numbers import Numbers, Triple
@@ -74,10 +74,10 @@ class _Writer:
 
     def call(self, force: Force) -> str:
         match force.interaction:
-            case Stretch() as how:
+            case LineForce() as how:
                 law = self.law(force.expressions[0], how.position)
                 return _call("point_spring", *self.point(how.start, force), *self.point(how.end, force), law)
-            case Travel() as how:
+            case AxisForce() as how:
                 base = (*self.point(how.origin, force), self.direction(how.axis.body(force), how.axis.of(force)))
                 return _call("axial_force", *base, *self.point(how.point, force), self.law(force.expressions[0], how.position))
             case Compliance() as how:

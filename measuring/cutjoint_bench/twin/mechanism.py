@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from cutjoint.elements.force import Carrier, Compliance, Interaction, OnCoordinate, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Carrier, Compliance, Interaction, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
@@ -14,6 +14,7 @@ from cutjoint.elements.joint import (
     Carried,
     Condition,
     Direction,
+    JointGap,
     Offset,
     Product,
     Products,
@@ -23,7 +24,6 @@ from cutjoint.elements.joint import (
     SamePoint,
     Slide,
     Turn,
-    Way,
     rate_name,
 )
 from cutjoint.elements.joint import Motion as ChainMotion
@@ -152,15 +152,15 @@ def _product(product: Product) -> Json:
     return {"left": _factor(product.left), "right": _factor(product.right), "weight": float(product.weight)}
 
 
-def _factor(factor: Carried | Way) -> list[str]:
-    return ["way"] if isinstance(factor, Way) else [factor.end, factor.direction]
+def _factor(factor: Carried | JointGap) -> list[str]:
+    return ["way"] if isinstance(factor, JointGap) else [factor.end, factor.direction]
 
 
 def _force(trees: Trees, force: Any, topology: Topology, tyres: Sequence[str]) -> Json:
     """A force by the name of its interaction with where it acts and its laws; the twin has its equations by hand."""
     how = force.interaction
     match how:
-        case Stretch() | Travel():
+        case LineForce() | AxisForce():
             details = {**_places(trees, force), "law": trees.law(force.expressions[0], how.position)}
         case Compliance():
             axes = [trees.all(axis) for axis in how.frame.of(force)]
@@ -192,7 +192,7 @@ def _acted_on(trees: Trees, force: Force, topology: Topology) -> Json:
 
 #: What the twin calls each interaction.
 _KINDS: Mapping[type[Interaction], str] = {
-    Stretch: "point_spring", Travel: "axial_force", Compliance: "bushing", Wrench: "load", OnCoordinate: "joint_force",
+    LineForce: "point_spring", AxisForce: "axial_force", Compliance: "bushing", Wrench: "load", OnCoordinate: "joint_force",
     RoadContact: "tyre",
 }  # fmt: skip
 

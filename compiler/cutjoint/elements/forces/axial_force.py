@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Axis, Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape, Travel
+from cutjoint.elements.force import Axis, AxisForce, Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape
 from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Vector
 
@@ -29,7 +29,7 @@ class AxialForce(LawForce):
             ForceField("point", Shape.POINT, words=" of the follower"), ForceField("axis", Shape.DIRECTION, words=" of the base"),
             ForceField("law", Shape.LAW, words=" (the push on the point along the axis)"),
         ),
-        interaction=Travel(
+        interaction=AxisForce(
             origin=Point(Carrier.BASE, "origin"), axis=Axis(Carrier.BASE, "axis"), point=Point(Carrier.FOLLOWER, "point")
         ),
         laws=("law",), forms=(_LAW,),

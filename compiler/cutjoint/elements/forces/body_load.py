@@ -64,17 +64,17 @@ class BodyLoad(Force):
 
     @property
     def in_body(self) -> bool:
-        """Whether its components are in the body's axes."""
+        """Return whether the components are in the body's axes."""
         return self.axes == "body"
 
     @property
     def has_frame(self) -> bool:
-        """Whether it counts along axes of the body."""
+        """Return whether the load counts along axes of the body."""
         return self.in_body
 
     @property
     def needs_attitude(self) -> bool:
-        """Whether it has components in the body's axes, or turns the body."""
+        """Return whether the load has components in the body's axes, or turns the body."""
         return self.in_body or self.point is None
 
     @property

@@ -14,7 +14,7 @@ _TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")
 
 
 def law_on(coordinate: str) -> Law:
-    """What a law on a joint's coordinate is over: on angles it gives torques."""
+    """The variables and units of a law on a joint's coordinate: on angles it gives torques."""
     return _TURN if coordinate.startswith("angle") or not coordinate else _SLIDE
 
 
@@ -45,7 +45,7 @@ class JointForce(LawForce):
 
     @property
     def variables(self) -> Law:
-        """What the law is over."""
+        """The variables and units of the law."""
         return law_on(self.coordinate)
 
     @property

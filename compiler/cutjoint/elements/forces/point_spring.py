@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape, Stretch
+from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, LineForce, Point, Reader, Shape
 from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Vector
 
@@ -26,7 +26,7 @@ class PointSpring(LawForce):
             ForceField("bodies", Shape.BODIES), ForceField("from", Shape.POINT, words=" of the base"),
             ForceField("to", Shape.POINT, words=" of the follower"), ForceField("law", Shape.LAW, words=" (a tension)"),
         ),
-        interaction=Stretch(start=Point(Carrier.BASE, "start"), end=Point(Carrier.FOLLOWER, "end")),
+        interaction=LineForce(start=Point(Carrier.BASE, "start"), end=Point(Carrier.FOLLOWER, "end")),
         laws=("law",), forms=(_LAW,),
     )  # fmt: skip
 

@@ -64,7 +64,7 @@ class Tyre(Force):
         )
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """What is sideways counts the other way."""
+        """The sign of a quantity in the tyre's image: -1 of sideways quantities."""
         return 1 if quantity in _EVEN else -1
 
     def halved(self) -> Self:

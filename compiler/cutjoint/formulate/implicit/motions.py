@@ -57,7 +57,7 @@ class Motion:
 
     @property
     def key(self) -> tuple[int, int]:
-        """What distinguishes it from all others."""
+        """A pair of numbers that distinguishes the motion from all others."""
         return self.row, self.group
 
 
@@ -76,13 +76,13 @@ class Motions:
             yield from motions
 
     def turns(self, k: Motion, j: Motion) -> bool:
-        """Whether motion k carries the column of motion j along."""
+        """Return whether motion k carries the column of motion j along."""
         if k.body == j.body:
             return k.group < j.group
         return k.body in self.chains[j.body]
 
     def variations(self) -> dict[tuple[int, int], Variation]:
-        """How blocks change with each motion's acceleration, by its key."""
+        """The changes of blocks with each motion's acceleration, by its key."""
         inputs = Inputs()
         return {motion.key: self._variation(motion, inputs) for motion in self.all()}
 

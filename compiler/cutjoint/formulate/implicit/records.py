@@ -1,4 +1,4 @@
-"""What the implicit formulation hands on."""
+"""The equations of the implicit formulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ImplicitEquations(SystemEquations):
 
     @property
     def charts(self) -> tuple[Chart, ...]:
-        """Those of the start."""
+        """The charts of the start."""
         return self.start.charts
 
     @property

@@ -1,4 +1,4 @@
-"""What force elements and cut joints add to the balance and to its tangent.
+"""Contributions of force elements and cut joints to the balance and to its tangent.
 
 An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
 motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change:

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.gear import EQUATION, NAMES
-from cutjoint.elements.joint import Way
+from cutjoint.elements.joint import JointGap
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
@@ -60,7 +60,7 @@ class Constraint:
 
     @property
     def symbol(self) -> str:
-        """What its multipliers' symbols end in: an element may have several constraints."""
+        """The ending of its multipliers' symbols: an element may have several constraints."""
         return f"{self.element}.{self.names[0]}"
 
 
@@ -165,7 +165,7 @@ class ConstraintMaker:
         )  # fmt: skip
 
     def _body(self, group: Group) -> Iterator[Constraint]:
-        """What keeps a group rigid, and holds it to shared nodes that its basis does not have."""
+        """The constraints that keep a group rigid and hold it to shared nodes outside its basis."""
         for u, w in group.pairs:
             name = _way_name(u) if u == w else f"{_way_name(u)}*{_way_name(w)}"
             yield self._stacked(group.name, [name], [self._remaining_row(group.name, u, w)])
@@ -176,7 +176,7 @@ class ConstraintMaker:
         """The product of two ways keeps its design value."""
         row = self._row()
         p, q = (sympy.Matrix(_design(form)) for form in (u, w))
-        weight = self._b.number(kept_weight(self._layout, u, w))
+        weight = self._b.number(row_scale(self._layout, u, w))
         first = (Use(1, group, u),)
         row.product(weight, first, first if u == w else (Use(1, group, w),))
         constant = self._b.mul(weight, self._m.translator.scalar(p.dot(q)))
@@ -245,11 +245,11 @@ class ConstraintMaker:
 
     def _factors(self, joint: Joint, term: Term) -> tuple[Uses, Uses, bool]:
         """The two factors of a term, and whether the first is the way between the joint's points; a square has one factor twice."""
-        if term.left is term.right is Way.WAY:
+        if term.left is term.right is JointGap.VECTOR:
             way = self._way(joint)
             return way, way, True
-        left, right = (self._way(joint) if isinstance(factor, Way) else self._direction(factor) for factor in (term.left, term.right))
-        return left, right, term.left is Way.WAY
+        left, right = (self._way(joint) if isinstance(factor, JointGap) else self._direction(factor) for factor in (term.left, term.right))
+        return left, right, term.left is JointGap.VECTOR
 
     def _add_term(self, row: _Row, weight: Block, left: Uses, right: Uses, is_way: bool) -> None:
         b = self._b
@@ -336,8 +336,8 @@ def held_across(layout: Layout, group: Group, node: Node) -> tuple[Vector, Vecto
     return tangents_of(tuple(layout.value(x) for x in node.place))
 
 
-def kept_weight(layout: Layout, u: Form, w: Form) -> float:
-    """What a product of two ways is multiplied by: one over the longer of two ways between points, half of it for a length."""
+def row_scale(layout: Layout, u: Form, w: Form) -> float:
+    """The factor of a product of two ways: one over the longer of two ways between points, half of it for a length."""
     lengths = [float(np.linalg.norm([layout.value(x) for x in _design(form)])) for form in (u, w) if len(form) == 2]
     return (0.5 if u == w else 1.0) / (max(lengths) if len(lengths) == 2 else 1.0)
 

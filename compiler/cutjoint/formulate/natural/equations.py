@@ -96,7 +96,7 @@ def formulate_lagrangian(
 
 
 def without(equations: LagrangianEquations, left_out: Collection[str]) -> LagrangianEquations:
-    """The same system, some of its equations not held."""
+    """The system without the equations named in ``left_out``."""
     return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out) if left_out else equations
 
 

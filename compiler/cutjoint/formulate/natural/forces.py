@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, Point, RoadContact, Wrench
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -22,10 +22,10 @@ from cutjoint.formulate.forces import (
     guards_of,
     is_active,
     law_of,
-    named,
+    line_force,
+    reported_variables,
     six_laws,
     smallest_margin,
-    spring_pull,
     stretch,
 )  # fmt: skip
 from cutjoint.formulate.inputs import guide_rates
@@ -41,7 +41,7 @@ from cutjoint.program.differentiate import Differentiator
 
 @dataclass(frozen=True, kw_only=True)
 class Tangent:
-    """How an element's force on the form ``rows`` falls with the position (``stiffness``) and rate (``damping``) of ``columns``."""
+    """The fall of an element's force on the form ``rows`` with the position (``stiffness``) and rate (``damping``) of ``columns``."""
 
     rows: Form
     columns: Form
@@ -95,7 +95,7 @@ class ForceMaker:
     def all(self) -> list[Element]:
         """The force elements that the scene has switched on."""
         rules: Mapping[type[Interaction], Callable[..., Element]] = {
-            Stretch: self._stretch, Travel: self._travel_force, Compliance: self._compliance, Wrench: self._load,
+            LineForce: self._stretch, AxisForce: self._travel_force, Compliance: self._compliance, Wrench: self._load,
             OnCoordinate: self._on_coordinate, RoadContact: self._contact,
         }  # fmt: skip
         elements = []
@@ -114,7 +114,7 @@ class ForceMaker:
             with self._b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
                 values = self._law_values(guard.force)
                 if isinstance(guard.force, LawForce):
-                    elements.append(self._labelled(Element(name=name, quantities=named(values))))
+                    elements.append(self._labelled(Element(name=name, quantities=reported_variables(values))))
                 margin = smallest_margin(self._b, self._m.translator, guard, values)
                 margins[name] = self._b.label(margin, f"margin_{name.replace('.', '_')}")
         return elements, margins
@@ -128,10 +128,10 @@ class ForceMaker:
     def _law_values(self, force: Any) -> dict[Scalar, Block]:
         """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
         match force.interaction:
-            case Stretch() as how:
+            case LineForce() as how:
                 _, way = self._way(_place(how.end, force), _place(how.start, force))
                 return stretch(self._b, way.x, way.v)[1]
-            case Travel() as how:
+            case AxisForce() as how:
                 return self._travel(*_axial(force, how), TRAVEL)
             case OnCoordinate():
                 return self._coordinate(force)
@@ -163,10 +163,10 @@ class ForceMaker:
         form = self._m.layout.direction(body, axis)
         return form, self._m.of(form)
 
-    def _stretch(self, force: LawForce, how: Stretch) -> Element:
+    def _stretch(self, force: LawForce, how: LineForce) -> Element:
         end, start = _place(how.end, force), _place(how.start, force)
         form, way = self._way(end, start)
-        pull, quantities = spring_pull(self._b, self._m.translator, force.law, way.x, way.v)
+        pull, quantities = line_force(self._b, self._m.translator, force.law, way.x, way.v)
         return Element(name=force.name, actions=self._pair(end, start, pull), by=[(form, way)], quantities=quantities)
 
     def _along(self, name: str, end: _Place, start: _Place, axis: Vector, law: Scalar, position: Scalar) -> Element:
@@ -176,14 +176,14 @@ class ForceMaker:
         by_law = law_of(self._m.translator, law, values, position)
         turn = Action(body=start[0], form=direction, force=b.scale(by_law["force"], way.x))
         actions = [*self._pair(end, start, b.scale(by_law["force"], e.x)), turn]
-        return Element(name=name, actions=actions, by=[(form, way), (direction, e)], quantities={**by_law, **named(values)})
+        return Element(name=name, actions=actions, by=[(form, way), (direction, e)], quantities={**by_law, **reported_variables(values)})
 
     def _travel(self, end: _Place, start: _Place, axis: Vector, position: Scalar) -> dict[Scalar, Block]:
         """The component of the way between two points along an axis of the second's body, as ``position``, and its rate."""
         b, (_, way), (_, e) = self._b, self._way(end, start), self._direction(start[0], axis)
         return {position: b.dot(e.x, way.x), RATE: b.add(b.dot(e.x, way.v), b.dot(e.v, way.x))}
 
-    def _travel_force(self, force: LawForce, how: Travel) -> Element:
+    def _travel_force(self, force: LawForce, how: AxisForce) -> Element:
         return self._along(force.name, *_axial(force, how), force.law, TRAVEL)
 
     def _slide(self, joint: Joint, coordinate: str) -> tuple[_Place, _Place, Vector]:
@@ -314,7 +314,7 @@ def _place(point: Point, force: Force) -> _Place:
     return point.body(force), point.of(force)
 
 
-def _axial(force: Force, how: Travel) -> tuple[_Place, _Place, Vector]:
+def _axial(force: Force, how: AxisForce) -> tuple[_Place, _Place, Vector]:
     return _place(how.point, force), _place(how.origin, force), how.axis.of(force)
 
 
@@ -322,8 +322,8 @@ _ORIGIN: Vector = (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0))
 _PAIRS = ((2, 1), (0, 2), (1, 0))
 
 _EQUATIONS: Mapping[type[Interaction], str] = {
-    Stretch: "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points",
-    Travel: "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q",
+    LineForce: "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points",
+    AxisForce: "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q",
     Compliance: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E,  Q = law d(x, theta)/d q",
     Wrench: "the force given by its components at its point, a torque as half the sum of T x e_i on the directions",
     OnCoordinate: "Q = law(position, rate) of one coordinate",

@@ -84,14 +84,14 @@ def _reason(joint: Joint) -> str:
 
 
 def _meets_alone(layout: Layout, model: Model, joint: Joint, node: Node, group: str) -> bool:
-    """Whether no other joint shares the node with the group."""
+    """Return whether no other joint shares the node with the group."""
     others = (j for j in model.joints if j is not joint and j.element.shares_point)
     bodies = (body for j in others for body in (j.base, j.follower) if layout.find(body, NodeKind.POINT, j.at) is node)
     return all(layout.group_of[body] != group for body in bodies)
 
 
 def _is_held_twice(layout: Layout, node: Node) -> bool:
-    """Whether those that carry a point share another one: the force along the line between is then not determined."""
+    """Return whether the carriers of a point share another point: the force along the line between them is then not determined."""
     others = (n for n in layout.nodes if n.kind is NodeKind.POINT and n is not node)
     return any(len(layout.carriers[n] & layout.carriers[node]) > 1 for n in others)
 

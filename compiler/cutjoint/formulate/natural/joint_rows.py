@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import sympy
 
-from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, Products, SameDistance, Way
+from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, JointGap, Products, SameDistance
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.kernels.directions import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
@@ -27,8 +27,8 @@ class Arm:
 class Term:
     """A weight times the product of two vectors: directions, or the way between the joint's points."""
 
-    left: Arm | Way
-    right: Arm | Way
+    left: Arm | JointGap
+    right: Arm | JointGap
     weight: Scalar = field(default_factory=lambda: sympy.Integer(1))
 
 
@@ -86,17 +86,18 @@ def _rows(joint: Joint, condition: Condition) -> Iterator[JointRow]:
                 yield SumRow(name=name, terms=tuple(terms))
         case SameDistance():
             length = sympy.Matrix(rod_of(joint)).norm()
-            yield SumRow(name="length", terms=(Term(left=Way.WAY, right=Way.WAY, weight=1 / (2 * length)),), constant=length / 2)
+            square = Term(left=JointGap.VECTOR, right=JointGap.VECTOR, weight=1 / (2 * length))
+            yield SumRow(name="length", terms=(square,), constant=length / 2)
         case Advance():
             yield SumRow(name="advance", terms=(_along(joint, Direction.AXIS),), pitch=joint.pitch)
 
 
 def _along(joint: Joint, direction: Direction) -> Term:
-    return Term(left=Way.WAY, right=_arm(joint, Carried(End.BASE, direction)))
+    return Term(left=JointGap.VECTOR, right=_arm(joint, Carried(End.BASE, direction)))
 
 
-def _factor(joint: Joint, factor: Carried | Way) -> Arm | Way:
-    return factor if isinstance(factor, Way) else _arm(joint, factor)
+def _factor(joint: Joint, factor: Carried | JointGap) -> Arm | JointGap:
+    return factor if isinstance(factor, JointGap) else _arm(joint, factor)
 
 
 def _arm(joint: Joint, carried: Carried) -> Arm:

@@ -89,7 +89,7 @@ class Layout:
         return combination(self.groups[self.group_of[body]], kind, place)
 
     def _key(self, body: str, kind: NodeKind, place: Vector) -> tuple[str, NodeKind, tuple[Scalar, ...]]:
-        """What makes nodes of a body the same; places that depend on an open parameter must do so alike."""
+        """The key of a node: nodes of a body with equal keys are one; places that depend on an open parameter must do so alike."""
         exact = (sympy.sympify(x) for x in place)
         return self.group_of[body], kind, tuple(round(float(x), 11) + 0.0 if x.is_number else x for x in exact)
 
@@ -139,7 +139,7 @@ class Layout:
         return self.outwards[joint.name] if joint.element.from_inner else (joint.base, joint.follower)
 
     def settled(self, nodes: Iterable[Node], group: str) -> bool:
-        """Whether a group other than this one carries all nodes, so that their distances and angles are settled."""
+        """Return whether a group other than this one carries all nodes, so that their distances and angles are settled."""
         return bool(set.intersection(*(self.carriers.get(n, set()) - {group} for n in nodes)))
 
 
@@ -219,7 +219,7 @@ class _Builder:
         self._needs: dict[str, Needs] = {}
 
     def collect(self, scene: Scene, outputs: Sequence[Output]) -> None:
-        """What every group must be able to say."""
+        """Collect the needs of every group from joints, forces, gears and outputs."""
         collector = Collector(self._model, self.group_of.__getitem__, self._value)
         reactions = {r.name: r.joint for r in self._model.reactions if isinstance(r, Reaction)}
         first = {reactions[o.element] for o in outputs if o.element in reactions}
@@ -243,7 +243,7 @@ class _Builder:
         self._needs = collector.needs
 
     def _is_idle(self, joint: Joint, collector: Collector) -> bool:
-        """Whether a joint that holds one turn does no more than hold a massless rod from turning about itself."""
+        """Return whether a joint that holds one turn only keeps a massless rod from turning about itself."""
         if not joint.element.holds_one_turn or joint.guide is not None:
             return False
         for body in {self.group_of[joint.base], self.group_of[joint.follower]} - {GROUND}:
@@ -293,7 +293,7 @@ class _Builder:
         return sorted(given, key=lambda n: n.kind is not NodeKind.POINT)
 
     def _shared(self, joint: Joint) -> list[Need]:
-        """What a joint's two bodies have in common."""
+        """The point and the direction that a joint's two bodies share."""
         shared = []
         if joint.element.shares_point:
             shared.append(Need(kind=NodeKind.POINT, place=joint.at, title=NodeName(joint.name)))
@@ -322,7 +322,7 @@ class _Builder:
         return selection.nodes, surplus
 
     def _is_of_alike(self, need: Need) -> bool:
-        """Whether a need is that of a joint which stands alike with others, so that lanes compute them side by side."""
+        """Return whether a need is that of one of several joints alike, computed side by side in lanes."""
         return need.title.element in self._alike
 
     def _first_point(self, group: str, points: Sequence[Need], needs: Needs) -> Need:
@@ -398,7 +398,7 @@ class _Selection:
         return np.asarray(column[:3] - columns[0][:3] if column[3] else column[:3])
 
     def share(self, item: Node | Need) -> float:
-        """How much of a candidate is new, 0 to 1."""
+        """The new share of a candidate, 0 to 1."""
         column = self._column(item)
         if not self.nodes:
             return float(column[3])

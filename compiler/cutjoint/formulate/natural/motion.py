@@ -1,4 +1,4 @@
-"""How nodes move: positions, velocities and accelerations of nodes and their combinations as blocks."""
+"""The motion of nodes: positions, velocities and accelerations of nodes and their combinations as blocks."""
 
 from __future__ import annotations
 

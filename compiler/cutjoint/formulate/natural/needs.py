@@ -1,4 +1,4 @@
-"""What natural coordinates must be able to say of each body: its points and directions that joints, forces, inertia and outputs use."""
+"""The points and directions of each body that natural coordinates must provide for joints, forces, inertia and outputs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
-from cutjoint.elements.force import Compliance, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, OnCoordinate, Point, RoadContact, Wrench
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind, NodeName
@@ -162,7 +162,7 @@ class Collector:
         match force.interaction:
             case OnCoordinate():
                 self.coordinate(force.joint_of, force.coordinate_of)
-            case Stretch() | Travel():
+            case LineForce() | AxisForce():
                 for place in force.places:
                     needs = self.of(place.body(force))
                     (needs.point if isinstance(place, Point) else needs.direction)(place.of(force), force.name, place.field)
@@ -177,19 +177,19 @@ class Collector:
                     self.of(body).attitude(body)
 
     def coordinate(self, name: str, coordinate: str) -> None:
-        """What a joint's coordinate is measured by, unless it is an angle."""
+        """Require the nodes that measure a joint's coordinate, unless it is an angle."""
         joint = next(j for j in self._model.joints if j.name == name)
         if coordinate not in joint.element.measures:
             self.slide(joint)
 
     def slide(self, joint: Joint) -> None:
-        """What a displacement of a joint is measured by."""
+        """Require the nodes that measure a displacement of a joint."""
         self.of(joint.base).point(joint.at, joint.name)
         self.of(joint.base).attitude(joint.base)
         self.of(joint.follower).point(joint.at, joint.name)
 
     def output(self, output: Output) -> None:
-        """What a reported quantity follows from."""
+        """Require the nodes from which a reported quantity follows."""
         model = self._model
         for body in model.bodies:
             if body.name == output.element:

@@ -12,7 +12,7 @@ from cutjoint.program.blocks import Block, Builder
 
 
 class NodeKind(StrEnum):
-    """What a node is: a point in m, a direction, or the angle of a joint in rad."""
+    """The kind of a node: a point in m, a direction, or the angle of a joint in rad."""
 
     POINT = "point"
     VECTOR = "vector"
@@ -21,8 +21,11 @@ class NodeKind(StrEnum):
 
 @dataclass(frozen=True)
 class NodeName:
-    """What a node is called after: ``which`` of an element's points and directions; ``group`` is the rigid group that it is told apart by,
-    with a ``number``, where another node has the plain name.  As text ``group.element.which_number``."""
+    """The name of a node: ``which`` of an element's points and directions.
+
+    ``group`` is the rigid group that tells it apart, with a ``number``, where another node has the plain name.  As text
+    ``group.element.which_number``.
+    """
 
     element: str
     which: str = ""
@@ -61,7 +64,7 @@ class Node:
 
     @property
     def is_coordinate(self) -> bool:
-        """Whether the node is unknown of its own."""
+        """Return whether the node is an unknown of its own."""
         return self.parts is None and self.body != GROUND
 
     @property
@@ -103,12 +106,12 @@ def combine(*terms: tuple[Scalar, Form]) -> dict[Node, Scalar]:
 
 
 def total(uses: Uses) -> Form:
-    """What uses add up to."""
+    """The sum of uses."""
     return combine(*((use.sign, use.form) for use in uses)) if len(uses) > 1 else uses[0].form
 
 
 def is_nought(value: Scalar) -> bool:
-    """Whether a coefficient of order one is zero but for rounding."""
+    """Return whether a coefficient of order one is zero but for rounding."""
     if not isinstance(value, int | float):
         if not value.is_number:
             return False

@@ -1,4 +1,4 @@
-"""Where the nodes that span each body are, as blocks of the natural coordinates: from these follow the poses of all bodies."""
+"""The nodes that span each body, as blocks of the natural coordinates: the poses of all bodies follow from them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Mark:
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """What spans a body: a point of it, and ways from that one or directions as its ``arms``."""
+    """The span of a body: a point of it, and ways from that one or directions as its ``arms``."""
 
     point: Mark
     arms: tuple[Mark, ...]

@@ -46,7 +46,7 @@ class ReactionMaker:
         return force if free_body.sign > 0 else b.neg(force)
 
     def _pushed(self, joint: Joint) -> Block:
-        """What forces on the joint's displacements do to the follower."""
+        """The sum of the forces on the joint's displacements, as they act on the follower, (3, 1)."""
         b, total = self.motions.builder, self.motions.builder.zero(3)
         for force, sign in slide_forces(self.motions.layout, self.model, joint):
             if force.name in self.elements:

@@ -1,4 +1,4 @@
-"""What the Lagrangian formulations hand on."""
+"""The equations of the Lagrangian formulations."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class LagrangianEquations(SystemEquations):
 
     @property
     def speed_elements(self) -> tuple[str, ...]:
-        """The same of each element of v."""
+        """The element of each entry of v."""
         return self.coordinate_elements
 
     @property

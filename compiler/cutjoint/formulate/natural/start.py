@@ -1,4 +1,4 @@
-"""Where natural coordinates stand for given joint coordinates: a run starts from the tree's kinematics."""
+"""The places of natural coordinates for given joint coordinates: a run starts from the tree's kinematics."""
 
 from __future__ import annotations
 

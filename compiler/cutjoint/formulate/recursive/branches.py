@@ -49,7 +49,8 @@ class BranchSystem:
 
     @property
     def rows(self) -> tuple[str, ...]:
-        """What readers call the unknowns: their joints, without the instance that has them all, and a name where a joint has several."""
+        """The unknowns as readers call them: by their joints, without an instance that has them all, and with a name where a joint has
+        several."""
         motions = [self.k.motions[body] for body in self.unknowns]
         names = [m.tree_joint.joint.name for m in motions]
         instances = {name.rpartition(".")[0] for name in names}
@@ -61,7 +62,7 @@ class BranchSystem:
 
     @property
     def name(self) -> str:
-        """What its matrices are called by: its first body."""
+        """The name of its matrices: its first body."""
         return self.branch.bodies[0]
 
     def _subspace(self, motion: JointMotion) -> Block:

@@ -11,7 +11,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Place, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, Place, RoadContact, Wrench
 from cutjoint.formulate.forces import (
     PLACE,
     POSITION,
@@ -21,10 +21,10 @@ from cutjoint.formulate.forces import (
     guards_of,
     is_active,
     law_of,
-    named,
+    line_force,
+    reported_variables,
     six_laws,
     smallest_margin,
-    spring_pull,
     stretch,
 )  # fmt: skip
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
@@ -86,7 +86,8 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
     """The force elements that the scene has switched on."""
     forces = Forces()
     rules: Mapping[type[Interaction], Callable[..., dict[str, Block]]] = {
-        Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
+        LineForce: _stretch, AxisForce: _travel, Compliance: _compliance,
+        Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
     }  # fmt: skip
     for force in model.forces:
         if is_active(force, scene):
@@ -105,7 +106,7 @@ def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dic
         with b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
             values = _law_values(k, guard.force)
             if isinstance(guard.force, LawForce):
-                forces.add(b, name, named(values))
+                forces.add(b, name, reported_variables(values))
             margins[name] = b.name(smallest_margin(b, k.translator, guard, values), "margin", name)
     return margins
 
@@ -113,10 +114,10 @@ def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dic
 def _law_values(k: Kinematics, force: Any) -> dict[Scalar, Block]:
     """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
     match force.interaction:
-        case Stretch() as how:
+        case LineForce() as how:
             _, way, speed = _between_ends(k, force, how)
             return stretch(k.builder, way, speed)[1]
-        case Travel() as how:
+        case AxisForce() as how:
             return _along_axis(k, force, how)[2]
         case OnCoordinate():
             return _of_coordinate(k, force)
@@ -128,8 +129,8 @@ def _law_values(k: Kinematics, force: Any) -> dict[Scalar, Block]:
 
 
 _EQUATIONS: Mapping[type[Interaction], str] = {
-    Stretch: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
-    Travel: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
+    LineForce: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
+    AxisForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
     Compliance: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
     Wrench: "the force given by its components at its point",
     OnCoordinate: "tau = law(position, rate) of one coordinate",
@@ -137,7 +138,7 @@ _EQUATIONS: Mapping[type[Interaction], str] = {
 }
 
 
-def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:
+def apply_at(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:
     """A force at a point: its wrench [f; p x f] joins Q and is returned."""
     b = k.builder
     wrench = b.stack([[force], [b.cross(point, force)]])
@@ -145,15 +146,15 @@ def push(system: BodySystem, k: Kinematics, body: str, point: Block, force: Bloc
     return wrench
 
 
-def _push_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], point: Block, pull: Block) -> Block:
+def _apply_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], point: Block, pull: Block) -> Block:
     """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
     b, (base, follower) = k.builder, ends
-    wrench = push(system, k, follower, point, pull)
+    wrench = apply_at(system, k, follower, point, pull)
     step = k.pole_step(base, follower)
     if k.frames[base].root == k.frames[follower].root:
         system.add_force(base, b.neg(wrench))
     else:
-        push(system, k, base, b.add(point, step), b.neg(pull))
+        apply_at(system, k, base, b.add(point, step), b.neg(pull))
     return wrench
 
 
@@ -166,7 +167,7 @@ def _twist_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], torque
     return wrench
 
 
-def _between_ends(k: Kinematics, force: Force, how: Stretch) -> tuple[Block, Block, Block]:
+def _between_ends(k: Kinematics, force: Force, how: LineForce) -> tuple[Block, Block, Block]:
     """The follower's point, the way to it from the base's, and the way's rate."""
     base, follower = _bodies(how.start, how.end, force)
     end, start = k.point(follower, how.end.of(force)), k.point(base, how.start.of(force))
@@ -174,10 +175,10 @@ def _between_ends(k: Kinematics, force: Force, how: Stretch) -> tuple[Block, Blo
     return end, way, k.builder.sub(k.velocity(follower, end), k.velocity(base, start))
 
 
-def _stretch(system: BodySystem, k: Kinematics, force: LawForce, how: Stretch) -> dict[str, Block]:
+def _stretch(system: BodySystem, k: Kinematics, force: LawForce, how: LineForce) -> dict[str, Block]:
     end, way, speed = _between_ends(k, force, how)
-    pull, quantities = spring_pull(k.builder, k.translator, force.law, way, speed)
-    _push_pair(system, k, _bodies(how.start, how.end, force), end, pull)
+    pull, quantities = line_force(k.builder, k.translator, force.law, way, speed)
+    _apply_pair(system, k, _bodies(how.start, how.end, force), end, pull)
     return quantities
 
 
@@ -185,7 +186,7 @@ def _bodies(base: Place, follower: Place, force: Force) -> tuple[str, str]:
     return base.body(force), follower.body(force)
 
 
-def _along_axis(k: Kinematics, force: Force, how: Travel) -> tuple[Block, Block, dict[Scalar, Block]]:
+def _along_axis(k: Kinematics, force: Force, how: AxisForce) -> tuple[Block, Block, dict[Scalar, Block]]:
     """The axis, the follower's point, and the variables of the law."""
     ends = _bodies(how.origin, how.point, force)
     axis, point, measured = travel(k, ends, (how.origin.of(force), how.point.of(force)), how.axis.of(force))
@@ -193,11 +194,11 @@ def _along_axis(k: Kinematics, force: Force, how: Travel) -> tuple[Block, Block,
     return axis, point, {TRAVEL: measured.position, RATE: measured.rate}
 
 
-def _travel(system: BodySystem, k: Kinematics, force: LawForce, how: Travel) -> dict[str, Block]:
+def _travel(system: BodySystem, k: Kinematics, force: LawForce, how: AxisForce) -> dict[str, Block]:
     axis, point, values = _along_axis(k, force, how)
     law = law_of(k.translator, force.law, values, TRAVEL)
-    _push_pair(system, k, _bodies(how.origin, how.point, force), point, k.builder.scale(law["force"], axis))
-    return {**law, **named(values)}
+    _apply_pair(system, k, _bodies(how.origin, how.point, force), point, k.builder.scale(law["force"], axis))
+    return {**law, **reported_variables(values)}
 
 
 def _compliance(system: BodySystem, k: Kinematics, force: Force, how: Compliance) -> dict[str, Block]:
@@ -214,7 +215,7 @@ def _compliance(system: BodySystem, k: Kinematics, force: Force, how: Compliance
     places = (b.mul(to_base, way), rotation)
     rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
     pull, torque, quantities = six_laws(b, k.translator, force.expressions, places, rates, by_turn)
-    _push_pair(system, k, ends, point, b.mul(E, pull))
+    _apply_pair(system, k, ends, point, b.mul(E, pull))
     _twist_pair(system, k, ends, b.mul(E, torque))
     return quantities
 
@@ -250,7 +251,7 @@ def _load(system: BodySystem, k: Kinematics, force: BodyLoad, how: Wrench) -> di
     if force.point is None:
         system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))
     else:
-        push(system, k, force.body, point, vector)
+        apply_at(system, k, force.body, point, vector)
     return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
 
 
@@ -264,7 +265,7 @@ def _on_coordinate(system: BodySystem, k: Kinematics, force: JointForce, how: On
     law = law_of(k.translator, force.law, _of_coordinate(k, force), POSITION)
     motion = tree_motion(k, force.joint)
     if motion is None:
-        wrench = _push_cut_joint(system, k, force, law["force"])
+        wrench = _apply_at_cut_joint(system, k, force, law["force"])
         add_to(k.builder, system.cut_joint_wrenches, force.joint, wrench)
     elif motion.chart is not None:  # a force does not move a guided joint
         index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
@@ -274,13 +275,13 @@ def _on_coordinate(system: BodySystem, k: Kinematics, force: JointForce, how: On
     return law
 
 
-def _push_cut_joint(system: BodySystem, k: Kinematics, force: JointForce, value: Block) -> Block:
+def _apply_at_cut_joint(system: BodySystem, k: Kinematics, force: JointForce, value: Block) -> Block:
     """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
     b, cut = k.builder, next(c for c in k.topology.cuts if c.name == force.joint)
     if force.coordinate in cut.element.angles:
         return _twist_pair(system, k, (cut.base, cut.follower), b.scale(value, k.direction(cut.base, cut.axes[0])))
     axis = k.direction(cut.base, slide_axis(cut, force.coordinate))
-    return _push_pair(system, k, (cut.base, cut.follower), k.point(cut.follower, cut.at), b.scale(value, axis))
+    return _apply_pair(system, k, (cut.base, cut.follower), k.point(cut.follower, cut.at), b.scale(value, axis))
 
 
 def _contact_with_road(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:

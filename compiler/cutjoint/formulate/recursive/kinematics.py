@@ -23,7 +23,7 @@ from cutjoint.topology.records import Topology, TreeJoint
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Where a body is and how it moves.
+    """The pose and velocity of a body.
 
     ``R`` (3, 3) body to global axes; ``r`` (3, 1) its origin from the pole; ``origin`` that point in the design position; ``Z`` (6, 1);
     ``pole`` (3, 1) the pole from the world's origin, ``root`` the body that names the branch.
@@ -39,7 +39,7 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True)
 class JointMotion:
-    """What a joint adds: ``b`` (6, k) motion subspace, ``d`` (6, 1) so that Zdd_i = Zdd_p + b zdd + d, ``chart`` of its k unknowns.
+    """The motion of a joint: ``b`` (6, k) motion subspace, ``d`` (6, 1) so that Zdd_i = Zdd_p + b zdd + d, ``chart`` of its k unknowns.
 
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.

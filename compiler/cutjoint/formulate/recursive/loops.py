@@ -26,7 +26,7 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 
 @dataclass(frozen=True, kw_only=True)
 class Closing:
-    """What cut joints and gears have in common: residual, its rate, the stabilisation s, multipliers."""
+    """The common part of cut joints and gears: residual, its rate, the stabilisation s, multipliers."""
 
     names: tuple[str, ...]
     residual: Block
@@ -36,7 +36,7 @@ class Closing:
 
     @property
     def element(self) -> Joint | Gear:
-        """What has the equations."""
+        """The element that has the equations."""
         raise NotImplementedError
 
 
@@ -87,7 +87,7 @@ def _of_kernel(k: Kinematics, joint: Joint, kernel: ClosureKernel) -> _Terms:
 
 
 def _distance(k: Kinematics, joint: Joint) -> _Terms:
-    """The same of a distance l, over the motion of its two points p and p0, which rods that meet there share.
+    """The terms of a distance l, over the motion of its two points p and p0, which rods that meet there share.
 
     With g = p - p0 and n = g/l: Phi' = n . g', A = [n, p x n], gamma = g'.g'/l + n . (w_f x p' - w_b x p0').
     """

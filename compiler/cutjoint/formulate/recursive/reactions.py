@@ -63,7 +63,7 @@ class Reactions:
 
     @cached_property
     def _pulls(self) -> list[dict[str, Block]]:
-        """What each cut joint does to its bodies."""
+        """The wrenches of each cut joint on its bodies."""
         b, found = self.kinematics.builder, []
         for loop in self.loops:
             with b.section("reaction", loop.joint.name, "W = -A^T lambda", loop.joint.span.place):
@@ -72,7 +72,7 @@ class Reactions:
 
     @cached_property
     def carried(self) -> dict[str, Block]:
-        """What the joint of each body does to it, at its pole."""
+        """The wrench of each body's joint on it, at its pole."""
         b, carried = self.kinematics.builder, dict[str, Block]()
         for body, motion in reversed(self.kinematics.motions.items()):
             joint = motion.tree_joint.joint

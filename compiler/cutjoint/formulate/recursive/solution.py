@@ -31,7 +31,7 @@ class ClosingElements:
         return *self.loops, *self.gears
 
     def gaping(self, b: Builder, gaps: Mapping[str, Block]) -> ClosingElements:
-        """The same with gaps alone."""
+        """Copy the elements with gaps alone: ``gaps`` instead of s, no multipliers."""
         return ClosingElements(
             loops=tuple(replace(x, s=gaps[x.joint.name], multipliers=b.zero(len(x.names))) for x in self.loops),
             gears=tuple(replace(x, s=gaps[x.element.name], multipliers=b.zero(len(x.names))) for x in self.gears),
@@ -101,7 +101,7 @@ def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
     gaps: Mapping[str, Block], mark: str,
 ) -> Solution:  # fmt: skip
-    """What gaps of the cut joints alone do to bodies without velocity and forces: (M + A^T a A) z = -A^T a gap, errors A z + gap.
+    """The response of bodies without velocity and forces to gaps of the cut joints alone: (M + A^T a A) z = -A^T a gap, errors A z + gap.
 
     ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``.
     """

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import sympy
 
 from cutjoint.elements.force import (
+    AxisForce,
     Carrier,
     Compliance,
     Frame,
     Interaction,
+    LineForce,
     OnCoordinate,
     Place,
     Point,
     RoadContact,
-    Stretch,
-    Travel,
     Wrench,
 )
 from cutjoint.model.records import BodyLoad, Force, JointForce, LawForce, Model, Tyre
@@ -79,7 +79,7 @@ def _on_both(sign: str, force: str, moment: str) -> str:
     return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
 
 
-def _stretch(force: LawForce, how: Stretch, model: Model) -> ForceDescription:
+def _stretch(force: LawForce, how: LineForce, model: Model) -> ForceDescription:
     return ForceDescription(
         title=_title(force),
         notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
@@ -91,7 +91,7 @@ def _stretch(force: LawForce, how: Stretch, model: Model) -> ForceDescription:
     )  # fmt: skip
 
 
-def _travel(force: LawForce, how: Travel, model: Model) -> ForceDescription:
+def _travel(force: LawForce, how: AxisForce, model: Model) -> ForceDescription:
     return ForceDescription(
         title=_title(force),
         notes=("$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$; both "
@@ -182,5 +182,5 @@ def _contact(force: Tyre, how: RoadContact, model: Model) -> ForceDescription:
 
 
 DESCRIPTIONS: Mapping[type[Interaction], Callable[..., ForceDescription]] = {
-    Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
+    LineForce: _stretch, AxisForce: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
 }  # fmt: skip

@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, Point, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, Point, RoadContact, Wrench
 from cutjoint.formulate.forces import PLACE, is_active
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
@@ -42,7 +42,7 @@ def force_elements(table: FormTable, trees: Trees) -> Iterator[ForceElement]:
     """The forces that the scene has switched on."""
     maker = _Forces(table, trees)
     rules: Mapping[type[Interaction], Callable[..., tuple[str, Json, tuple[Uses, ...]]]] = {
-        Stretch: maker.stretch, Travel: maker.travel, OnCoordinate: maker.on_coordinate, Compliance: maker.compliance,
+        LineForce: maker.stretch, AxisForce: maker.travel, OnCoordinate: maker.on_coordinate, Compliance: maker.compliance,
         Wrench: maker.load, RoadContact: maker.contact,
     }  # fmt: skip
     for force in trees.model.forces:
@@ -65,11 +65,11 @@ class _Forces:
     def _way(self, end: Point, start: Point, force: Force) -> Uses:
         return self._table.way((end.body(force), end.of(force)), (start.body(force), start.of(force)))
 
-    def stretch(self, force: LawForce, how: Stretch) -> tuple[str, Json, tuple[Uses, ...]]:
+    def stretch(self, force: LawForce, how: LineForce) -> tuple[str, Json, tuple[Uses, ...]]:
         way = self._way(how.end, how.start, force)
         return "point_spring", {"law": self._trees.law(force.law, "length")}, (way,)
 
-    def travel(self, force: LawForce, how: Travel) -> tuple[str, Json, tuple[Uses, ...]]:
+    def travel(self, force: LawForce, how: AxisForce) -> tuple[str, Json, tuple[Uses, ...]]:
         way = self._way(how.point, how.origin, force)
         details = {"variable": "travel", "law": self._trees.law(force.law, "travel")}
         return "along", details, (way, self._table.direction(how.axis.body(force), how.axis.of(force)))

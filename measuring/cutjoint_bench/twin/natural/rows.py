@@ -15,8 +15,8 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
-from cutjoint.elements.joint import Way
-from cutjoint.formulate.natural.constraints import held_across, kept_weight
+from cutjoint.elements.joint import JointGap
+from cutjoint.formulate.natural.constraints import held_across, row_scale
 from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
@@ -71,7 +71,7 @@ class _Rows:
     def _remaining_row(self, group: Group, name: str, u: Form, w: Form) -> Row:
         """A product that keeps its design value; of two ways between points over the longer one's length."""
         p, q = (_place(form) for form in (u, w))
-        weight = kept_weight(self._layout, u, w)
+        weight = row_scale(self._layout, u, w)
         details = {"kind": "product", "weights": [weight], "value": self._trees.one(weight * p.dot(q))}
         return Row(element=group.name, name=name, details=details, forms=((Use(1, group.name, u),), (Use(1, group.name, w),)))
 
@@ -114,8 +114,8 @@ class _Rows:
             details |= self._course(row.guide)
         way = self._table.way((joint.follower, joint.to or joint.at), (joint.base, joint.at))
         factors = [factor for term in row.terms for factor in (term.left, term.right)]
-        forms = tuple(way if isinstance(f, Way) else self._table.direction(f.body, f.place) for f in factors)
-        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is Way.WAY)
+        forms = tuple(way if isinstance(f, JointGap) else self._table.direction(f.body, f.place) for f in factors)
+        return Row(element=joint.name, name=row.name, details=details, forms=forms, pulls=factors[0] is JointGap.VECTOR)
 
     def _angle(self, joint: Joint, coordinate: str) -> int:
         return self._layout.nodes.index(self._layout.angles[joint.name, coordinate])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from cutjoint.elements.force import Compliance, Interaction, OnCoordinate, RoadContact, Stretch, Travel, Wrench
+from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.model.records import BodyLoad, Force, JointForce, Model
 from cutjoint.report.explain import tyre
 from cutjoint.report.explain.force_descriptions import ForceDescription, describe
@@ -103,5 +103,5 @@ def _contact(force: Force, model: Model, description: ForceDescription) -> _Acts
 
 
 _ACTIONS: Mapping[type[Interaction], Callable[[Any, Model, ForceDescription], _Acts]] = {
-    Stretch: _stretch, Travel: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
+    LineForce: _stretch, AxisForce: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
 }  # fmt: skip
