@@ -261,7 +261,7 @@ def test_another_processor_is_another_run_where_flags_mean_it(model: Path, monke
         monkeypatch.setattr(prepared, "FLAGS", flags)
         for capabilities in ("avx2", "avx512f"):
             monkeypatch.setattr(compiler, "processor", lambda found=capabilities: (found,))
-            places.add(prepared._place(request, b""))
+            places.add(prepared._cache_path(request, b""))
     assert len(places) == 3
 
 
@@ -306,7 +306,7 @@ def test_another_name_of_the_file_is_prepared_anew(model: Path) -> None:
 def _cached(model: Path) -> tuple[Path, PreparedRun]:
     assert simulate(model).exit_code == 0
     request = Request(model=model, scene="still")
-    file = prepared._place(request, model.read_bytes())
+    file = prepared._cache_path(request, model.read_bytes())
     found = find_cached_run(request, {})
     assert found is not None
     return file, found

@@ -92,7 +92,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
     try:
         with request.model.open("rb") as stream:
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
-        record = read_record(_place(request, content))
+        record = read_record(_cache_path(request, content))
         prepared = None if record is None else _from_json(record)
     except (OSError, ToolchainError, PackageNotFoundError, MissingPackageError, ValueError):
         return None  # whatever is wrong is an error, with its message, of preparing anew
@@ -104,10 +104,10 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
     """Cache what was prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
     with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
-        write_record(_place(request, text.encode()), _as_json(prepared))
+        write_record(_cache_path(request, text.encode()), _as_json(prepared))
 
 
-def _place(request: Request, content: bytes) -> Path:
+def _cache_path(request: Request, content: bytes) -> Path:
     asked = {**asdict(request), "model": str(request.model)}
     about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"

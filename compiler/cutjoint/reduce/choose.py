@@ -21,7 +21,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import made_with
-from cutjoint.reduce.aside import DERIVING, begin
+from cutjoint.reduce.background import DERIVING, begin
 from cutjoint.reduce.measure import distance, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
 from cutjoint.reduce.trials import Trials, at_step
@@ -68,10 +68,10 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What was picked.
+    """The choice of a model, a method and a step.
 
-    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is how far the truth still moved, ``reduced`` the model
-    that was picked, where the choice was made just now.
+    ``evidence`` has a candidate for each reduced model of each method, ``settled`` is the last movement of the truth (m, rad), ``reduced``
+    the chosen model, if the choice was made just now.
     """
 
     picked: Candidate
@@ -94,7 +94,7 @@ class _ReducedModels:
             self._begin(method)
 
     def of(self, method: str) -> list[ReducedModel]:
-        """Those of a method, one for each motion, when they are there.
+        """The reduced models of a method, one for each motion, when they are there.
 
         Raises:
             ModelError, RunError: the method takes none.
@@ -128,7 +128,7 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
         RunError: nothing keeps the tolerance or the budget; the message says what came nearest.
     """
     try:
-        place = _place(model, scene, parameters or {})
+        place = _cache_path(model, scene, parameters or {})
     except PackageNotFoundError:
         return _calibrate(model, scene, parameters or {})  # installed without its versions
     kept = _read(place)
@@ -152,8 +152,8 @@ def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
     return {**scene.numerics.methods.get(picked.method, {}), "dt": picked.dt}
 
 
-def _place(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
-    """Where a choice is cached: the model, all that the scene says, what compiles it, and the machine that times it."""
+def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
+    """The file of a choice in the cache: by the model, the scene, the compiler and its flags, and the machine that times it."""
     about = (model.text, asdict(scene), sorted(parameters.items()), made_with(), machine())
     return cache_folder() / "choices" / f"{sha256(repr(about).encode()).hexdigest()[:32]}.json"
 
@@ -252,7 +252,7 @@ def _search(
 
 
 def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
-    """What takes the fewest instructions of those that keep the tolerance."""
+    """The candidate with the fewest instructions among all that keep the tolerance."""
     return min((c for c, _ in found if not c.failure), key=lambda c: c.instructions, default=None)
 
 
@@ -298,7 +298,7 @@ def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, 
 
 
 def _gives_up(trials: Trials, run: Trajectory, fastest: Candidate | None) -> str:
-    """Why shorter steps are not tried after a run; empty where they are."""
+    """The reason that no shorter steps are tried after a run; "" if they are."""
     if fastest is None or run.failure is not None:
         return ""
     if trials.instructions(run) > DEARER * fastest.instructions:

@@ -50,7 +50,7 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
 
 
 def _movement(model: Model, joint: Joint, poses: Mapping[str, Poses]) -> float:
-    """How far a joint's follower moves as seen from its base, m or rad."""
+    """The movement of a joint's follower as seen from its base, m or rad."""
     return poses[joint.follower].seen_from(poses[joint.base]).change(numbers(joint.at, model))
 
 
@@ -83,7 +83,7 @@ def _freeze(outcome: Outcome, frozen: Frozen, moves: Mapping[str, float]) -> Out
 
 
 def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
-    """Where free bodies start, near which frozen ones find their equilibrium: they may be off the road where they are drawn."""
+    """The starting places of free bodies, near which frozen ones find their equilibrium: they may be off the road where they are drawn."""
     places: dict[str, Scalar] = {}
     for joint in (j for j in model.joints if j.element.is_free and j.base == GROUND):
         at, pose = numbers(joint.at, model), poses[joint.follower]
@@ -93,7 +93,7 @@ def _places(model: Model, poses: Mapping[str, Poses]) -> dict[str, Scalar]:
 
 
 def _is_inner(force: Force, carrier: Mapping[str, str], inner: Collection[str]) -> bool:
-    """Whether a force acts between parts of one body."""
+    """Return whether a force acts between parts of one body."""
     return force.joint_of in inner or (len(force.bodies) == 2 and len({carrier[body] for body in force.bodies}) == 1)
 
 

@@ -42,12 +42,12 @@ class Frozen:
         return seen.R[0], seen.r[0]
 
     def is_moved(self, body: str) -> bool:
-        """Whether the body is not where it is drawn."""
+        """Return whether the body is away from the place at which it is drawn."""
         turn, way = self.shift(body)
         return bool(max(np.abs(turn - np.eye(3)).max(), np.abs(way).max()) > _SAME)
 
     def problem(self, scene: Scene) -> tuple[Note, set[str]] | None:
-        """Why some joints cannot be frozen, and which."""
+        """The joints that cannot be frozen, and the reason."""
         carrier = self.carriers
         if all(carrier[b.name] == GROUND for b in self.model.bodies):
             return self._stays(self.joints[0], "nothing would move"), {j.name for j in self.joints}
@@ -90,7 +90,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 
 def _need(model: Model, scene: Scene, joint: Joint) -> str:
-    """Why a joint between frozen bodies is needed, "" if it is not."""
+    """The reason that a joint between frozen bodies is needed, "" if it is not."""
     forces = {f.name for f in model.forces if f.joint_of == joint.name}
     sensors = {r.name for r in model.reactions if getattr(r, "joint", "") == joint.name}
     asked = next((o.column for o in scene.outputs if o.element in forces | sensors | {joint.name}), "")

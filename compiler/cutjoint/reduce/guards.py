@@ -14,7 +14,7 @@ from cutjoint.reduce.sampling import run_scene
 
 
 class Stop(Protocol):
-    """Why a run stopped: ``guards`` names the forces that would act."""
+    """The reason that a run stopped: ``guards`` names the forces that would act."""
 
     @property
     def guards(self) -> tuple[str, ...]: ...
@@ -90,12 +90,12 @@ def _words(guard: Guard) -> str:
 
 
 def _region(force: Force) -> Region:
-    """Where a force's law, or all components of a load, are zero."""
+    """The region in which a force's law, or all components of a load, are zero."""
     return zero_region_of(force.expressions)
 
 
 def _reason(force: Force, scene: Scene) -> str:
-    """Why a force stays, "" if it need not."""
+    """The reason that a force stays, "" if it need not."""
     if not is_active(force, scene):
         return "stays: it is switched off anyway"
     if not force.can_be_guarded:

@@ -44,7 +44,7 @@ def drop_idle_equations(model: Model, scene: Scene) -> Outcome:
 
 
 def _moves_across(joint: Joint, normal: Vector, values: dict[object, float]) -> bool:
-    """Whether a joint leaves directions along the normal alone: it turns about it or slides across it."""
+    """Return whether a joint leaves directions along the normal alone: it turns about it or slides across it."""
     if joint.kind is JointKind.FIXED:
         return True
     if joint.kind in _TURNS:

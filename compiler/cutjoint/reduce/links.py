@@ -35,7 +35,7 @@ def shorten_links(model: Model, scene: Scene) -> Outcome:
 
 
 class _StaysError(Exception):
-    """Why a link stays."""
+    """The reason that a link stays."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Where a law is zero: margins that are not negative there, from the conditions of its cases."""
+"""The region in which a law is zero: margins that are not negative there, from the conditions of its cases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Region: TypeAlias = tuple[Scalar, ...] | None
 
 
 def zero_region(law: Scalar) -> Region:
-    """Where an expression is zero: on all of the region, though it may be zero elsewhere too.  A region has an inside.
+    """The region in which an expression is zero; it may be zero elsewhere too.  A region has an inside.
 
     A case is without effect where its value is zero, its condition does not hold, or an earlier one holds; a sum is zero where its terms
     are, a product where a factor is.
@@ -36,7 +36,7 @@ def zero_region(law: Scalar) -> Region:
 
 
 def zero_region_of(laws: Iterable[Scalar]) -> Region:
-    """Where several expressions are zero together."""
+    """The region in which several expressions are zero together."""
     return _all_of(zero_region(law) for law in laws)
 
 
@@ -51,7 +51,7 @@ def _cases(law: Scalar) -> Region:
 
 
 def _holds(condition: Scalar, value: Scalar) -> Region:
-    """Where a condition holds.  On a border that does not belong there ``value`` must be zero, else the region is none."""
+    """The region in which a condition holds; None if ``value`` is not zero on a border that the region leaves out."""
     if condition in (sympy.true, sympy.false):
         return () if condition == sympy.true else None
     if isinstance(condition, sympy.And | sympy.Or):
@@ -62,7 +62,7 @@ def _holds(condition: Scalar, value: Scalar) -> Region:
 
 
 def _fails(condition: Scalar, value: Scalar) -> Region:
-    """The same where a condition does not hold."""
+    """The region in which a condition does not hold; None if ``value`` is not zero on a border that the region leaves out."""
     if condition in (sympy.true, sympy.false):
         return () if condition == sympy.false else None
     if isinstance(condition, sympy.And | sympy.Or):
@@ -77,7 +77,7 @@ def _beyond(margin: Scalar, is_strict: bool, value: Scalar) -> Region:
 
 
 def _vanishes(value: Scalar, margin: Scalar) -> bool:
-    """Whether a value without cases is zero wherever the margin is."""
+    """Return whether a value without cases is zero wherever the margin is."""
     for x in sorted(margin.free_symbols, key=str):
         slope = sympy.diff(margin, x)
         if not value.has(sympy.Piecewise) and slope != 0 and x not in slope.free_symbols:
@@ -95,7 +95,7 @@ def _all_of(regions: Iterable[Region]) -> Region:
 
 
 def _exclude(one: Scalar, other: Scalar) -> bool:
-    """Whether two margins are positive together nowhere: a law that is zero at one place, as |x|, acts all around it."""
+    """Return whether two margins are positive together nowhere: a law that is zero at one place, as |x|, acts all around it."""
     if (one + other).has(sympy.Piecewise):
         return False
     total, share = sympy.expand(one + other), sympy.cancel(one / other)

@@ -1,4 +1,4 @@
-"""What the models of a reduction sequence cost, and how far their motion is from that of the full model."""
+"""The costs of the models of a reduction sequence, and the distances of their motions from that of the full model."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def held_bodies(joints: Collection[Joint], plane: Plane) -> set[str]:
 
 
 def _holds(joint: Joint, plane: Plane) -> bool:
-    """Whether a joint leaves its bodies' planes parallel, and at their distance."""
+    """Return whether a joint leaves its bodies' planes parallel, and at their distance."""
     match joint.kind:
         case JointKind.FIXED:
             return True

@@ -1,4 +1,4 @@
-"""How the bodies of a model move in a run, seen from each other."""
+"""The motion of a model's bodies in a run, seen from each other."""
 
 from __future__ import annotations
 

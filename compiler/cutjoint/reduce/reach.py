@@ -49,7 +49,7 @@ def _felt(element: Any, model: Model) -> set[str]:
 
 
 def _is_carried(reaction: Reaction | RodForce, model: Model, given: set[str]) -> bool:
-    """Whether a reaction is of a joint between bodies of given motion, which may carry all others."""
+    """Return whether a reaction is of a joint between bodies of given motion, which may carry all others."""
     return isinstance(reaction, Reaction) and next(bodies_of(j) for j in model.joints if j.name == reaction.joint) <= given
 
 

@@ -1,4 +1,4 @@
-"""What a pass makes of a model and a scene, and what it says of it."""
+"""The result of a pass on a model and a scene, and its notes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from cutjoint.model.records import Model, Scene, Span
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """What was done with an ``element`` of the file, or why it was left: ``words`` complete the sentence that its name begins."""
+    """The fate of an ``element`` of the file in a pass, or the reason that it was left: ``words`` complete the sentence that its name
+    begins."""
 
     element: str
     words: str

@@ -13,6 +13,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import schedule_method
 from cutjoint.program.records import Program
+from cutjoint.reduce.fix_inputs import fix_inputs
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
 from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly
@@ -24,7 +25,6 @@ from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.rolling import roll_straight
-from cutjoint.reduce.settled import settle_inputs
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
 from cutjoint.topology.spanning_tree import TopologyError
@@ -112,13 +112,14 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
 
 
 def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedModel]:
-    """What of another method's reduction sequence is cheapest for a method: for each motion the last model, or one before it while that
-    costs less, if it costs less than the motions before.
+    """The cheapest models for a method in another method's reduction sequence.
 
-    What a pass makes of a model does not depend on the method, only whether it pays.  So no pass runs again, and few models are derived.
+    For each motion it is the last model, or the one before as long as that costs less.  A motion is left out unless it costs less than the
+    motions before.  The result of a pass does not depend on the method, only its profit does.  So no pass runs again, and few models are
+    derived.
 
-    Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the method takes none of them; the error is the full model's.
+    Raises:     ModelError, TopologyError, NoInertiaError, GuideError, RunError: the method takes none of them; the error is the full
+    model's.
     """
     found: list[ReducedModel] = []
     for motion in MOTIONS:
@@ -200,7 +201,7 @@ def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> N
 
 
 def _variant(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
-    return _count(name, settle_inputs(outcome) if outcome.done else outcome, method, motion=motion)
+    return _count(name, fix_inputs(outcome) if outcome.done else outcome, method, motion=motion)
 
 
 def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedModel:
@@ -214,11 +215,11 @@ def _count(name: str, outcome: Outcome, method: str, *, motion: str) -> ReducedM
 
 
 def _refused(notes: Sequence[Note], name: str, method: str) -> list[Note]:
-    """What a pass found where the method does not take what it leaves."""
+    """The notes of a pass whose result the method does not take."""
     return [replace(note, words=f"stays: the method {method} does not take what the pass '{name}' leaves") for note in notes]
 
 
 def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[Note]:
-    """What a pass found, left undone since it would cost more."""
+    """The notes of a pass that was left undone since it would cost more."""
     words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
     return [replace(note, words=words) for note in notes]

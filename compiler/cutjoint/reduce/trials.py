@@ -11,7 +11,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, emit_scheduled, schedule_method
 from cutjoint.program.records import Program
-from cutjoint.reduce.aside import DERIVING, begin
+from cutjoint.reduce.background import DERIVING, begin
 from cutjoint.reduce.sampling import compiling_seconds
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
@@ -41,7 +41,7 @@ class Trials:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether further runs are by generated code."""
+        """Return whether further runs are by generated code."""
         return self._compiling is not None
 
     @property

@@ -1,1 +1,1 @@
-"""What people are shown: tables for the terminal, plots."""
+"""Output for people: tables for the terminal, plots."""

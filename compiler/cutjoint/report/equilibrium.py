@@ -27,7 +27,7 @@ def pose_table(state: MechanismState) -> Table:
 
 
 def force_table(state: MechanismState) -> Table:
-    """What is no pose of a body, a row a quantity."""
+    """A table of all values except the poses of bodies, a row a quantity."""
     table = Table(title="forces", title_justify="left", box=None)
     for heading in ("element", "quantity", "value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left")

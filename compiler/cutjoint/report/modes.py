@@ -41,7 +41,7 @@ def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table
 
 
 def mode_figures(mode: Mode) -> tuple[tuple[str, str], ...]:
-    """What is said of a mode, each with its name."""
+    """The values of a mode for people, each with its name."""
     return (
         ("eigenvalue, 1/s", _eigenvalue(mode.eigenvalue)),
         ("frequency, Hz", f"{mode.frequency:.4f}" if mode.frequency else "-"),

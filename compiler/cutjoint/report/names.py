@@ -1,4 +1,4 @@
-"""What reports call things."""
+"""The names of things in reports."""
 
 from __future__ import annotations
 

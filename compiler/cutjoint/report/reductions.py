@@ -36,12 +36,12 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
 
 
 def note_lines(variant: ReducedModel) -> Iterator[str]:
-    """What was done element by element, then what was left and why, each with its place in the file."""
+    """The notes of a reduced model, done ones first, each with its place in the file."""
     yield from (f"{note.span}: '{note.element}' {note.words}" for note in (*variant.done, *variant.left))
 
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
-    """What was picked, beside what else was tried."""
+    """A table of the choice beside the other candidates."""
     title = f"scene {scene.name}: the fastest within {scene.tolerance:g} m and rad (the truth still moves by {choice.settled:.0e})"
     table = _table(title, ("", "method", "model", "dt / ms", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:

@@ -52,7 +52,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
 
 
 def _design_position(mobility: Mobility) -> str:
-    """Whether the design position is an ordinary one."""
+    """The design position beside other poses in words: ordinary, singular or not closed."""
     if not mobility.closed:
         return "not closed: no pose near it closes the loops while the guides stand where they begin"
     others = f"{mobility.poses - 1} other pose{'s' if mobility.poses != 2 else ''} of the motion"
@@ -132,7 +132,7 @@ def _figures(rated: RatedOption, base: int) -> str:
 
 
 def rows_elsewhere(run: SimulatorRun) -> str:
-    """What to say of a run whose rows are not at the multiples of its output_step; "" of others."""
+    """The words about a run whose rows are not at the multiples of its output_step; "" of others."""
     dt, end, wanted = run.run_file["numerics"]["dt"], run.run_file["end"], run.run_file["output_step"]
     steps = count_steps(dt, end, wanted)
     apart = steps.stride * dt
@@ -149,12 +149,12 @@ LEAST = "of all solutions the one with the smallest multipliers of cut joints"
 
 
 def indeterminate_reactions(columns: Iterable[str]) -> str:
-    """What `check` says of components of reactions that mechanics does not determine."""
+    """The line of `check` about components of reactions that mechanics does not determine."""
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
 def run_facts(compilation: Compilation, run: Trajectory) -> Table:
-    """What compiling and running took."""
+    """The costs of compiling and running."""
     c = compilation
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
     factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
@@ -180,7 +180,7 @@ def _compiled(c: Compilation) -> str:
 
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
-    """How far kinetic energy and work are apart."""
+    """The difference of kinetic energy and work."""
     if energy is None:
         return []
     return [("work and energy", f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J")]
@@ -195,7 +195,7 @@ def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple
 
 
 def error_facts(error: ErrorEstimate) -> Table:
-    """How wrong the outputs are at most, the worst of each unit."""
+    """The bounds of the outputs' errors, the worst of each unit."""
     by_unit: dict[str, tuple[float, str]] = {}
     for name, value in error.largest.items():
         unit = error.units[name]
@@ -211,7 +211,7 @@ def _taken(seconds: float) -> str:
 
 
 def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
-    """What compiling and running a batch took."""
+    """The costs of compiling and running a batch."""
     compiled = _taken(artifact.compile_seconds if artifact.binary.fresh else 0.0)
     runs = len(batch.cases)
     return facts(f"scene {artifact.scene.name}, a batch", [
@@ -226,7 +226,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
 
 
 def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
-    """What a Lagrangian method or an integrator with steps of its own reports besides."""
+    """The effort of a Lagrangian method or of an integrator with steps of its own."""
     if not effort.solver:
         return [*_residual_facts(effort.residuals), *_stepping_facts(effort)]
     fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""

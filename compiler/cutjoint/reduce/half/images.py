@@ -59,7 +59,7 @@ def _require_body(reflection: Body, image: Body, plane: Plane, same: Same) -> No
 
 
 def _signs(pairs: Pairs, joint: Joint, image: Joint) -> Mapping[str, int]:
-    """How coordinates and speeds count in the image."""
+    """The signs of coordinates and speeds in the image."""
     flips = pairs.signs(joint, image)
     assert flips is not None
     by_axes = _flips(joint.element, flips)
@@ -108,7 +108,7 @@ def _force_images(pairs: Pairs, signs: Mapping[str, Mapping[str, int]]) -> Mappi
 
 
 def _why(plane: Plane, force: Force, attached: Iterable[Force]) -> str:
-    """What is wrong with a force that has no image; ``attached`` are others without one, and itself, that act on the right bodies."""
+    """The fault of a force that has no image; ``attached`` are others without one, and itself, that act on the right bodies."""
     names = [f.name for f in attached]
     if names == [force.name]:
         return f"is not symmetric about the plane {plane}, nor has it an image there"
@@ -119,7 +119,7 @@ def _why(plane: Plane, force: Force, attached: Iterable[Force]) -> str:
 
 
 def _is_attached(pairs: Pairs, force: Force, candidate: Force) -> bool:
-    """Whether a candidate is of the same type and acts on the images of what a force acts on."""
+    """Return whether a candidate is of the type of a force and acts on the images of its bodies or its coordinate."""
     if type(force) is not type(candidate):
         return False
     if force.joint_of:

@@ -38,7 +38,7 @@ def restrict(joint: Joint, plane: Plane) -> InPlane:
 
 
 def in_plane_words(plane: Plane, kind: JointKind, before: JointKind) -> str:
-    """What is said of a joint that becomes one of another kind."""
+    """The words about a joint that becomes one of another kind."""
     return f"moves in the plane {plane} alone: a {kind} joint in place of a {before} one"
 
 

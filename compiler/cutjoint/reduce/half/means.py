@@ -73,7 +73,7 @@ def nearness(model: Model) -> Nearness:
 
 
 def mean(a: Any, b: Any) -> Any:
-    """What is half way between two values of a field; the first of what cannot be halved."""
+    """The mean of two values of a field; the first of two values without a mean."""
     if is_same(a, b):
         return a
     if isinstance(a, tuple):
@@ -93,8 +93,8 @@ def mean_direction(a: Vector, b: Vector) -> Vector:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Means:
-    """A model whose elements are half way between themselves and what the mirror shows of their ``images``."""
+class AveragedModel:
+    """A model with the mean of each element and the reflection of its image."""
 
     model: Model
     pairs: Pairs

@@ -25,10 +25,10 @@ from cutjoint.reduce.half.plane import AsymmetryError, Plane
 
 @dataclass(frozen=True, kw_only=True)
 class Half:
-    """How a whole model is cut.
+    """The cut of a whole model in two halves.
 
-    ``removed`` are the names of the other side's elements, ``gone`` also those of forces on coordinates that rest; ``in_plane`` is what
-    becomes of the tree joints between bodies in the plane.  Of a ``flat`` model nothing is left out or halved: all of it is in the plane.
+    ``removed`` are the names of the other side's elements, ``gone`` also those of forces on coordinates that rest; ``in_plane`` has the
+    motions of the tree joints between bodies in the plane.  Of a ``flat`` model nothing is left out or halved: all of it is in the plane.
     """
 
     model: Model
@@ -40,7 +40,7 @@ class Half:
     flat: bool = False
 
     def is_own(self, name: str) -> bool:
-        """Whether a body, joint or force is its own image, so that only half of it is in the half."""
+        """Return whether a body, joint or force is its own image, so that only half of it is in the half."""
         return not self.flat and any(images.get(name) == name for images in (self.images.bodies, self.images.joints, self.images.forces))
 
     def kept_joint(self, name: str) -> str:
@@ -48,7 +48,7 @@ class Half:
         return self.images.joints[name] if name in self.removed else name
 
     def kept_force(self, name: str) -> str:
-        """The same of a force; one that is switched off may have no image."""
+        """The force of the half that stands for a force of the whole; one that is switched off may have no image."""
         return self.images.forces.get(name, name) if name in self.removed else name
 
 

@@ -16,7 +16,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.records import Joint, Model, Road, RoadSegment, Scalar, Scene
 from cutjoint.reduce.half.images import Images, require_images
-from cutjoint.reduce.half.means import NEAR, Means, Nearness, mean, mean_axes, nearness
+from cutjoint.reduce.half.means import NEAR, AveragedModel, Nearness, mean, mean_axes, nearness
 from cutjoint.reduce.half.pairs import find_pairs, settle
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
 from cutjoint.reduce.half.symmetry import halve
@@ -33,7 +33,7 @@ def halve_nearly(model: Model, scene: Scene) -> Outcome:
             continue
         try:
             images = require_images(pairs)
-            between = Means(model=model, pairs=pairs, images=images).model_between()
+            between = AveragedModel(model=model, pairs=pairs, images=images).model_between()
             found = halve(between, _scene_between(scene, images, plane, near))
         except AsymmetryError as error:
             left.append(error.note)
@@ -56,7 +56,7 @@ def flatten_nearly(model: Model, scene: Scene) -> Outcome:
             pairs, images = own_images(settle(straight, scene), plane, loose, near)
         except AsymmetryError:
             continue
-        between = Means(model=straight, pairs=pairs, images=images).model_between()
+        between = AveragedModel(model=straight, pairs=pairs, images=images).model_between()
         found = flatten(between, _scene_between(scene, images, plane, near))
         changed = tuple(_notes(model, between, plane, scene, found))
         if found.done and changed:
@@ -117,7 +117,7 @@ def _are_near(a: RoadSegment, b: RoadSegment, near: Nearness) -> bool:
 
 
 def _notes(model: Model, between: Model, plane: Plane, scene: Scene, found: Outcome) -> Iterator[Note]:
-    """What was not symmetric: elements, and what the scene has."""
+    """Notes of everything that was not symmetric: elements, and the scene's gravity and road."""
     old, new = (chain[Any](m.bodies, m.joints, m.forces) for m in (model, between))
     for element, changed in zip(old, new, strict=True):
         if element != changed:

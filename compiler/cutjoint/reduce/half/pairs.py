@@ -53,7 +53,7 @@ class Pairs:
 
     @property
     def any(self) -> bool:
-        """Whether some element has another one as its image."""
+        """Return whether some element has another one as its image."""
         return any(name != image for images in (self.bodies, self.joints) for name, image in images.items())
 
     def reflection(self, joint: Joint) -> Joint:
@@ -61,7 +61,7 @@ class Pairs:
         return next(m for m in self.mirrored.joints if m.name == joint.name)
 
     def signs(self, joint: Joint, candidate: Joint) -> tuple[int, ...] | None:
-        """How the axes of a joint's image are turned against a candidate's, see `axis_signs`."""
+        """The signs by which the axes of a joint's image are turned against a candidate's, see `axis_signs`."""
         return axis_signs(self.reflection(joint), candidate, self.same)
 
     def follow(self, joint: Joint) -> list[str]:
@@ -84,7 +84,7 @@ class Pairs:
         return all(self.bodies.get(a, b) == b and self.bodies.get(b, a) == a for a, b in ends)
 
     def _likeness(self, joint: Joint, candidate: Joint) -> tuple[int, bool]:
-        """How many of the joints around have a joint like their image around the candidate; of equals, an element is its own image."""
+        """The number of joints around with an image like a joint around the candidate; of equals, an element is its own image."""
         around = [j for j in self.elements.joints if {j.base, j.follower} & ({joint.base, joint.follower} - {GROUND})]
         there = [j for j in self.elements.joints if {j.base, j.follower} & ({candidate.base, candidate.follower} - {GROUND})]
         matched = sum(any(self.signs(j, c) is not None for c in there) for j in around)

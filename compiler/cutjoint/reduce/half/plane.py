@@ -56,18 +56,21 @@ class Plane:
         return "z" if self.axis == "x" else "x"
 
     def sign(self, quantity: str) -> int:
-        """Whether the image of a quantity by components (x, vy, az, Fx), an angle (roll) or a turn (wx, Mz) counts the same way."""
+        """The sign of the image of a quantity: 1 if it counts the same way, else -1.
+
+        Quantities are by components (x, vy, az, Fx), an angle (roll) or a turn (wx, Mz).
+        """
         turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
         if quantity in turns:
             return 1 if turns[quantity] == self.axis else -1
         return -1 if quantity[-1] == self.axis else 1
 
     def along_normal(self, direction: Vector) -> bool:
-        """Whether a direction stands across the plane."""
+        """Return whether a direction stands across the plane."""
         return all(is_nought(c) for c in cross(self.normal, direction))
 
     def within(self, direction: Vector) -> bool:
-        """Whether a direction, or a point, lies in the plane."""
+        """Return whether a direction, or a point, lies in the plane."""
         return is_nought(direction["xyz".index(self.axis)])
 
     def tangents(self) -> tuple[Vector, Vector]:
@@ -83,12 +86,12 @@ def require_gravity(model: Model, plane: Plane) -> None:
 
 
 def is_nought(expression: Scalar) -> bool:
-    """Whether an expression is zero whatever its symbols are, as far as multiplying out shows."""
+    """Return whether an expression is zero for all values of its symbols, as far as multiplying out shows."""
     return bool(expression == 0 or sympy.expand(expression) == 0)
 
 
 def is_same(a: Any, b: Any) -> bool:
-    """Whether two values of records' fields are the same: expressions, or mappings and tuples of them."""
+    """Return whether two values of records' fields are equal: expressions, or mappings and tuples of them."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         return a.keys() == b.keys() and all(is_same(a[key], b[key]) for key in a)
     if isinstance(a, tuple) and isinstance(b, tuple):

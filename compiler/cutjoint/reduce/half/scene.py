@@ -1,4 +1,4 @@
-"""What the half of a symmetric model starts from, and the columns of the whole that follow from its own."""
+"""The start of the half of a symmetric model, and the columns of the whole that follow from its own."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _force_output(half: Half, force: Force, output: Output) -> Output:
 
 
 def _force_sign(half: Half, force: Force, quantity: str) -> int:
-    """Whether the image of a force's quantity counts the same way."""
+    """The sign of the image of a force's quantity: 1 if it counts the same way, else -1."""
     of_coordinate = half.images.signs[force.joint_of][force.coordinate_of] if force.joint_of else 1
     return force.image_sign(quantity, half.plane.sign, of_coordinate)
 

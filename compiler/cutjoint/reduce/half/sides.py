@@ -32,19 +32,19 @@ def join_sides(pairs: Pairs) -> tuple[frozenset[str], ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Heights:
-    """On which side of a plane elements stand: the sums of their points' coordinates at the parameters' ``values``."""
+class PlaneDistances:
+    """Distances of elements from a plane, with signs: the sums of their points' coordinates at the parameters' ``values``, m."""
 
     plane: Plane
     values: Mapping[Scalar, float]
 
     def of(self, element: Joint | Force) -> float:
-        """An element's."""
+        """The distance of an element."""
         points: list[Vector] = _points(element)
         return sum(evaluate(p["xyz".index(self.plane.axis)], self.values) for p in points)
 
     def of_group(self, joints: Iterable[Joint], bodies: frozenset[str]) -> float:
-        """That of the joints at bodies."""
+        """The distance of the joints at bodies."""
         return sum(self.of(j) for j in joints if {j.base, j.follower} & bodies)
 
 
@@ -54,25 +54,25 @@ def _points(element: Joint | Force) -> list[Vector]:
     return [getattr(element, name) for name in dict.fromkeys(p.field for p in element.places if isinstance(p, Point))]
 
 
-def find_removed(pairs: Pairs, images: Images, heights: Heights, groups: Iterable[frozenset[str]]) -> frozenset[str]:
+def find_removed(pairs: Pairs, images: Images, distances: PlaneDistances, groups: Iterable[frozenset[str]]) -> frozenset[str]:
     """The names of bodies, joints and forces of the side that is left out: the one with the smaller coordinates."""
     joints, forces = pairs.elements.joints, pairs.elements.forces
     removed: set[str] = set()
     for group in groups:
         image = frozenset(images.bodies[b] for b in group)
         if not (group | image) & removed:
-            removed |= image if heights.of_group(joints, group) >= heights.of_group(joints, image) else group
+            removed |= image if distances.of_group(joints, group) >= distances.of_group(joints, image) else group
     removed |= {j.name for j in joints if {j.base, j.follower} & removed}
     removed |= {f.name for f in forces if f.joint_of in removed or set(f.bodies) & removed}
-    _remove_seconds(joints, images.joints, removed, heights)
-    _remove_seconds(forces, images.forces, removed, heights)
+    _remove_seconds(joints, images.joints, removed, distances)
+    _remove_seconds(forces, images.forces, removed, distances)
     return frozenset(removed)
 
 
-def _remove_seconds(elements: Iterable[Joint | Force], images: Mapping[str, str], removed: set[str], heights: Heights) -> None:
+def _remove_seconds(elements: Iterable[Joint | Force], images: Mapping[str, str], removed: set[str], distances: PlaneDistances) -> None:
     """Remove the lower one of each pair that is still complete: both act on bodies in the plane."""
     by_name = {e.name: e for e in elements}
     for name, element in by_name.items():
         image = images.get(name, name)
         if image != name and not {name, image} & removed:
-            removed.add(image if heights.of(element) >= heights.of(by_name[image]) else name)
+            removed.add(image if distances.of(element) >= distances.of(by_name[image]) else name)

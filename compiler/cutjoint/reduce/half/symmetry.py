@@ -18,7 +18,7 @@ from cutjoint.reduce.half.model import Half, cut_in_half, half_model
 from cutjoint.reduce.half.pairs import Pairs, find_pairs, settle
 from cutjoint.reduce.half.plane import AsymmetryError, Plane, require_gravity
 from cutjoint.reduce.half.scene import half_scene
-from cutjoint.reduce.half.sides import Heights, find_removed, join_sides
+from cutjoint.reduce.half.sides import PlaneDistances, find_removed, join_sides
 from cutjoint.reduce.records import Note, Outcome
 
 
@@ -49,8 +49,8 @@ def _cut(model: Model, scene: Scene, pairs: Pairs) -> Outcome:
     require_gravity(model, pairs.plane)
     groups = join_sides(pairs)
     images = require_images(pairs)
-    heights = Heights(plane=pairs.plane, values={p.symbol: p.value for p in model.parameters})
-    half = cut_in_half(model, pairs.plane, images, find_removed(pairs, images, heights, groups))
+    distances = PlaneDistances(plane=pairs.plane, values={p.symbol: p.value for p in model.parameters})
+    half = cut_in_half(model, pairs.plane, images, find_removed(pairs, images, distances, groups))
     changed = half_scene(half, scene)
     return Outcome(model=half_model(half, changed), scene=changed, done=tuple(_notes(half)))
 

@@ -1,4 +1,4 @@
-"""How each kind of force acts."""
+"""Descriptions of each kind of force: its action, laws, places and constants."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ForceDescription:
 
     @property
     def kind(self) -> tuple[str, ...]:
-        """What forces that are explained together have in common."""
+        """The key of forces that are explained together."""
         return self.title, *self.notes, *self.actions
 
 

@@ -68,7 +68,7 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
 
 
 def count_bodies(model: Model) -> str:
-    """How many bodies there are, and how many of them have no mass."""
+    """The number of bodies, and of bodies without mass."""
     return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.is_massless)} of them massless"
 
 
@@ -109,7 +109,7 @@ def tree_lines(topology: Topology) -> tuple[str, ...]:
 
 
 def unknowns_of(t: TreeJoint) -> str:
-    """How many speeds a joint leaves unknown."""
+    """The number of speeds that a joint leaves unknown, in words."""
     return "guided" if t.joint.guide is not None else plural(len(t.joint.element.speeds), "unknown")
 
 

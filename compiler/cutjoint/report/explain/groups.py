@@ -1,4 +1,4 @@
-"""Which elements are explained together: counterparts in isomorphic parts, and elements of one and the same form."""
+"""Groups of elements explained together: counterparts in isomorphic parts, and elements of one and the same form."""
 
 from __future__ import annotations
 

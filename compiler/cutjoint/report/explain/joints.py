@@ -87,7 +87,7 @@ def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], 
 
 
 def _coordinates(element: JointElement) -> str:
-    """What the kernel's symbols are called in the model file."""
+    """The names of the kernel's symbols in the model file."""
     names = [f"${coordinate_symbol(n)}$ = `{n}`" for n in element.coordinates]
     if element.has_ball:
         names.append(r"quaternion $e$ with angular velocity $\omega$ = `wx`, `wy`, `wz`")
@@ -154,7 +154,7 @@ def _behind(name: str, value: Matrix, turn: Matrix, u: Sequence[Scalar]) -> tupl
 
 
 def _is_turned(value: Matrix, turn: Matrix, rest: Matrix, u: Sequence[Scalar]) -> bool:
-    """Whether value = turn rest, tried at a point without symmetry."""
+    """Return whether value = turn rest, tried at a point without symmetry."""
     spin = sympy.Matrix(u[-3:])
     inside = rest.subs(dict(zip(u[-3:], _BALL.T * spin, strict=True)), simultaneous=True)
     symbols = sorted((value.free_symbols | inside.free_symbols) - set(QUATERNION), key=str)

@@ -44,7 +44,7 @@ def differentiate(law: Scalar, x: Scalar) -> Scalar:
 
 
 def _is_horner(e: Scalar) -> bool:
-    """Whether e is a polynomial in one symbol whose products have one sum at most: a + x (b + x (c + ...))."""
+    """Return whether e is a polynomial in one symbol whose products have one sum at most: a + x (b + x (c + ...))."""
     if not isinstance(e, sympy.Add | sympy.Mul) or len(e.free_symbols) != 1:
         return False
     products = [p for p in sympy.preorder_traversal(e) if not isinstance(p, sympy.Add | sympy.Symbol | sympy.Number)]

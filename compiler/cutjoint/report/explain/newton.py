@@ -1,4 +1,4 @@
-"""How ``recursive-newton`` solves a step, and what its functions cost."""
+"""The solution of a step by ``recursive-newton``, and the cost of its functions."""
 
 from __future__ import annotations
 

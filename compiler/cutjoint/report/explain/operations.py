@@ -1,4 +1,4 @@
-"""What the equations cost: operations by element and stage, and the price of every parameter that stays open."""
+"""The cost of the equations: operations by element and stage, and the price of every parameter that stays open."""
 
 from __future__ import annotations
 

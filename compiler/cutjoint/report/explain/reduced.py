@@ -1,4 +1,4 @@
-"""What a reduced model has that no file has: guards, sensors of rods, columns that stand for others; and what the passes did."""
+"""The elements of a reduced model that no file has: guards, sensors of rods, columns that stand for others; and the notes of the passes."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from cutjoint.version import __version__
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What every explanation prints first."""
+    """The head of every explanation."""
 
     model: str
     scene: str

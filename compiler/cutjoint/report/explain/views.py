@@ -1,4 +1,4 @@
-"""What the template of the explanation prints, decided here."""
+"""The records that the template of the explanation prints, decided here."""
 
 from __future__ import annotations
 

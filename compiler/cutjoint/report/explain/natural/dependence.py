@@ -1,4 +1,4 @@
-"""Which equations follow from the others."""
+"""The equations that follow from the others."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Derivation:
         return tuple(body for body in self.model.bodies if body.name in group.bodies)
 
     def is_held(self, equation: str) -> bool:
-        """Whether the method holds an equation, by its full name."""
+        """Return whether the method holds an equation, by its full name."""
         return equation in self.equations.equation_names
 
 

@@ -1,4 +1,4 @@
-"""How each kind of force acts on points, directions and angles."""
+"""Descriptions of each kind of force by its action on points, directions and angles."""
 
 from __future__ import annotations
 

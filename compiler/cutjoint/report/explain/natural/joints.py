@@ -1,4 +1,4 @@
-"""What joints share, and the constraints of what sharing does not settle."""
+"""The points and directions that joints share, and the constraints that sharing does not replace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which points, directions and angles are coordinates, and what follows from them."""
+"""The points, directions and angles that are coordinates, and the nodes that follow from them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _coordinates(d: Derivation) -> Entry:
 
 
 def kinds(nodes: Sequence[Node]) -> str:
-    """How many nodes of each kind there are."""
+    """The number of nodes of each kind, in words."""
     counts = [(sum(n.kind is kind for n in nodes), kind.value) for kind in NodeKind]
     return ", ".join(plural(count, noun) for count, noun in counts if count) or "none"
 
@@ -125,7 +125,7 @@ class _Part:
 
 
 def _others(d: Derivation) -> Entry:
-    """Where masses and forces are that have no node of their own."""
+    """Points and directions of masses and forces that have no node of their own."""
     layout, model = d.full.layout, d.model
     forces = [f for f in model.forces if is_active(f, d.full.scene)]
     parts = [*_masses(model), *(part for f in forces for part in _parts(f))]

@@ -63,7 +63,7 @@ class _Shape:
 
     @property
     def form(self) -> tuple[object, ...]:
-        """What groups that are explained together have in common."""
+        """The key of groups that are explained together."""
         kinds = tuple(node.kind for node in self.group.basis)
         return kinds, tuple((e.j, e.k) for e in self.kept), tuple((node.kind, len(c.names)) for node, c in self.held)
 
@@ -129,7 +129,7 @@ def _rows(d: Derivation, shape: _Shape) -> list[tuple[str, str, str, str]]:
 
 
 def left_out_note(d: Derivation, equations: Sequence[str]) -> tuple[str, ...]:
-    """Which of some equations the method leaves out."""
+    """A note of the equations that the method leaves out; none if it leaves out none."""
     left_out = [name for name in equations if not d.is_held(name)]
     return (f"Left out, since others imply them: {code(left_out)}.",) if left_out else ()
 

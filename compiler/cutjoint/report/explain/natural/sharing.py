@@ -1,4 +1,4 @@
-"""Why there are so few coordinates: from four nodes of each body to those that are left."""
+"""The reasons for so few coordinates: from four nodes of each body to the remaining ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Sharing:
 
 
 def count_sharing(layout: Layout, bodies: int) -> Sharing:
-    """How sharing makes the coordinates fewer."""
+    """The counts of coordinates that sharing, the ground and combinations save."""
     groups = list(layout.groups.values())
     places = [node for g in groups for node in g.basis]
     nodes = list(dict.fromkeys(places))
@@ -51,7 +51,7 @@ def sharing_table(layout: Layout, bodies: int) -> Table:
 
 
 def saving(d: Derivation) -> str:
-    """What sharing points and vectors saves, in a sentence."""
+    """The saving by shared points and vectors, in a sentence."""
     n, nodes = len(d.model.bodies), [node for node in d.full.layout.coordinates if node.size == 3]
     angles = len(d.full.layout.coordinates) - len(nodes)
     left = f"{plural(len(nodes), 'point or vector', 'points and vectors')} with {3 * len(nodes)} coordinates are left"

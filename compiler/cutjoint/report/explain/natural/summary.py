@@ -1,4 +1,4 @@
-"""What there is how much of."""
+"""Counts of bodies, coordinates and equations, and the cost of solving."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def _left_out(d: Derivation) -> str:
 
 
 def tangent_entries(pattern: Pattern) -> str:
-    """How full the tangent is."""
+    """The number of entries of the tangent beside its size, in words."""
     n, size = len(pattern.row), pattern.size
     return f"{n} of {size * (size + 1) // 2} of the lower triangle" if pattern.symmetric else f"{n} of {size**2}"
 
 
 def factorisation_rows(plan: Plan) -> list[tuple[str, str]]:
-    """What solving with the tangent takes: the order in use and those that were tried, by their predicted operations in four lanes."""
+    """The cost of solving with the tangent: the order in use and the other tried ones, by their predicted operations in four lanes."""
     used, *others = (f"{code(trial.name)} with {trial.operations}" for trial in plan.trials)
     rejected = f"; {', '.join(others)}" if others else ""
     return [

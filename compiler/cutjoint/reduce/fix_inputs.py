@@ -10,7 +10,7 @@ from cutjoint.reduce.half.plane import put_in
 from cutjoint.reduce.records import Outcome
 
 
-def settle_inputs(outcome: Outcome) -> Outcome:
+def fix_inputs(outcome: Outcome) -> Outcome:
     """The outcome with the scene's functions of time in place of inputs."""
     model, scene = outcome.model, outcome.scene
     laws = input_functions(model, scene)
