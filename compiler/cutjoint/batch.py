@@ -17,7 +17,7 @@ from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
-from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene, derive
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
@@ -115,7 +115,7 @@ def _require_batch(scene: Scene) -> None:
     )
     for name, is_wrong, able in faults:
         if is_wrong:
-            only = either(able)
+            only = join_or(able)
             raise RunError(f"{scene.span}: scene '{scene.name}': batches have {name}: {only} only; use --{name} {only}")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import AnyPath, path_of
-from cutjoint.methods import DEFAULT_PRECISION, METHODS, either
+from cutjoint.methods import DEFAULT_PRECISION, METHODS, join_or
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
@@ -54,7 +54,7 @@ def plan_delivery(
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
         if linearise:
-            able = f"use method {either(linearised_methods())}, in {DEFAULT_PRECISION}"
+            able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
             raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
         delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
     else:

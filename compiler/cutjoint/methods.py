@@ -278,12 +278,12 @@ def names_of(catalogue: Mapping[str, R], condition: Callable[[R], bool]) -> tupl
     return tuple(name for name, record in catalogue.items() if condition(record))
 
 
-def either(names: Iterable[str]) -> str:
+def join_or(names: Iterable[str]) -> str:
     """Names for a sentence: "a", "a or b", "a, b or c"."""
     return _listed(names, "or")
 
 
-def all_of(names: Iterable[str]) -> str:
+def join_and(names: Iterable[str]) -> str:
     """Names for a sentence: "a", "a and b", "a, b and c"."""
     return _listed(names, "and")
 

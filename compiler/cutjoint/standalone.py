@@ -19,7 +19,7 @@ from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, Implementation, either, names_of
+from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, METHODS, Events, Formulation, Implementation, join_or, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -176,7 +176,7 @@ def _require_unknowns(equations: Equations) -> None:
 def _require_relative(equations: Equations) -> None:
     """Check that the state has relative coordinates, from which minimal ones are chosen."""
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
-        raise RunError(f"linearise: the state of method '{equations.method}' has natural coordinates; use {either(linearised_methods())}")
+        raise RunError(f"linearise: the state of method '{equations.method}' has natural coordinates; use {join_or(linearised_methods())}")
 
 
 def linearised_methods() -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_control
 from cutjoint.coupling.run import Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_INTEGRATOR, Events, Implementation, either
+from cutjoint.methods import DEFAULT_INTEGRATOR, Events, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import Request
@@ -73,7 +73,7 @@ def _require_steps(request: Request, method: str, beside: Mapping[str, object]) 
     asked = request.options
     known = STEPS.get(method, {})
     require_own(
-        "--with", f"steps the methods {either(STEPS)} as cutjoint.load does", implementation=request.implementation, solver=asked.solver,
+        "--with", f"steps the methods {join_or(STEPS)} as cutjoint.load does", implementation=request.implementation, solver=asked.solver,
         precision=request.precision, method=None if known else method, closure=request.closure,
         integrator=None if asked.integrator in known else asked.integrator,
         events=None if asked.events == Events.CROSSED else asked.events, **beside,
@@ -95,7 +95,7 @@ def _plan(
         simulation = _load(model, scene, method, asked)
     settings, steps = simulation.library.settings, simulation.library.steps
     if asked.tolerance is not None and not steps.adaptive:
-        able = either(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
+        able = join_or(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
         raise RunError(f"--tolerance: beside an FMU only {able} has one; take it, or --dt")
     if asked.iterations is not None and not steps.is_iterated:
         raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")

@@ -14,7 +14,7 @@ from cutjoint.commands import options
 from cutjoint.extensions import IMPLEMENTATIONS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
-from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, either, names_of
+from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import compile_scene
 from cutjoint.prepared import PreparedRun, Request, cache_run
@@ -60,7 +60,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     if request.closure is None:
         return model, scene, method
     if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):
-        raise RunError(f"--closure {request.closure}: only the {either(able)} method has one; use --method {either(able)}")
+        raise RunError(f"--closure {request.closure}: only the {join_or(able)} method has one; use --method {join_or(able)}")
     return model, with_closure(scene, request.closure), method
 
 
@@ -130,7 +130,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
     """
     solver = request.options.solver
     if solver is not None and not METHODS[method].has_system:
-        others = either(names_of(METHODS, SOLVERS[solver].suits))
+        others = join_or(names_of(METHODS, SOLVERS[solver].suits))
         raise RunError(f"--solver {solver}: the {method} method has no linear solver; use --method {others}")
     with options.progress_bar(f"compiling {request.model.name}"):
         if request.implementation == Implementation.GENERIC:
@@ -146,7 +146,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
     backend = IMPLEMENTATIONS.load(request.implementation)
     if not PRECISIONS[request.precision].twin:
-        able = either(names_of(PRECISIONS, lambda p: p.twin))
+        able = join_or(names_of(PRECISIONS, lambda p: p.twin))
         raise RunError(f"--precision {request.precision}: the generic twin runs in {able}; use --implementation generated")
     return backend.compile(model, scene, method)
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, either, names_of
+from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, join_or, names_of
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.force_parts import Force
@@ -219,7 +219,7 @@ class Scene(Part):
             raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
         integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]
         if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
-            message = f"the integrator {integrator.name} belongs to the method {either(integrator.methods)}"
+            message = f"the integrator {integrator.name} belongs to the method {join_or(integrator.methods)}"
             raise shape_error(message, "leave 'method' or 'integrator' away")
         return self
 

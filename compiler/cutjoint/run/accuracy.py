@@ -14,7 +14,7 @@ from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.steps import count_steps
 from cutjoint.run.balance import find_imbalance
-from cutjoint.run.cures import follow_up
+from cutjoint.run.fallbacks import follow_up
 from cutjoint.run.open_loops import find_open_gap, open_loops
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
@@ -38,7 +38,7 @@ _LEAST, _ITERATIONS = 1e-10, 100
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """How the steps of a run are made finer: a setting's factor, and the share of the error that is left at least by order 2.
+    """A way to finer steps: a setting's factor, and the share of the error that is left at least by order 2.
 
     A run is taken again with finer steps ``levels`` times at most; where ``heals``, also after one that failed for its steps.  Of a smaller
     share than ``trusted`` nothing is promised: with a tenth of the tolerance errors fall now by two and now by fifty.
@@ -116,7 +116,7 @@ def _change_of(plan: SimulatorRun) -> Change:
 
 
 def _left(change: Change, apart: float, before: float | None) -> float:
-    """The error of a run that differs so much from a coarser one, by what that differs by from a still coarser one, if there is one."""
+    """The error of a run by its distance ``apart`` from a coarser one, and by that one's distance ``before`` from a still coarser one."""
     if before is None or not before > 0:
         ratio = _LEFT_AT_MOST
     else:
@@ -126,7 +126,7 @@ def _left(change: Change, apart: float, before: float | None) -> float:
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Whether places and angles are as good as the goal says; where there are none, whether all else is by its size."""
+    """Return whether places and angles keep the goal; in a run without any, whether all other outputs do by their size."""
     judged = {name: 1.0 for name in errors if run.units[name] in ("m", "rad")}
     judged = judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
     return all(errors[name] <= goal * size for name, size in judged.items())
@@ -147,7 +147,7 @@ def _estimated(
 def _judged(
     plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]
 ) -> ErrorEstimate:  # fmt: skip
-    """The errors of a run, with what open loops change, and what they do not see."""
+    """The errors of a run, with the effect of open loops, and warnings of faults that they do not show."""
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     if gap > 0.0:
         closed = _controlled(plan)

@@ -13,7 +13,7 @@ from cutjoint.analysis.reactions import find_indeterminate
 from cutjoint.emit.source import Source
 from cutjoint.formulate.jumps import jump_times
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, either, names_of
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, join_or, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -56,7 +56,7 @@ class Artifact:
 
     @property
     def compilation(self) -> Compilation:
-        """What the compilation was, for people."""
+        """The facts of the compilation, for people."""
         return Compilation(
             scene=self.scene.name, method=self.method, implementation=self.implementation.value,
             operations=self.program.operations(self.iteration), instructions=self.program.instructions(self.iteration),
@@ -76,7 +76,7 @@ class Artifact:
         return find_indeterminate(self.topology, self.scene, self.equations.outputs)
 
     def with_rows(self, output_step: float) -> Artifact:
-        """The same with rows at another distance, s; what the loops leave open is not found again."""
+        """Copy the artifact with rows at another distance, s; quantities that the loops leave open are not found again."""
         artifact = replace(self, scene=replace(self.scene, output_step=output_step))
         artifact.__dict__["indeterminate"] = self.indeterminate
         return artifact
@@ -88,7 +88,7 @@ class Artifact:
 
     @property
     def places(self) -> dict[str, str]:
-        """What `places_of` says of the model and the scene."""
+        """The places of the model's elements and of the scene's entries, see `places_of`."""
         return places_of(self.topology, self.scene)
 
     @property
@@ -112,7 +112,7 @@ class Artifact:
 
 
 def start_of(equations: RecursiveEquations) -> Start:
-    """What the speeds at the start of a scene follow from."""
+    """The origin of the speeds at the start of a scene."""
     guided = any(joint.guide is not None for joint in equations.topology.model.joints)
     return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
 
@@ -157,7 +157,7 @@ def require_end(run: Trajectory, artifact: Artifact, changed: Mapping[str, float
 
 
 def _leaves_choice(artifact: Artifact, options: Options) -> bool:
-    """Whether neither scene nor caller name a method, an integrator, or what steps do at events."""
+    """Return whether neither scene nor caller name a method, an integrator, or the treatment of events."""
     scene, settings = artifact.scene, artifact.scene.numerics.of_method(artifact.method)
     named = (scene.method or None, settings.integrator, settings.events, options.integrator, options.events)
     return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
@@ -179,7 +179,7 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
     settings = artifact.settings(options)
     if not (METHODS[artifact.method].tangents and INTEGRATORS[settings.integrator].tangents and not settings.events):
         methods, integrators = (names_of(METHODS, lambda m: m.tangents)), names_of(INTEGRATORS, lambda i: i.tangents)
-        raise RunError(f"tangents need the method {either(methods)}, integrator=\"{either(integrators)}\" and events=\"crossed\"")
+        raise RunError(f"tangents need the method {join_or(methods)}, integrator=\"{join_or(integrators)}\" and events=\"crossed\"")
 
 
 def require_choice(method: str, precision: str, *, comparison: bool) -> None:

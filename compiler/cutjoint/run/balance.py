@@ -1,4 +1,4 @@
-"""Whether the work and energy of a run balance as well as its steps explain."""
+"""The balance of work and energy of a run, beside the difference that its steps explain."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _EXPLAINED_BY_ONE, _EXPLAINED = 100.0, 10.0
 
 
 def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
-    """What is wrong with the balance of a run, beside runs of the same with other steps; "" where nothing is.
+    """The fault in the balance of a run, beside runs of the same with other steps; "" without one.
 
-    The defect of exact steps is zero, so that the change by other steps is an estimate of it.  What stays is no error of the steps.
+    The defect of exact steps is zero, so that the change by other steps is an estimate of it.  The rest is no error of the steps.
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
     if run.energy is None or not balances or not run.energy.share > _SMALL:

@@ -120,7 +120,7 @@ class CaseTable:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Where the batch has not come to its end, the rows stay that there are, also those that waited for another one."""
+        """Leave the rows of an interrupted batch in a file, also rows that waited for another one."""
         if error is None:
             return
         if not isinstance(error, OutputError):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class IncompleteError(RuntimeError):
-    """What was asked for did not come to its end; the errors below have what there is of it."""
+    """A task that did not come to its end; the errors below have its partial results."""
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message, result)  # both, so that the error can be sent to another process
@@ -48,8 +48,11 @@ _IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", 
 
 
 def places_of(topology: Topology, scene: Scene) -> dict[str, str]:
-    """Where each body, joint and gear stands in the model file, and for the loop of each cut joint what gives its coordinates and speeds at
-    the start: the scene's first entry, else a guide."""
+    """The places of bodies, joints and gears in the model file, and of the coordinates and speeds that a scene gives to each loop at the
+    start.
+
+    A loop's place, by its cut joint, is the scene's first entry of a joint around it, else a guide.
+    """
     spans = dict(topology.model.constraint_spans)
     for loop in topology.loops:
         around = {topology.joint_of[body].joint.name: topology.joint_of[body].joint for body in loop.bodies}
@@ -67,14 +70,14 @@ def _entry(section: str, cut: str) -> str:
 
 
 def is_impossible(failure: FailureReport) -> bool:
-    """Whether what is given leaves no start."""
+    """Return whether the failure says that the given values leave no start."""
     return failure.message in _IMPOSSIBLE
 
 
 def describe_failure(
     failure: FailureReport, scene: str, places: Mapping[str, str], model: Path, changed: Mapping[str, float]
 ) -> str:  # fmt: skip
-    """What failed, with the place of its joint in the model file, or of what the scene gives if that is why, and ``changed`` parameters."""
+    """A failure in words, with ``changed`` parameters and the place of its joint in the model file, or of the scene's entry behind it."""
     joint = failure.element.rpartition(".")[0]
     place = places.get(joint, str(model))
     if not is_impossible(failure):
@@ -88,7 +91,7 @@ def describe_failure(
 
 
 def describe_rest(table: Path | None) -> str:
-    """Where the rows of a run are that failed."""
+    """The place of the rows of a failed run, in words."""
     return f"the rows up to then are in {table}" if table else "no file has rows of it"
 
 
@@ -99,6 +102,6 @@ def describe_failures(batch: Batch) -> list[str]:
 
 
 def count_failures(batch: Batch) -> str:
-    """How many runs of a batch failed; "" if none did."""
+    """The number of failed runs of a batch, in words; "" if none failed."""
     failed = sum(failure is not None for failure in batch.failures)
     return f"{failed} of {len(batch.cases)} runs failed" if failed else ""

@@ -40,7 +40,7 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -
 
 
 def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
-    """Those of ``changes`` that are inputs: they hold them constant.
+    """The inputs among ``changes``, by name: they hold them constant.
 
     Raises:
         RunError: one has a unit that is not that of the input.

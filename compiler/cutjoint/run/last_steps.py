@@ -1,4 +1,4 @@
-"""A run that failed once more, with a row for each of its steps: what came before the failure is in its last rows."""
+"""A failed run once more, with a row for each of its steps: its last rows show the way to the failure."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _MOST_STEPS, _ROWS = 20_000, 400
 
 
 def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
-    """A run of a plan that failed, with a row for each step, of an adaptive integrator 400 rows or more, at which its steps end.
+    """A failed run of a plan, with a row for each step, of an adaptive integrator 400 rows or more, at which its steps end.
 
-    As it is where the second run does not fail, has fewer rows, or cannot be had.
+    The first run is returned where the second one does not fail, has fewer rows, or cannot be had.
 
     Raises:
         Interrupted, Terminated: a signal has ended the run.

@@ -1,4 +1,4 @@
-"""Whether the loops of a run stand open by more than its steps explain."""
+"""The gap of a run's loops, beside the gap that its steps explain."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
 
 
 def open_loops(gap: float, *, is_known: bool) -> str:
-    """What is said of such a gap; ``is_known`` is whether the errors of the run count what it changes."""
+    """The warning of such a gap; ``is_known`` tells that the errors of the run include its effect."""
     known = f"a run with error control, whose loops are closed, shows what that changes, and {_COUNTED}" if is_known else _UNSEEN
     return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
 

@@ -1,4 +1,4 @@
-"""What a caller asks of a run, on the command line or from Python."""
+"""The caller's options of a run, on the command line or from Python."""
 
 from __future__ import annotations
 

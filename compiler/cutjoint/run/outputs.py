@@ -1,4 +1,4 @@
-"""Which files a command writes: never its model, another of its inputs, or the same file twice."""
+"""The files that a command writes: never its model, another of its inputs, or the same file twice."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def resolved(path: Path) -> Path:
 
 
 def is_stream(path: Path) -> bool:
-    """Whether a path leads to something that is written to but never replaced: a device, a pipe, an open descriptor."""
+    """Return whether a path leads to a device, a pipe or an open descriptor: it is written to but never replaced."""
     return descriptor_of(path) is not None or (path.exists() and not path.is_file() and not path.is_dir())
 
 
@@ -134,7 +134,7 @@ def _pictures(folder: Path) -> Iterator[_Written]:
 
 
 def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | None]) -> str:
-    """What is wrong if one of the files of an output is an input; "" if none is."""
+    """The fault of an output with an input among its files; "" if none is."""
     for file, (what, path) in product(files, inputs.items()):
         if path is not None and _same(file.path, path):
             there = f"{file.part} would go to {file.path}, which" if file.part else "that"
@@ -143,7 +143,7 @@ def _clash_with_inputs(files: Sequence[_Written], inputs: Mapping[str, Path | No
 
 
 def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
-    """What is wrong if two outputs have a file in common, or one would lie in the other; "" if neither is so."""
+    """The fault of two outputs with a common file, or of one inside the other; "" without a fault."""
     for one, other in product(files, others):
         if _same(one.path, other.path):
             one, other = (other, one) if other.part and not one.part else (one, other)
@@ -156,7 +156,7 @@ def _clash(files: Sequence[_Written], others: Sequence[_Written]) -> str:
 
 
 def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], plots: Path) -> str:
-    """What is wrong if an output stands where plots go, or is their folder; "" if neither is so."""
+    """The fault of an output in the place of a plot or of the plots' folder; "" without a fault."""
     target, folder = resolved(files[0].path), resolved(plots)
     if target == folder or target in folder.parents:
         return f"--plots {plots}: {files[0].asked} is a file there; write the two to different places"
@@ -166,7 +166,7 @@ def _clash_with_plots(files: Sequence[_Written], pictures: Sequence[_Written], p
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one file; devices such as a terminal or /dev/null take more than one table."""
+    """Return whether two paths lead to one file; devices such as a terminal or /dev/null take more than one table."""
     try:
         found = os.stat(one)
         return not stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(other))

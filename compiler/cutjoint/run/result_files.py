@@ -1,4 +1,4 @@
-"""How results are written: beside the file that they are for, which they replace when they are whole."""
+"""Writing of results: beside the file that they are for, which they replace when they are whole."""
 
 from __future__ import annotations
 

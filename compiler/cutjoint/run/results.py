@@ -1,4 +1,4 @@
-"""What a simulator gives back."""
+"""The results of a simulator."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _listed(columns: Iterable[str]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureReport:
-    """Where a run stopped: ``time`` in s, the ``element`` with the worst residual, and an ``advice`` ("" if there is none).
+    """The stop of a run: ``time`` in s, the ``element`` with the worst residual, and an ``advice`` ("" if there is none).
 
     ``guards`` names the forces that were left out of the model and would act there, if that is why it stopped; the residual is then the
     violation of their margin.
@@ -63,7 +63,7 @@ class FailureReport:
 
     @property
     def what(self) -> str:
-        """What happened when, and where most."""
+        """The message with its time and the element with the worst residual."""
         return f"{self.message} at t = {self.time:.6g} s (step {self.step}); worst at '{self.element}' with {self.residual:.3g}"
 
     def __str__(self) -> str:
@@ -108,7 +108,7 @@ class Impact:
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """What the steps of a run took besides evaluations.
+    """The effort of a run's steps besides evaluations.
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
     ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
@@ -134,12 +134,14 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorEstimate:
-    """How wrong the outputs of a run are, by other runs of the same.
+    """Errors of a run's outputs, by other runs of the same.
 
     ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
     ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells less
     than a third of an error.  Laws, masses and places are taken as they are given.
-    ``warnings`` are what errors of the steps do not see: work and energy that differ by more than the steps explain, loops that stay open.
+
+    ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
+    stay open.
     """
 
     largest: Mapping[str, float]
@@ -195,7 +197,7 @@ class Trajectory:
 
     @cached_property
     def error(self) -> ErrorEstimate:
-        """How wrong the outputs are: asking for it takes some more runs, which are kept.
+        """The errors of the outputs: asking for them takes some more runs, which are kept.
 
         Raises:
             ValueError: the run is not one that can be taken again.
@@ -207,7 +209,7 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """How the runs of a batch ended.
+    """The results of a batch of runs.
 
     ``cases`` are the parameters that each run sets (SI units).  ``end``, ``smallest`` and ``largest`` have (runs,) values of each column:
     of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is

@@ -149,7 +149,7 @@ def _polygon(segments: Sequence[RoadSegment], start: float) -> list[tuple[float,
 
 
 def _offset_lines(corners: Sequence[tuple[float, float]], radius: float) -> Iterable[_Candidate]:
-    """Where the disc touches a straight part between its ends."""
+    """The straight pieces of the centre's path, with the disc's contact between the ends of a line."""
     (x0, z0), (x1, z1) = corners[0], corners[-1]
     margin = 10 * radius + 1.0
     ends = [(x0 - margin, z0), *corners, (x1 + margin, z1)]
@@ -225,7 +225,7 @@ def _continues(before: Piece, piece: Piece) -> bool:
 
 
 def _from(piece: Piece, begin: float) -> Piece:
-    """The same curve, beginning elsewhere."""
+    """Copy a piece of a curve with another beginning."""
     a = piece.height(begin) if piece.kind == "line" else piece.a
     return Piece(kind=piece.kind, begin=begin, a=a, b=piece.b, c=piece.c)
 

@@ -113,7 +113,7 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict
 
 
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
-    """What follows from open parameters: parts of a run file besides "parameters", and `MASSES`."""
+    """The parts of a run file that follow from open parameters, besides "parameters" itself; and `MASSES`."""
     symbols = {p.symbol for p in open_parameters(model)}
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in _sources(model, scene).items()}
     masses = (MASSES,) if any(True for _ in _changing_bodies(model)) else ()
@@ -180,7 +180,7 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
 
 
 def _place(model: Model, scene: Scene, part: str, of: str) -> str:
-    """Where the expression stands that a part comes from."""
+    """The place of the expression from which a part comes."""
     if part != "roads":
         return f"{scene.span}: scene '{scene.name}': {part}: '{of}'"
     return f"{next(f.span for f in model.forces if f.name == of)}: tyre '{of}': radius"

@@ -19,8 +19,8 @@ from cutjoint.methods import (
     Implementation,
     Integrator,
     Method,
-    all_of,
-    either,
+    join_and,
+    join_or,
     names_of,
 )
 from cutjoint.model.ranges import fault_of_setting
@@ -42,7 +42,7 @@ _WHOLE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Stabilisation:
-    """How cut joints are held by the recursive equations, which start every run; None for a penalty that follows from masses."""
+    """The stabilisation of cut joints in the recursive equations, which start every run; ``penalty`` is None if it follows from masses."""
 
     closure: str
     penalty: float | None
@@ -183,9 +183,9 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     if not integrator.takes(method, implementation):
         if asked is None:
             return _own_integrator(numerics, method, implementation, options)
-        raise RunError(f"the integrator {wanted} takes generated code of the method {either(integrator.methods)}")
+        raise RunError(f"the integrator {wanted} takes generated code of the method {join_or(integrator.methods)}")
     if method.closure(numerics.closure, implementation).name not in integrator.closures:
-        raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {either(integrator.closures)}")
+        raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {join_or(integrator.closures)}")
     return integrator
 
 
@@ -232,7 +232,7 @@ def _own_integrator(numerics: Numerics, method: Method, implementation: Implemen
 def find_events(
     numerics: Numerics, method: Method, implementation: Implementation, integrator: Integrator, asked: str | None
 ) -> bool | None:
-    """Whether the steps of a run end at events; None where they cannot, for which a scene's ``events`` are not meant.
+    """Return whether the steps of a run end at events; None if they cannot, whatever the scene's ``events`` are.
 
     Raises:
         RunError: what is asked for is none of Events, or cannot be.
@@ -241,7 +241,7 @@ def find_events(
         raise RunError(f"no events '{asked}'; there is {', '.join(Events)}")
     can = method.events and not implementation.is_twin
     if asked == Events.LOCATED and not can:
-        raise RunError(f"events are located by generated code of the methods {all_of(names_of(METHODS, lambda m: m.events))}")
+        raise RunError(f"events are located by generated code of the methods {join_and(names_of(METHODS, lambda m: m.events))}")
     if asked == Events.LOCATED and integrator.events is None:
         raise RunError(f"the integrator {integrator.name} takes steps over events: use events: crossed")
     if not can or integrator.events is None:
@@ -252,8 +252,8 @@ def find_events(
 def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure, events: bool | None) -> None:
     if not (method.fixed_cost and integrator.fixed_cost and closure.fixed_cost):
         raise RunError(
-            f"a fixed number of iterations needs the method {either(names_of(METHODS, lambda m: m.fixed_cost))} with the integrator "
-            f"{either(names_of(INTEGRATORS, lambda i: i.fixed_cost))} and closure: {either(names_of(CLOSURES, lambda c: c.fixed_cost))}"
+            f"a fixed number of iterations needs the method {join_or(names_of(METHODS, lambda m: m.fixed_cost))} with the integrator "
+            f"{join_or(names_of(INTEGRATORS, lambda i: i.fixed_cost))} and closure: {join_or(names_of(CLOSURES, lambda c: c.fixed_cost))}"
         )
     if events:
         raise RunError("a fixed number of iterations needs events: crossed: a step that ends at an event is taken in parts")
@@ -276,7 +276,7 @@ def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> floa
 
 
 def _stabilisation(settings: Numerics, closure: Closure) -> Stabilisation:
-    """How the recursive equations hold cut joints."""
+    """The stabilisation of cut joints in the recursive equations."""
     return Stabilisation(
         closure=closure.name, penalty=settings.penalty, damping_ratio=settings.damping_ratio, frequency=settings.frequency
     )  # fmt: skip

@@ -69,7 +69,7 @@ def call_simulator(
 
 
 def _is_descriptor(place: Any) -> bool:
-    """Whether a run file has an open file there."""
+    """Return whether a run file has an open file there."""
     return isinstance(place, Mapping) and "descriptor" in place
 
 
@@ -116,7 +116,7 @@ def _read_records(process: subprocess.Popen[str], progress: Progress | None, rec
 
 
 def _when(summary: Mapping[str, Any]) -> str:
-    """When a run was interrupted, as far as its summary says."""
+    """The time at which a run was interrupted, as far as its summary says, in words."""
     time = summary.get("time")
     return "interrupted" if time is None else f"interrupted at t = {time:.6g} s"
 

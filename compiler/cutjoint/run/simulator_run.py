@@ -62,7 +62,7 @@ class SimulatorRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """What the speeds at a start follow from: ``at_rest`` is whether neither scene nor guides give one."""
+    """The origin of the speeds at a start: ``at_rest`` tells that neither scene nor guides give one."""
 
     at_rest: bool
     closes_loops: bool
@@ -70,7 +70,7 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Compilation:
-    """What a compilation was, for people: operations and instructions of an evaluation, seconds, 0 for what the cache had."""
+    """The facts of a compilation, for people: operations and instructions of an evaluation, seconds, 0 for cached parts."""
 
     scene: str
     method: str

@@ -32,7 +32,7 @@ class Terminated(SystemExit):
 
 @dataclass
 class StopRequest:
-    """Which signal has come, if any, and what is called then."""
+    """The signal that has come, if any, and the call for when it comes."""
 
     number: int | None = None
     answer: Callable[[], None] | None = None
@@ -44,7 +44,7 @@ class StopRequest:
             answer()
 
     def error(self, message: str) -> Interrupted | Terminated:
-        """What to raise for it."""
+        """The error to raise for the signal."""
         assert self.number is not None
         return Interrupted(message) if self.number == signal.SIGINT else Terminated(self.number, message)
 

@@ -9,7 +9,7 @@ from typing import Any
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.locations import AnyPath
-from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, all_of, names_of
+from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, join_and, names_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.model.reduced import is_reduced
 from cutjoint.pipeline import generate
@@ -70,7 +70,7 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)
     if not closure.twin:
-        known = all_of(names_of(CLOSURES, lambda c: c.twin))
+        known = join_and(names_of(CLOSURES, lambda c: c.twin))
         raise RunError(f"the generic twin knows closure: {known} only, not {closure.name}; use --implementation generated")
 
 

@@ -16,7 +16,7 @@ from cutjoint.export.fmu.description import KINDS, Subject, write_build_descript
 from cutjoint.export.fmu.functions import missing_functions
 from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.methods import DEFAULT_METHOD, METHODS, either, names_of
+from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.pipeline import derive, generate
 from cutjoint.run.errors import RunError
@@ -152,7 +152,7 @@ def _require_method(method: str, kind: str) -> None:
     """Check that FMUs have a method."""
     known = names_of(METHODS, lambda m: m.stands_alone)
     if method not in known:
-        raise RunError(f"method: '{method}' has no FMUs; use {either(known)}")
+        raise RunError(f"method: '{method}' has no FMUs; use {join_or(known)}")
     if method != DEFAULT_METHOD and KINDS[kind][1]:
         raise RunError(f"method: '{method}' has FMUs for co-simulation alone; leave out --kind {kind}, or take the method {DEFAULT_METHOD}")
 

@@ -1,4 +1,4 @@
-"""What to do about a run that failed: other settings of the same program are tried on the way past the failure."""
+"""Fallbacks of a run that failed: other settings of the same program are tried on the way past the failure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import inf
 from time import monotonic
 from typing import Any
 
-from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, all_of
+from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, join_and
 from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
@@ -21,7 +21,7 @@ _STEPS, _SHARE = 20, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cure:
+class Fallback:
     """Other settings for a run, in words, and the parts of the run file that they change; ``free`` ones need no number to be chosen."""
 
     words: str
@@ -35,16 +35,16 @@ class Cure:
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Which cures went past a failure, up to the time ``past`` (s), which failed too, and for which there was no time."""
+    """Trials of fallbacks up to the time ``past`` (s): ``helped`` went past the failure, ``failed`` did not, ``skipped`` had no time."""
 
     past: float
-    helped: tuple[Cure, ...]
-    failed: tuple[Cure, ...]
-    skipped: tuple[Cure, ...]
+    helped: tuple[Fallback, ...]
+    failed: tuple[Fallback, ...]
+    skipped: tuple[Fallback, ...]
 
 
-def try_cures(plan: SimulatorRun, run: Trajectory) -> Trials | None:
-    """Try each cure from the start up to a little past the failure of a run; None where no other settings help, as at a start.
+def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
+    """Try each fallback from the start up to a little past the failure of a run; None where no other settings help, as at a start.
 
     Raises:
         Interrupted, Terminated: a signal has ended a run.
@@ -54,28 +54,28 @@ def try_cures(plan: SimulatorRun, run: Trajectory) -> Trials | None:
         return None
     past, budget = _time_past(plan, failure), max(_SECONDS, run.seconds)
     end = monotonic() + budget
-    found: dict[bool | None, list[Cure]] = {True: [], False: [], None: []}
-    for cure in _cures(plan):
+    found: dict[bool | None, list[Fallback]] = {True: [], False: [], None: []}
+    for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
-        found[_goes_past(cure.applied_to(plan), past, left) if left > 0 else None].append(cure)
+        found[_goes_past(fallback.applied_to(plan), past, left) if left > 0 else None].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 
 
 def follow_up(
     plan: SimulatorRun, run: Trajectory, play: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
-    """What becomes of a run that failed: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` what may help.
+    """Follow up a failed run: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` other settings.
 
     Raises:
         SimulatorError, OutputError, Interrupted, Terminated: as of a run.
     """
-    if run.failure is None or not (go_over or advise) or (trials := try_cures(plan, run)) is None:
+    if run.failure is None or not (go_over or advise) or (trials := try_fallbacks(plan, run)) is None:
         return run
-    others = [cure for cure in trials.helped if cure.free] if go_over else []
-    for cure in others:
-        other = play(cure.applied_to(plan))
+    others = [fallback for fallback in trials.helped if fallback.free] if go_over else []
+    for fallback in others:
+        other = play(fallback.applied_to(plan))
         if other.failure is None:
-            return replace(other, instead=f"{cure.words}, since {plan.run_file['integrator']} stopped: {run.failure.what}")
+            return replace(other, instead=f"{fallback.words}, since {plan.run_file['integrator']} stopped: {run.failure.what}")
     if others:
         run = play(plan)  # whose rows are in the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
@@ -98,12 +98,12 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     return replace(failure, advice="; ".join(filter(None, words)))
 
 
-def _listed(cures: tuple[Cure, ...]) -> str:
-    return all_of([cure.words for cure in cures])
+def _listed(fallbacks: tuple[Fallback, ...]) -> str:
+    return join_and([fallback.words for fallback in fallbacks])
 
 
-def _verb(cures: tuple[Cure, ...]) -> str:
-    return "goes" if len(cures) == 1 else "go"
+def _verb(fallbacks: tuple[Fallback, ...]) -> str:
+    return "goes" if len(fallbacks) == 1 else "go"
 
 
 def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
@@ -113,40 +113,40 @@ def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
     return float(min(plan.run_file["end"], failure.time + max(steps * step, _SHARE * failure.time)))
 
 
-def _cures(plan: SimulatorRun) -> Iterator[Cure]:
+def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
     """Other integrators of the program, then other settings of the same one."""
     file, numerics = plan.run_file, plan.run_file["numerics"]
     integrator = INTEGRATORS[file["integrator"]]
     for parts in plan.others:
         step = "" if INTEGRATORS[parts["integrator"]].adaptive else f" with dt {parts['numerics']['dt']:g}"
-        yield Cure(words=f"integrator {parts['integrator']}{step}", parts=parts, free=True)
+        yield Fallback(words=f"integrator {parts['integrator']}{step}", parts=parts, free=True)
     if not integrator.adaptive:
         dt = numerics["dt"]
         stride = count_steps(dt, file["end"], file["output_step"]).stride
-        yield Cure(words=f"dt {dt / 10:g}", parts={"numerics": {**numerics, "dt": dt / 10}, "output_step": stride * dt})
+        yield Fallback(words=f"dt {dt / 10:g}", parts={"numerics": {**numerics, "dt": dt / 10}, "output_step": stride * dt})
     for factor in (0.1, 10.0):
         yield _with_tolerance(numerics, factor)
     if plan.closes_loops and not CLOSURES[file["stabilisation"]["closure"]].penalty_of_each_cut and numerics["penalty"] is not None:
         for factor in (1e-2, 1e2):
             yield _with_penalty(file, factor * numerics["penalty"])
     if numerics["events"]:
-        yield Cure(words="events crossed", parts={"numerics": {**numerics, "events": False}}, free=True)
+        yield Fallback(words="events crossed", parts={"numerics": {**numerics, "events": False}}, free=True)
 
 
-def _with_tolerance(numerics: Mapping[str, Any], factor: float) -> Cure:
+def _with_tolerance(numerics: Mapping[str, Any], factor: float) -> Fallback:
     absolute = numerics["absolute_tolerance"]
     tolerance = factor * numerics["tolerance"]
     changed = {"tolerance": tolerance, "absolute_tolerance": None if absolute is None else factor * absolute}
-    return Cure(words=f"tolerance {tolerance:g}", parts={"numerics": {**numerics, **changed}})
+    return Fallback(words=f"tolerance {tolerance:g}", parts={"numerics": {**numerics, **changed}})
 
 
-def _with_penalty(file: Mapping[str, Any], penalty: float) -> Cure:
+def _with_penalty(file: Mapping[str, Any], penalty: float) -> Fallback:
     parts = {"numerics": {**file["numerics"], "penalty": penalty}, "stabilisation": {**file["stabilisation"], "penalty": penalty}}
-    return Cure(words=f"penalty {penalty:g}", parts=parts)
+    return Fallback(words=f"penalty {penalty:g}", parts=parts)
 
 
 def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
-    """Whether a run comes to a time; None where it takes longer than so many seconds."""
+    """Return whether a run comes to a time; None where it takes longer than so many seconds."""
     numerics = {**plan.run_file["numerics"], "dt": min(plan.run_file["numerics"]["dt"], past)}
     begin = monotonic()
     try:

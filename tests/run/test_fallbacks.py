@@ -19,8 +19,8 @@ from cutjoint.pipeline import compile_scene, derive
 from cutjoint.realtime import run_in_real_time
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
-from cutjoint.run.cures import Cure, try_cures
 from cutjoint.run.failures import FailedRunError
+from cutjoint.run.fallbacks import Fallback, try_fallbacks
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
@@ -74,17 +74,17 @@ FAILING = {
 def test_what_is_said_to_help_helps(case: str) -> None:
     compiled, options, parameters = FAILING[case]
     plan = make_simulator_run(compiled(), options, parameters)
-    trials = try_cures(plan, start(plan))
+    trials = try_fallbacks(plan, start(plan))
     assert trials is not None
     assert trials.helped
 
-    def ends(cure: Cure) -> bool:
-        other = cure.applied_to(plan)
+    def ends(fallback: Fallback) -> bool:
+        other = fallback.applied_to(plan)
         return start(replace(other, run_file={**other.run_file, "end": trials.past})).failure is None
 
-    assert all(ends(cure) for cure in trials.helped)
-    assert not any(ends(cure) for cure in trials.failed)
-    words = " ".join(cure.words for cure in (*trials.helped, *trials.failed))
+    assert all(ends(fallback) for fallback in trials.helped)
+    assert not any(ends(fallback) for fallback in trials.failed)
+    words = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed))
     assert ("penalty" in words) == (case == "loop, penalty")
 
 
