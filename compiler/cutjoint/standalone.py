@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.emit.classes import Parts, System
+from cutjoint.emit.classes import SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
@@ -53,7 +53,7 @@ class Standalone:
 
     name: str
     digest: str
-    parts: Parts
+    parts: SimulationCode
     integrator: str
     run_file: Mapping[str, Any]
     code: str = ""
@@ -184,11 +184,11 @@ def linearised_methods() -> tuple[str, ...]:
     return names_of(METHODS, lambda m: m.stands_alone and m.formulation is not Formulation.NATURAL)
 
 
-def _parts(equations: Equations, program: Program, lanes: bool) -> Parts:
+def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:
     """What a simulation is made of; the plan of a factorisation follows from the pattern."""
     start = equations.mechanism
     if not isinstance(equations, SystemEquations):
-        return Parts(mechanism=start, program=program, system=None)
+        return SimulationCode(mechanism=start, program=program, system=None)
     _, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
     system = System(equations=equations, program=program, plan=plan_definite(pattern))
-    return Parts(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
+    return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)

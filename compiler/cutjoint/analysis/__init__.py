@@ -1,1 +1,1 @@
-"""What can be said of a formulated model without compiling it."""
+"""Analyses of a formulated model without compiling it."""

@@ -27,11 +27,11 @@ class BodyPose:
     shift: Array
 
     def place(self, point: Array) -> Array:
-        """Where a point (3,) of the design position is, (times, 3)."""
+        """The place of a point (3,) of the design position over time, (times, 3)."""
         return np.asarray(self.rotation @ point + self.shift)
 
     def turn(self, direction: Array) -> Array:
-        """Where a direction (3,) of the design position points, (times, 3)."""
+        """The direction (3,) of the design position over time, (times, 3)."""
         return np.asarray(self.rotation @ direction)
 
 

@@ -104,7 +104,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """What a step of a mechanism or system reads of its scene's laws at ``t`` (s), by symbol; nothing of a model without inputs."""
+    """The values of a scene's laws at ``t`` (s) that a step of a mechanism or system reads, by symbol; none of a model without inputs."""
     if not equations.inputs:
         return {}
     results = equations.function("scene_inputs").results

@@ -1,4 +1,5 @@
-"""How well a loop's equations are conditioned wherever it is cut: it ranks cuts of equal cost, and with the costs it says why."""
+"""The condition of a loop's equations by each of its cuts: it ranks cuts of equal cost, and with the costs it gives the reason of a
+choice."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ class RatedChoice:
 
     @property
     def reason(self) -> str:
-        """Why the cut joint in use is cut, beside the best alternative."""
+        """The reason that the cut joint in use is cut, beside the best alternative."""
         given = self.used.option.joint.cut is True
         if not self.alternatives:
             return "given by the model" if given else "no other joint of the loop may be cut"

@@ -64,7 +64,7 @@ def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
 
 
 def _not_made_up_for(jacobian: Array, rates: Array) -> Array:
-    """What remains of rates that speeds are to make up for."""
+    """The rest of rates that speeds cannot make up for."""
     if not jacobian.size:
         return rates
     speeds = np.linalg.lstsq(jacobian, rates, rcond=1e-9)[0]

@@ -73,7 +73,7 @@ def find_momentary_motions(equations: RecursiveEquations, poses: Sequence[Pose])
 
 
 def describe_momentary(model: Model, motion: IdleMotion) -> str:
-    """What is wrong with the design position, at the lines of the bodies that have no mass, or at all of the motion if each has some."""
+    """The fault of the design position, at the lines of the bodies without mass, or at all moved bodies if each has some."""
     moved = [body for body in model.bodies if body.name in {t.child for t in motion.joints}]
     named = [body for body in moved if body.is_massless] or moved
     message = (
@@ -98,7 +98,7 @@ def find_idle_motions(equations: RecursiveEquations) -> tuple[IdleMotion, ...]:
 
 
 def _every_body_resists(equations: RecursiveEquations) -> bool:
-    """Whether each body's own mass resists every motion in its joint: then so does the mechanism, and no pose need be looked at."""
+    """Return whether each body's own mass resists every motion in its joint: then so does the mechanism, and no pose need be looked at."""
     topology = equations.topology
     bodies = {b.name: b for b in topology.model.bodies}
     return all(_resists(topology.model, bodies[t.child], t) for t in topology.tree)
@@ -124,7 +124,7 @@ def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
 
 
 def _effects(equations: RecursiveEquations) -> list[Block]:
-    """What the masses resist: each body's momentum and angular momentum about its centre of mass in its own axes."""
+    """The momentum of each body, and its angular momentum about its centre of mass in its own axes: masses resist their change."""
     b, model = Builder(), equations.topology.model
     charts = {c.joint: c for c in equations.charts}
     k = derive_kinematics(b, make_translator(b, model), equations.topology, charts)

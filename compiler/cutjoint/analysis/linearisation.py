@@ -41,8 +41,11 @@ class Linearisation:
 
 @dataclass(frozen=True, kw_only=True)
 class ReducedSystem:
-    """The same in independent unknowns: ``basis`` N (speeds, freedoms), ``stiffness`` and ``damping`` (freedoms, freedoms) beside a unit
-    mass, and ``first_order``, the matrix of (z, w)'."""
+    """The linearised equations in independent unknowns.
+
+    ``basis`` N (speeds, freedoms), ``stiffness`` and ``damping`` (freedoms, freedoms) beside a unit mass, and ``first_order``, the matrix
+    of (z, w)'.
+    """
 
     basis: Array
     stiffness: Array

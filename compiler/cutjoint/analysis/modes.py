@@ -26,7 +26,7 @@ _ALIKE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Participant:
-    """What one coordinate does in a mode.
+    """The part of one coordinate in a mode.
 
     ``amplitude`` is relative to that of the coordinate with the largest share, in SI units (m, rad), its phase that by which the
     coordinate is ahead; ``share`` is its part of the mode's kinetic energy, coordinate times momentum: shares add up to one, and one

@@ -1,4 +1,4 @@
-"""Which components of reactions mechanics determines where equations of cut joints depend on each other.
+"""The components of reactions that mechanics determines where equations of cut joints depend on each other.
 
 Multipliers lambda of a motion are determined but for the null space of the transposed Jacobian: A^T n = 0 moves nothing.  A component of a
 reaction that some such n changes is statically indeterminate.
@@ -49,7 +49,7 @@ def _regular(poses: Sequence[Pose]) -> list[Pose]:
 
 
 def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
-    """How much unit multipliers of the null space change of each column at most, beside what single multipliers change together."""
+    """The largest change of each column by unit multipliers of the null space, beside the changes by single multipliers together."""
     null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose)
     sizes = np.linalg.norm(changes, axis=0)
     shares: Array = np.abs(null @ changes).max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
@@ -57,7 +57,7 @@ def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
 
 
 def _changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """What single multipliers of 1, by rows, change of each column."""
+    """The change of each column by single multipliers of 1, by rows."""
     each = np.eye(len(equations.equation_names))
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
     pushed = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}

@@ -1,4 +1,4 @@
-"""Which of the cut joints' equations follow from the others, and whether they do so in every pose or for a moment."""
+"""The cut joints' equations that follow from the others, in every pose or for a moment."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def _name(
 
 
 def _combinations(rows: Sequence[int], kept: Sequence[int], jacobians: Sequence[Array]) -> NDArray[np.bool_]:
-    """Whether each kept row (first axis) takes part in the combination that gives a redundant row (second), in any matrix."""
+    """Return whether each kept row (first axis) takes part in the combination that gives a redundant row (second), in any matrix."""
     result = np.zeros((len(kept), len(rows)), dtype=bool)
     for jacobian in jacobians if result.size else ():
         base, others = jacobian[kept], jacobian[rows]

@@ -15,12 +15,12 @@ _NEAR = 0.01
 
 
 def describe_geometry(equations: RecursiveEquations, mobility: Mobility) -> str:
-    """What of a mechanism's geometry is slightly off, and what to do; "" where nothing is."""
+    """The fault in a mechanism's geometry that is slightly off, and its remedy; "" without one."""
     return describe_skew(equations, mobility) or _describe_rigidity(equations, mobility)
 
 
 def _describe_rigidity(equations: RecursiveEquations, mobility: Mobility) -> str:
-    """Which speed of a rigid mechanism the loops hold only just, and what to look at; "" where they hold all well."""
+    """The speed of a rigid mechanism that the loops hold only just, and places to look at; "" where they hold all well."""
     if mobility.degrees_of_freedom or not mobility.closed or any(joint.guide for joint in equations.topology.model.joints):
         return ""  # what guides drive is held by them, near dead centres too
     start = close_loops(equations, design_coordinates(equations))

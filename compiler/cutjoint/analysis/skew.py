@@ -46,7 +46,7 @@ class SkewAxis:
 
     @property
     def advice(self) -> str:
-        """What to write."""
+        """The line to write."""
         x, y, z = self.meant
         if np.abs(self.meant).max() == 1.0:
             return f"axis: [{x:g}, {y:g}, {z:g}] at '{self.joint.name}'"
@@ -54,7 +54,7 @@ class SkewAxis:
 
 
 def describe_skew(equations: RecursiveEquations, mobility: Mobility) -> str:
-    """Which axes are slightly off so that the mechanism has less freedom, and what to write; "" where none are."""
+    """The axes that are slightly off so that the mechanism has less freedom, and their remedy; "" where none are."""
     topology = equations.topology
     geometry, found = JointGeometry(model=topology.model), list[SkewAxis]()
     for loops in _groups(list(loops_of(topology.tree, topology.cuts).items()), topology.cuts):

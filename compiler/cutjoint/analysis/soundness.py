@@ -1,4 +1,4 @@
-"""Whether the equations of a model can be solved at all."""
+"""Checks that the equations of a model can be solved at all."""
 
 from __future__ import annotations
 

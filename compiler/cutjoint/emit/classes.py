@@ -1,4 +1,4 @@
-"""What a simulation that stands alone is made of, and the C++ classes of that."""
+"""The code of a simulation that stands alone: its programs and their C++ classes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNUSED = frozenset({"domains", "energy"})
 
 @dataclass(frozen=True, kw_only=True)
 class System:
-    """What Newton's iteration steps: its equations and program, and the plan of its factorisation."""
+    """The system that Newton's iteration steps: its equations and program, and the plan of its factorisation."""
 
     equations: SystemEquations
     program: Program
@@ -32,9 +32,9 @@ class System:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parts:
-    """What a simulation is made of: the mechanism, which finds where it starts, its program, and the system that is stepped, None where the
-    mechanism itself is.
+class SimulationCode:
+    """The code of a simulation: the mechanism, which finds its start, its program, and the system to step, None to step the mechanism
+    itself.
 
     With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
     that is stepped itself values that change their sign where its formulas change.  With a program without lanes of its own,
@@ -54,12 +54,12 @@ class Parts:
 
     @property
     def page(self) -> Page:
-        """What all templates are given."""
+        """The names and banners for all templates."""
         return Page.of(self.mechanism, self.method)
 
     @property
     def lanes(self) -> int:
-        """How many simulations go side by side, 0 if none do."""
+        """The number of simulations side by side, 0 if there is no such class."""
         return 0 if self.side_by_side is None else LANES
 
     @property
@@ -67,14 +67,14 @@ class Parts:
         """The equations of what is stepped, which have parameters, inputs and outputs."""
         return self.mechanism if self.system is None else self.system.equations
 
-    def over_events(self) -> Parts:
-        """The same for steps that go over events."""
+    def over_events(self) -> SimulationCode:
+        """Copy the code for steps that go over events."""
         system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
         return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Class:
+class CppClass:
     """A generated class: its ``name``, its ``header``, its ``functions`` by file, its ``layout`` (sizes, charts, cut joints, switches,
     pattern), and the header of a ``factorisation`` that it needs."""
 
@@ -91,8 +91,8 @@ class Class:
 
 
 def class_of_mechanism(
-    parts: Parts, program: Program, conditions: str = "bool", *, apart: bool, header: str = "", space: str = SPACE
-) -> Class:
+    parts: SimulationCode, program: Program, conditions: str = "bool", *, apart: bool, header: str = "", space: str = SPACE
+) -> CppClass:
     """The class of the mechanism by a program of it, in a namespace; ``apart`` in files of their own, with the name of the ``header``
     without its ending."""
     page, equations = parts.page, parts.mechanism
@@ -110,10 +110,10 @@ def class_of_mechanism(
         operations={name: program.operations(name) for name in names}, **members(viewer, equations), **layout, **how,
     )  # fmt: skip
     functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return Class(name=page.class_name, header=described, functions=functions, layout=layout)
+    return CppClass(name=page.class_name, header=described, functions=functions, layout=layout)
 
 
-def class_of_system(parts: Parts, system: System, *, apart: bool, header: str = "") -> Class:
+def class_of_system(parts: SimulationCode, system: System, *, apart: bool, header: str = "") -> CppClass:
     """The class of the system, and its factorisation; as above."""
     equations, program, plan = system.equations, system.program, system.plan
     page = replace(parts.page, class_name=system_class(parts.page.class_name))
@@ -128,7 +128,7 @@ def class_of_system(parts: Parts, system: System, *, apart: bool, header: str = 
     how = {"core": True, "apart": apart}
     described = render_class(page, viewer, program, equations, names, **layout, **how)
     functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return Class(name=page.class_name, header=described, functions=functions | factorisation, layout=layout, factorisation=needed)
+    return CppClass(name=page.class_name, header=described, functions=functions | factorisation, layout=layout, factorisation=needed)
 
 
 def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
@@ -137,7 +137,7 @@ def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
 
 
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
-    """What a class says of its sizes."""
+    """The sizes that a class declares."""
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),

@@ -52,7 +52,7 @@ def pivot_name(plan: Plan, pivot: int, names: Sequence[str]) -> str:
 
 
 def _turned(structure: Sequence[Sequence[int]]) -> list[list[int]]:
-    """For each tile those that have it in their structure."""
+    """The structure transposed: for each tile the tiles that refer to it."""
     found: list[list[int]] = [[] for _ in structure]
     for k, others in enumerate(structure):
         for other in others:
@@ -128,7 +128,7 @@ class _Factors:
         return "" if position is None else f"tangent[{position}]"
 
     def _terms(self, row: int, column: int) -> Iterator[str]:
-        """What earlier tiles change in the block of these tiles."""
+        """The terms of earlier tiles in the block of these tiles."""
         lower, upper = self._storage.lower, self._storage.upper
         for k in self._left[row]:
             if k < min(row, column) and k in self._above[column]:
@@ -146,7 +146,7 @@ class _Solution:
         self._left = _turned(plan.tiling.lower)
 
     def forward(self, tile: int, names: Sequence[str]) -> Block:
-        """What the earlier tiles leave of a tile's right-hand side."""
+        """The block of a tile's right-hand side, less the terms of the earlier tiles."""
         rows = self._plan.tiling.elimination.rows
         size = self._tiling.size
         return Block(

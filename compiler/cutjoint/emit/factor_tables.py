@@ -138,7 +138,7 @@ def _entries(plan: Plan) -> list[list[tuple[int, int]]]:
 
 
 def _place(plan: Plan, p: int, q: int, row: int, column: int) -> int:
-    """Where the entry of two pivots, in the tiles ``row`` and ``column``, is stored."""
+    """The place of the entry of two pivots, in the tiles ``row`` and ``column``."""
     storage, first = plan.storage, plan.tiling.first
     lane_p, lane_q = p - first[row], q - first[column]
     if row < column:

@@ -80,7 +80,7 @@ def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -
 
 
 def _description(equations: RecursiveEquations | SystemEquations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, Any]:
-    """What the model says of itself, as generated code has it."""
+    """The description of the model, as generated code has it."""
     d: dict[str, Any] = description(equations, lists)
     return {
         "name": equations.topology.model.name,
@@ -176,7 +176,7 @@ class _Assembler:
         }  # fmt: skip
 
     def _place(self, computed: Sequence[int], *, early: bool) -> None:
-        """Registers for scalars; what is gathered is computed where it is gathered to."""
+        """Assign registers to scalars; a scalar of a gather is computed at its place there."""
         kept, nodes = self._early if early else self._late, self._graph.nodes
         own = set(computed)
         for n in sorted(computed, key=lambda n: nodes[n].op != "gather"):
@@ -219,7 +219,7 @@ class _Assembler:
         return self._spread[a, user.lanes]
 
     def _register(self, n: int) -> int:
-        """Where a scalar stands."""
+        """The register of a scalar."""
         node = self._graph.nodes[n]
         match node.op, node.data:
             case "const", float(value):

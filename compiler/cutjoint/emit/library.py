@@ -1,7 +1,7 @@
 """Program -> a library with the C interface of a folder that stands alone, a file a function: what is unchanged is not compiled again.
 
-Its classes are those of the folder, but for what a simulation is told of them, which stands beside the interface: another column changes
-that and `report`, and no other function.
+Its classes are those of the folder.  Their layout alone stands apart, beside the interface: another column changes it and `report`, and no
+other function.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cutjoint.emit.classes import LANES, Class, Parts, class_of_mechanism, class_of_system
+from cutjoint.emit.classes import LANES, CppClass, SimulationCode, class_of_mechanism, class_of_system
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 
-#: The namespace of classes with what a simulation is told of them, and that of instances side by side.
+#: The namespace of classes with their layout, and that of instances side by side.
 _SIZED, _SIDE = "cutjoint::sized", "side_by_side"
 
 
@@ -49,7 +49,7 @@ class _Placed:
     """A class of the library: where its ``header`` is, without the ending, what files of its functions begin with, its namespace within
     that of generated classes, the target of the project that compiles it, and for which number types."""
 
-    made: Class
+    made: CppClass
     header: str
     prefix: str = ""
     space: str = ""
@@ -68,7 +68,7 @@ class _Placed:
         return {f"{self.prefix}{file}": text for file, text in some.items()}
 
 
-def emit_library(parts: Parts, run_file: Mapping[str, Any], digest: str, code: str = "") -> Source:
+def emit_library(parts: SimulationCode, run_file: Mapping[str, Any], digest: str, code: str = "") -> Source:
     """The files of a library and of the project that builds it; ``run_file`` and ``digest`` as of `emit_standalone`, ``code`` is what it
     has behind its interface."""
     parts, view = prepare(parts, run_file, digest)
@@ -85,7 +85,7 @@ def emit_library(parts: Parts, run_file: Mapping[str, Any], digest: str, code: s
     return page.source({**files, "CMakeLists.txt": project}, driver=LIBRARY)
 
 
-def _classes(parts: Parts) -> Iterator[_Placed]:
+def _classes(parts: SimulationCode) -> Iterator[_Placed]:
     """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.freedoms is not None
     mechanism = class_of_mechanism(parts, parts.program, apart=True, header=name)
@@ -100,7 +100,7 @@ def _classes(parts: Parts) -> Iterator[_Placed]:
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 
-def _interface(parts: Parts, classes: Sequence[_Placed], run_file: Mapping[str, Any], view: Mapping[str, object]) -> str:
+def _interface(parts: SimulationCode, classes: Sequence[_Placed], run_file: Mapping[str, Any], view: Mapping[str, object]) -> str:
     """The C++ file of the C interface, with the simulation and its integrator."""
     page, has_lanes = parts.page, any("Lanes<Real, " in each.made.header for each in classes)
     runtime = headers_of(parts, STEPS[parts.method][run_file["integrator"]], has_lanes=has_lanes)

@@ -13,12 +13,12 @@ from cutjoint.program.scalars import Graph
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class LoopText:
     """The loops of one function in C++.
 
-    ``arrays`` are declarations, ``known`` the texts of what loops compute and what their bodies read, ``elements`` those of the bodies'
-    scalars that arrays keep, ``names`` of their others, ``tables`` the name and nodes of each table by the number of its loop, ``copies``
-    what goes where before it, ``fronts`` what a body begins with.
+    ``arrays`` are declarations, ``known`` the texts of computed scalars and of the bodies' arguments, ``elements`` the texts of the bodies'
+    scalars that arrays keep, ``names`` of their others.  By the number of a loop, ``tables`` has the name and nodes of each table,
+    ``copies`` the copies before it, ``fronts`` the first lines of its body.
     """
 
     arrays: tuple[str, ...]
@@ -36,8 +36,8 @@ class Written:
         return *copies, *tables, *_heading(loop), *self.fronts[i]
 
 
-def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> Written:
-    """Name what the loops of a function keep.
+def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str], taken: set[str], conditions: str) -> LoopText:
+    """Name the kept scalars of a function's loops.
 
     ``names`` are those of its scalars, ``prefixes`` begin names of a section's others; ``taken`` are in use, new ones are put in.
     """
@@ -88,7 +88,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
         tables.append(tuple(front_names))
         fronts.append(tuple(front_lines))
     copies = tuple(tuple((_element(arrays[c.loop, c.statement], c.place), c.node) for c in loop.copies) for loop in rolled.loops)
-    return Written(
+    return LoopText(
         arrays=tuple(declared), known=known, elements=elements, names=named, tables=tuple(tables), copies=copies, fronts=tuple(fronts),
     )  # fmt: skip
 

@@ -62,10 +62,11 @@ def unique(name: str, taken: set[str]) -> str:
 
 
 def common_name(first: str, last: str) -> str:
-    """What the names of the first and the last of several like things share: without the numbers that differ; empty if more differs.
+    """The common part of the names of the first and the last of several like things.
 
-    >>> common_name("R_crank_0_bar_xx", "R_crank_19_bar_xx")
-    'R_crank_bar_xx'
+    It is without the numbers that differ, and empty if more differs.
+
+    >>> common_name("R_crank_0_bar_xx", "R_crank_19_bar_xx") 'R_crank_bar_xx'
     """
     ones, others = (re.split(r"_?(\d+)", name) for name in (first, last))
     if ones[::2] != others[::2]:

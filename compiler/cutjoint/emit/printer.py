@@ -67,7 +67,7 @@ class Printer:
         return printed
 
     def count_uses(self, nodes: Sequence[int], results: Sequence[int]) -> dict[int, int]:
-        """How often each of the nodes is an argument of others, or a result."""
+        """The number of uses of each of the nodes, as an argument of others or as a result."""
         uses = dict.fromkeys(nodes, 0)
         for n in nodes:
             for a in self.graph.nodes[n].args:

@@ -14,7 +14,7 @@ import sympy
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
-from cutjoint.emit.classes import Parts, System, class_of_mechanism, class_of_system, sizes_of
+from cutjoint.emit.classes import SimulationCode, System, class_of_mechanism, class_of_system, sizes_of
 from cutjoint.emit.source import Page, switches_of, system_class
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.forces import guards_of
@@ -110,7 +110,7 @@ TORN = 0.01
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
-def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
+def emit_standalone(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
     """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
     parts, view = prepare(parts, run_file, digest)
@@ -127,8 +127,8 @@ def emit_standalone(parts: Parts, run_file: Mapping[str, Any], digest: str) -> d
     }
 
 
-def prepare(parts: Parts, run_file: Mapping[str, Any], digest: str) -> tuple[Parts, dict[str, object]]:
-    """What is compiled of the parts for steps that need not find events, and what templates are given."""
+def prepare(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> tuple[SimulationCode, dict[str, object]]:
+    """The code that is compiled, without events if its steps need not find them, and the templates' view of it."""
     if not run_file["numerics"]["events"] and (parts.freedoms is None or parts.system is not None):
         parts = parts.over_events()
     return parts, _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
@@ -143,7 +143,7 @@ def _in_c(page: Page) -> dict[str, object]:
     return {"banner": "\n".join(f"/* {line} */" for line in page.banner)}
 
 
-def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) -> str:
+def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
     code = class_of_mechanism(parts, parts.program, apart=False).code
     if parts.system is not None:
@@ -164,7 +164,7 @@ def _source(page: Page, parts: Parts, steps: Steps, view: Mapping[str, object]) 
     ])  # fmt: skip
 
 
-def headers_of(parts: Parts, steps: Steps, *, has_lanes: bool) -> list[str]:
+def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[str]:
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
@@ -172,8 +172,8 @@ def headers_of(parts: Parts, steps: Steps, *, has_lanes: bool) -> list[str]:
     return [*lanes, _CORE, steps.header, *more]
 
 
-def _view(parts: Parts, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
-    """What the templates of the folder are given."""
+def _view(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
+    """The view for the templates of the folder."""
     equations, integrator = parts.stepped, run_file["integrator"]
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     start, tables = parts.mechanism, _tables(equations)
@@ -323,7 +323,7 @@ def _causes() -> list[dict[str, str]]:
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
 
 
-def simulation_size(parts: Parts, steps: Steps) -> int:
+def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
     equations, start = parts.stepped, parts.mechanism
     n, m, q, state = _lengths(start)
@@ -352,7 +352,7 @@ def simulation_size(parts: Parts, steps: Steps) -> int:
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:
-    """How many speeds, equations and coordinates there are, and numbers of a state."""
+    """The numbers of speeds, equations and coordinates, and the length of a state."""
     n, m, q = len(equations.speed_names), len(equations.equation_names), len(equations.coordinate_names)
     return n, m, q, 2 + q + 2 * n + m
 

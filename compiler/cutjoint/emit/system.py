@@ -79,13 +79,13 @@ def render_class(
 
 
 def _relative(equations: SystemEquations) -> dict[str, object]:
-    """What only systems in relative coordinates say of themselves."""
+    """The part of the description that systems in relative coordinates alone have."""
     speeds = {"field": "speeds", "names": equations.speed_names}
     return {"charts": equations.charts, "speed_lists": [speeds] if equations.charts else [], "switches": switches_of(equations)}
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:
-    """What the templates are given of a pattern; ``names`` has one for each column."""
+    """The view of a pattern for the templates; ``names`` has one for each column."""
     columns = [
         {"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)
     ]  # fmt: skip

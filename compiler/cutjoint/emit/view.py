@@ -8,7 +8,7 @@ from itertools import groupby
 from textwrap import wrap
 from types import MappingProxyType
 
-from cutjoint.emit.loops import Written, index, read_by_loops, write_loops
+from cutjoint.emit.loops import LoopText, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import STANDARD, Printer, Statement, kept_type, lanes_type
 from cutjoint.formulate.inputs import INPUTS
@@ -206,7 +206,7 @@ class Viewer:
         results += _stores(rolled, loops, printer)
         return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
 
-    def _loop(self, i: int, rolled: Rolled, loops: Written, printer: Printer) -> list[SectionView]:
+    def _loop(self, i: int, rolled: Rolled, loops: LoopText, printer: Printer) -> list[SectionView]:
         """The sections of a loop's body; none where it only stores results."""
         loop = rolled.loops[i]
         nodes = rolled.graph.nodes
@@ -289,7 +289,7 @@ def _in_parts(sections: Sequence[SectionView]) -> list[SectionView]:
     return views
 
 
-def _stores(rolled: Rolled, loops: Written, printer: Printer) -> list[str]:
+def _stores(rolled: Rolled, loops: LoopText, printer: Printer) -> list[str]:
     """The lines of loops that store results."""
     lines: list[str] = []
     for i, loop in enumerate(rolled.loops):
@@ -311,7 +311,7 @@ def _wrapped(statement: Statement) -> Statement:
 
 
 def _prefix(section: Section) -> str:
-    """What names begin with that a section has no better ones for."""
+    """The beginning of names in a section for scalars without better names."""
     first, _, last = section.element.partition(TO)
     return identifier((common_name(first, last) if last else first) or section.stage)
 

@@ -42,7 +42,7 @@ from typing import Any
 
 
 class BindingTime(IntEnum):
-    """When a value is known; a block is known when the latest of its arguments is."""
+    """The time at which a value is known; a block is known when the latest of its arguments is."""
 
     CONST = 0  #: in the compiler
     PARAM = 1  #: when parameters are loaded
@@ -89,8 +89,10 @@ class ConstantError(ArithmeticError):
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a block is: ``symbol`` as in the formulation's equations, of which ``parts`` of the model, ``which`` of those that one part has,
-    such as its first coordinate, and its ``number`` among all that are called the same."""
+    """The meaning of a block: ``symbol`` as in the formulation's equations, and ``parts`` of the model.
+
+    ``which`` tells apart several of one part, such as its first coordinate, and ``number`` is its place among blocks of the same name.
+    """
 
     symbol: str
     parts: tuple[str, ...]
@@ -100,7 +102,7 @@ class Quantity:
 
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """What readers call a block.  ``rows`` and ``columns`` name its elements; those of three or six are axes without."""
+    """The name of a block for readers.  ``rows`` and ``columns`` name its elements; three or six without names are axes."""
 
     text: str
     rows: tuple[str, ...] = ()
@@ -381,7 +383,7 @@ class Builder:
         return self._make("gather", tuple(blocks), blocks[0].shape, symmetric=symmetric, lanes=len(blocks))
 
     def lane(self, a: Block, k: int) -> Block:
-        """What lane k of a has."""
+        """The value of a in lane k."""
         return self._make("lane", (a,), a.shape, data=k, symmetric=a.symmetric, lanes=0) if a.lanes else a
 
     def lane_sum(self, a: Block) -> Block:
@@ -393,7 +395,7 @@ class Builder:
         return self._make("lane_sum", (a,), a.shape, symmetric=a.symmetric, lanes=0)
 
     def again(self, block: Block, args: Sequence[Block]) -> Block:
-        """The same operation on other arguments."""
+        """Repeat an operation on other arguments."""
         if tuple(args) == block.args:
             return block
         return self._make(block.op, tuple(args), block.shape, data=block.data, symmetric=block.symmetric)
@@ -433,12 +435,12 @@ def _lanes_of(op: str, args: Sequence[Block]) -> int:
 
 
 def is_zero(a: Block) -> bool:
-    """Whether a is the constant zero block."""
+    """Return whether a is the constant zero block."""
     return a.op == "const" and not any(x for row in _rows(a) for x in row)
 
 
 def is_identity(a: Block) -> bool:
-    """Whether a is a constant unit matrix."""
+    """Return whether a is a constant unit matrix."""
     return a.op == "const" and a.shape[0] == a.shape[1] and all(
         x == (i == j) for i, row in enumerate(_rows(a)) for j, x in enumerate(row)
     )  # fmt: skip

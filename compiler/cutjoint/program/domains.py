@@ -1,4 +1,4 @@
-"""Where the laws of a program have no value: the arguments of their roots, logarithms and quotients."""
+"""The domains of the laws of a program: the arguments of their roots, logarithms and quotients."""
 
 from __future__ import annotations
 

@@ -21,8 +21,11 @@ Family: TypeAlias = tuple[Block, ...]
 
 @dataclass(frozen=True)
 class _Plan:
-    """How a family is computed: ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed`` by signs times another
-    family, ``sum`` of families, or by the ``same`` operation on families."""
+    """The way in which a family is computed.
+
+    It is ``uniform`` by its one block, ``const``, ``gather`` from its members, ``signed`` by signs times another family, ``sum`` of
+    families, or by the ``same`` operation on families.
+    """
 
     kind: str
     family: Family

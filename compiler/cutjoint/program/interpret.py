@@ -19,7 +19,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class RoadTable(Protocol):
-    """What a road answers at a point of the ground plane: height and slope, and their derivatives by x."""
+    """A road's answers at a point of the ground plane: height and slope, and their derivatives by x."""
 
     def height(self, x: float, y: float) -> float:
         """Height, m."""

@@ -192,7 +192,7 @@ class _Rolling:
         return tuple(sorted(node.args, key=lambda a: repr(self._kind(a)))) if node.op in ("add", "mul") else node.args
 
     def _kind(self, a: int) -> tuple[object, ...]:
-        """What an argument must have in common with that of another iteration."""
+        """The properties that an argument must share with that of another iteration."""
         bare = self._graph.signless(a)
         node, negated = self._nodes[bare], bare != a
         if node.op in ("const", "lane_const"):
@@ -210,7 +210,7 @@ class _Rolling:
         return self._place(*data)
 
     def _key_of(self, group: Sequence[int]) -> int:
-        """The same number for sections whose statements have the same shape."""
+        """The number of a section's shape: sections with statements of the same shape share it."""
         nodes = [self._nodes[n] for n in group]
         kinds = [tuple(self._kind(a) for a in self._signed(n)) for n in group]
         shape = tuple((node.op, node.lanes, node.data, kind) for node, kind in zip(nodes, kinds, strict=True))
@@ -219,7 +219,7 @@ class _Rolling:
         return key
 
     def _part(self, n: int) -> tuple[int, int]:
-        """The same for statements that stay together: those of an element; what belongs to none goes by itself."""
+        """The number of the part to which a statement belongs: an element's statements stay together, all others are parts of their own."""
         section = self._nodes[n].section
         return section, -1 if self._program.sections[section].element else n
 
@@ -252,7 +252,7 @@ class _Rolling:
         return all(fitted)
 
     def _fits(self, i: int, run: _Run) -> bool:
-        """Fit what one run reads; leave off the iterations up to one that does not fit, or from it on, whichever are fewer."""
+        """Fit the arguments of one run.  Drop the iterations up to one that does not fit, or from it on, whichever are fewer."""
         run.given = {}
         for column in dict.fromkeys(c for row in zip(*run.iterations, strict=True) for c in self._columns(row)):
             if len(set(column)) == 1 or self._is_inside(i, column):
@@ -278,12 +278,12 @@ class _Rolling:
         return [self._place(r.target, r.index) for r in (self._results[-1 - n] for n in row)]
 
     def _is_inside(self, i: int, column: _Column) -> bool:
-        """Whether an argument is a value of the same iteration."""
+        """Return whether an argument is a value of the same iteration."""
         first = self._where.get(column[0])
         return first is not None and all(self._where.get(a) == (i, first[1], k) for k, a in enumerate(column))
 
     def _fit(self, i: int, column: _Column) -> Given | int:
-        """Where the values of a column are, or an iteration that does not fit."""
+        """The places of a column's values, or an iteration that does not fit."""
         if self._is_input(column[0]):
             return self._fit_input([self._place_of(a) for a in column], column)
         if column[0] not in self._own:
@@ -376,8 +376,10 @@ class _Rolling:
         )  # fmt: skip
 
     def _lanes(self, i: int, run: _Run, wanted: frozenset[tuple[int, int]]) -> int:
-        """How many iterations of a run are computed side by side: none where they read each other's values, have lanes of their own, or
-        keep conditions or read stored ones."""
+        """The number of iterations of a run that are computed side by side.
+
+        It is 0 where they read each other's values, have lanes of their own, or keep conditions or read stored ones.
+        """
         alone = not any(isinstance(g, Stored) and g.loop == i for g in run.given.values())
         nodes = [self._nodes[n] for n in run.iterations[0] if n >= 0]
         plain = not any(x.lanes or x.op in ("lane", "lane_sum") or x.op.startswith("road_") for x in nodes)
@@ -388,7 +390,7 @@ class _Rolling:
     def _argument(
         self, column: _Column, run: _Run, body: Mapping[int, int], given: dict[_Column, int], graph: Graph, lanes: int
     ) -> int:  # fmt: skip
-        """What a body's node has as an argument."""
+        """The argument of a body's node."""
         if column in run.given:
             if column not in given:
                 like = self._nodes[column[0]]
@@ -403,7 +405,7 @@ class _Rolling:
 
 
 def _is_worth(run: _Run) -> bool:
-    """Whether a run has enough iterations and statements for a loop."""
+    """Return whether a run has enough iterations and statements for a loop."""
     count = len(run.iterations)
     return count >= LEAST and count * len(run.iterations[0]) >= WORTH
 

@@ -12,7 +12,7 @@ from cutjoint.program.scalars import FREE, Graph
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """Where one scalar of a function's result goes: element ``index`` of ``target``."""
+    """The place of one scalar of a function's result: element ``index`` of ``target``."""
 
     target: str
     index: int
@@ -64,7 +64,7 @@ class Program:
         return sum(self._weight(n) for n in self.function(name).statements)
 
     def instructions(self, name: str) -> int:
-        """The same with all lanes of a scalar counted once."""
+        """Instructions of one call: its operations with all lanes of a scalar counted once."""
         return sum(1 for n in self.function(name).statements if self.graph.nodes[n].op not in FREE)
 
     def _weight(self, n: int) -> int:

@@ -104,7 +104,7 @@ class Graph:
         return self._make("gather", args, lanes=len(args))
 
     def lane(self, a: int, k: int) -> int:
-        """What lane k of a has."""
+        """The value of a in lane k."""
         node = self.nodes[a]
         if not node.lanes:
             return a
@@ -281,7 +281,7 @@ class Graph:
         return self.mul(square, a) if exponent % 2 else square
 
     def signless(self, a: int) -> int:
-        """What a negation negates, anything else itself: a negation costs nothing to repeat."""
+        """The argument of a negation, anything else itself: a negation costs nothing to repeat."""
         node = self.nodes[a]
         return node.args[0] if node.op == "neg" else a
 
@@ -298,5 +298,5 @@ class Graph:
 
 
 def _has_inverse(x: float) -> bool:
-    """Whether 1/x is finite: it is not for zero and for the smallest numbers."""
+    """Return whether 1/x is finite: it is not for zero and for the smallest numbers."""
     return x != 0.0 and math.isfinite(1.0 / x)

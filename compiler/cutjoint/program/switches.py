@@ -1,4 +1,4 @@
-"""Where a program goes over from one formula to another: the values at whose change of sign its choices change."""
+"""The switches of a program from one formula to another: the values at whose change of sign its choices change."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def find_switches(builder: Builder, results: Iterable[Block]) -> list[Switch]:
 
 
 def _switches(builder: Builder, block: Block) -> list[Switch]:
-    """What a block's formula changes with."""
+    """The switches of a block's formula."""
     if block.op != "call":
         return []
     function, road = _function(block)

@@ -36,7 +36,7 @@ class Inputs:
 
 
 class Variation:
-    """How blocks change in one direction.
+    """The change of blocks in one direction.
 
     ``changes`` has the derivative of blocks that are known; ``turns`` those 3x3 rotations whose derivative is w~ R, by their w (3, 1).  A
     block that depends on none of ``symbols`` does not change.

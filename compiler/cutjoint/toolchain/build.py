@@ -65,7 +65,7 @@ def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) 
 
 
 def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
-    """Whether the cache has the simulator of a source.
+    """Return whether the cache has the simulator of a source.
 
     Raises:
         ToolchainError: there is no compiler.

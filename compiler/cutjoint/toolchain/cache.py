@@ -28,12 +28,12 @@ from cutjoint.toolchain.trust import Trust, trust_of
 
 
 def cache_folder() -> Path:
-    """Where binaries are cached: $CUTJOINT_CACHE, else the user's cache folder."""
+    """The folder of cached binaries: $CUTJOINT_CACHE, else the user's cache folder."""
     return Path(os.environ.get("CUTJOINT_CACHE") or platformdirs.user_cache_path("cutjoint")).absolute()
 
 
 def installed_folder() -> Path:
-    """Where files are that all caches share: beside the installation."""
+    """The folder of files that all caches share: beside the installation."""
     return Path(sys.prefix) / "share" / "cutjoint"
 
 
@@ -159,7 +159,7 @@ def require_writable(folder: Path) -> None:
 
 
 def _store_of(file: Path) -> Path:
-    """Which of the two folders a file is in."""
+    """The folder that has a file, one of the two above."""
     return installed_folder() if file.is_relative_to(installed_folder()) else cache_folder()
 
 

@@ -103,7 +103,7 @@ def _call(
 
 
 def _advice(text: str, compiler: Compiler, flags: Sequence[str]) -> str:
-    """What to do about what CMake and the compiler say."""
+    """The advice about a message of CMake or the compiler."""
     if "No space left on device" in text:
         return "make room on the disk, or set $CUTJOINT_CACHE to a folder on another one"
     if "CMakeTestCXXCompiler" in text or _UNKNOWN in text:

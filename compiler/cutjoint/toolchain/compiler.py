@@ -40,7 +40,7 @@ class Compiler:
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What of the compiler and its environment built files follow from."""
+        """The properties of the compiler and its environment on which built files depend."""
         variables = (f"{name}={os.environ[name]}" for name in _VARIABLES if os.environ.get(name))
         return (self.version, *self.command[1:], *variables)
 
@@ -124,7 +124,7 @@ _CAPABILITIES = (
 
 @cache
 def processor(file: Path = Path("/proc/cpuinfo")) -> tuple[str, ...]:
-    """What this machine's processor can do; where that is unknown, the machine's name, so that no other one runs its code."""
+    """The capabilities of this machine's processor; its name where they are unknown, so that no other one runs its code."""
     known: dict[str, str] = {}
     with suppress(OSError), file.open(encoding="utf-8", errors="replace", buffering=4096) as stream:
         for name, _, value in (line.partition(":") for line in stream):

@@ -32,7 +32,7 @@ INTERPRETER, SIMULATOR = "interpreter", "simulator"
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What of a simulator is chosen besides its source and flags."""
+    """The kind of a simulator, chosen besides its source and flags."""
 
     comparison: bool = False
     precision: str = DEFAULT_PRECISION
@@ -56,12 +56,12 @@ class Part:
         return SIMULATOR if self.name == INTERPRETER else f"lib{self.name}.a"
 
     def place(self, folder: Path) -> Path:
-        """Where one of the folders of libraries has it."""
+        """The place of the part in one of the folders of libraries."""
         return folder / f"{self.name}-{self.digest}" / self.file
 
     @property
     def places(self) -> tuple[Path, Path]:
-        """Where it may be: beside the installation, and in the cache."""
+        """The places that may have the part: beside the installation, and in the cache."""
         return self.place(_installed_drivers()), self.place(cache_folder())
 
     def fetch(self, folder: Path) -> Path | None:
@@ -94,7 +94,7 @@ def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> P
 
 
 def interpreter_is_there(driver: str, compiler: Compiler, flags: Sequence[str]) -> bool:
-    """Whether the simulator of a driver that interprets programs has been built."""
+    """Return whether the simulator of a driver that interprets programs has been built."""
     return driver in INTERPRETING and any(map(is_sound, interpreter_part(driver, compiler, flags).places))
 
 
@@ -144,12 +144,12 @@ def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
 
 
 def _installed_drivers() -> Path:
-    """Where the drivers of this version of the runtime are, beside the installation."""
+    """The folder of the drivers of this version of the runtime, beside the installation."""
     return installed_folder() / f"drivers-{runtime_digest(part='batch')}"
 
 
 def _library() -> Path:
-    """Where parts are put that are built for all caches: the cache where the installation cannot be written."""
+    """The folder for parts that are built for all caches: the cache where the installation cannot be written."""
     installed = _installed_drivers()
     try:
         require_writable(installed)

@@ -1,4 +1,4 @@
-"""What the toolchain raises."""
+"""The errors of the toolchain."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Later:
 
     @property
     def done(self) -> bool:
-        """Whether it is there."""
+        """Return whether the result is there."""
         return self.process.poll() == 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def machine() -> Mapping[str, str]:
-    """Where this runs: processor, its cores, system."""
+    """This machine: processor, its cores, system."""
     return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 

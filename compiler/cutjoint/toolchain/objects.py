@@ -33,7 +33,7 @@ _COMMENT = re.compile(r"^ *//.*\n", re.MULTILINE)
 
 @dataclass(frozen=True, kw_only=True)
 class Object:
-    """What a ``target`` of CMake compiles from a generated file, whether or not it does."""
+    """The object of a generated file as a ``target`` of CMake compiles it, built or not."""
 
     target: str
     source: str
@@ -45,11 +45,11 @@ class Object:
         return cache_folder() / f"object-{self.digest}" / "code.o"
 
     def built(self, out: Path) -> Path:
-        """Where CMake puts it."""
+        """The place in which CMake puts it."""
         return out / "CMakeFiles" / f"{self.target}.dir" / f"{self.source}.o"
 
     def copied(self, folder: Path) -> Path:
-        """Where CMake finds it (CMakeLists.txt.jinja)."""
+        """The place in which CMake finds it (CMakeLists.txt.jinja)."""
         return folder / self.target / f"{self.source}.o"
 
 
@@ -62,7 +62,7 @@ def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind:
 
 
 def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
-    """What the definitions of a target and the headers that it sees follow from; where runs begin is the same for all."""
+    """The origin of a target's definitions and headers; ``start`` is the same for all."""
     return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, kind.precision)
 
 
@@ -95,7 +95,7 @@ def _code(files: Mapping[str, str], name: str) -> Iterator[str]:
 
 @cache
 def _project_digest() -> str:
-    """What the projects say of how files are compiled."""
+    """A digest of the projects, which tell how files are compiled."""
     return digest_of([(templates_folder() / project).read_text(encoding="utf-8") for project in _PROJECTS])
 
 

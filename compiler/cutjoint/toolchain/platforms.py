@@ -24,7 +24,7 @@ class Platform:
     avx2: tuple[str, ...] = ()
 
     def is_here(self) -> bool:
-        """Whether it is this machine's."""
+        """Return whether it is this machine's platform."""
         return (platform.system(), platform.machine()) == (self.system, self.processor)
 
     def find_compiler(self) -> Compiler:
@@ -45,7 +45,7 @@ class Platform:
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """What CMake must be told; nothing of this machine's."""
+        """The settings of CMake for the platform; none for this machine's."""
         if self.is_here():
             return ()
         return (

@@ -64,7 +64,7 @@ def plain_folder(preferred: Path) -> Iterator[Path]:
 
 
 def is_plain(path: Path) -> bool:
-    """Whether all tools of a build take a path as it is, and what its links lead to."""
+    """Return whether all tools of a build take a path as it is, and the target of its links."""
     return all(_PLAIN.fullmatch(str(p)) for p in (path.absolute(), path.resolve()))
 
 

@@ -1,4 +1,4 @@
-"""Whom files are trusted from: this user, root, and nobody else who could have written or exchanged them.
+"""The owners whose files are trusted: this user and root, if nobody else could have written or exchanged them.
 
 A digest beside a file shows damage.  It shows no intent: who can write the file can write the digest.  So each folder, link and file that a
 path leads through is looked at, from the root on.  Where nobody else can write any of them, nobody else can exchange a file between its

@@ -1,6 +1,6 @@
-"""How far the compiler is, and how long it will still take: by what the same files took before.
+"""The progress of the compiler and a forecast of its time, by the times of the same files before.
 
-Who waits says so by `heard_by`.  The seconds of each file are a record of the cache, for all models.  They serve forecasts alone: where the
+A caller listens by `heard_by`.  The seconds of each file are a record of the cache, for all models.  They serve forecasts alone: where the
 record is missing or of another machine, nothing else goes wrong.
 """
 
@@ -52,7 +52,7 @@ def heard_by(listener: Listener) -> Iterator[None]:
 
 
 def forecast(sources: Mapping[str, int], how: Sequence[str]) -> float:
-    """How long ``sources``, with their bytes, take to compile, s: as files of these names did, else as generated code usually does."""
+    """The time to compile ``sources``, given with their bytes, s: as files of these names took, else as generated code usually takes."""
     took = {_source_of(name): seconds / size for name, (seconds, size) in _read().get(digest_of(how), {}).items() if size}
     return _spread([size * took.get(name, _USUAL) for name, size in sources.items()])
 
@@ -116,7 +116,7 @@ def _spread(each: Sequence[float]) -> float:
 
 
 def listened() -> bool:
-    """Whether anybody listens."""
+    """Return whether anybody listens."""
     return _listener.get() is not None
 
 

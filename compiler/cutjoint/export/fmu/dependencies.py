@@ -14,15 +14,15 @@ _PARAMETERS = "parameters"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leaves:
+class LeafSymbols:
     """The symbols that blocks follow from: numbers of inputs and of parameters, and the names of all others."""
 
     inputs: frozenset[int] = field(default_factory=frozenset)
     parameters: frozenset[int] = field(default_factory=frozenset)
     symbols: frozenset[str] = field(default_factory=frozenset)
 
-    def __or__(self, other: Leaves) -> Leaves:
-        return Leaves(
+    def __or__(self, other: LeafSymbols) -> LeafSymbols:
+        return LeafSymbols(
             inputs=self.inputs | other.inputs, parameters=self.parameters | other.parameters, symbols=self.symbols | other.symbols
         )
 
@@ -31,7 +31,7 @@ class Leaves:
         return any(symbol.startswith(prefixes) for symbol in self.symbols)
 
 
-def find_leaves(blocks: Iterable[Block]) -> Leaves:
+def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:
     """The symbols that any of the blocks follows from."""
     inputs, parameters, symbols = set(), set(), set()
     waiting, seen = list(blocks), set()
@@ -50,7 +50,7 @@ def find_leaves(blocks: Iterable[Block]) -> Leaves:
             parameters |= set(rows)
         else:
             symbols.add(str(of.data))
-    return Leaves(inputs=frozenset(inputs), parameters=frozenset(parameters), symbols=frozenset(symbols))
+    return LeafSymbols(inputs=frozenset(inputs), parameters=frozenset(parameters), symbols=frozenset(symbols))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class StartDependencies:
     """What an output follows from at the start: numbers of inputs and parameters, and names of given coordinates and speeds;
     ``by_settings`` where settings of the steps count too."""
 
-    leaves: Leaves
+    leaves: LeafSymbols
     by_settings: bool
 
 
@@ -70,7 +70,7 @@ def find_dependencies(equations: RecursiveEquations, given: Iterable[str]) -> tu
     return tuple(_of_column(equations, find_leaves([report[f"column:{c.name}"]]), solved) for c in equations.columns)
 
 
-def _of_column(equations: RecursiveEquations, leaves: Leaves, solved: Leaves) -> StartDependencies:
+def _of_column(equations: RecursiveEquations, leaves: LeafSymbols, solved: LeafSymbols) -> StartDependencies:
     """A column follows from all that the start's equations do where it needs a result of them, else from what its own joints are given."""
     closes = bool(equations.closures) or equations.scene.pose == "equilibrium"
     is_solved = leaves.has("vdot:", "lambda:", *(("q:", "v:") if closes else ()))
@@ -80,7 +80,7 @@ def _of_column(equations: RecursiveEquations, leaves: Leaves, solved: Leaves) ->
 
 
 @dataclass(frozen=True, kw_only=True)
-class Following:
+class Dependencies:
     """What something follows from while a host integrates: numbers of inputs, independent coordinates, their rates, time."""
 
     inputs: frozenset[int]
@@ -89,19 +89,19 @@ class Following:
     time: bool
 
 
-def find_following(equations: RecursiveEquations) -> tuple[Following, tuple[Following, ...]]:
+def find_following(equations: RecursiveEquations) -> tuple[Dependencies, tuple[Dependencies, ...]]:
     """That of accelerations, and of each column."""
     names = ("evaluate", "constraint_residual")
     solving = find_leaves(block for name in names for block in equations.function(name).results.values())
     report = equations.function("report").results
     columns = (find_leaves([report[f"column:{c.name}"]]) for c in equations.columns)
-    accelerations = Following(inputs=solving.inputs, positions=True, rates=True, time="t" in solving.symbols)
+    accelerations = Dependencies(inputs=solving.inputs, positions=True, rates=True, time="t" in solving.symbols)
     return accelerations, tuple(_following(direct, solving) for direct in columns)
 
 
-def _following(direct: Leaves, solving: Leaves) -> Following:
+def _following(direct: LeafSymbols, solving: LeafSymbols) -> Dependencies:
     """A column follows from all that accelerations do where it needs these; all speeds of loops follow from places too."""
     is_solved = direct.has("vdot:", "lambda:")
     rates = is_solved or direct.has("v:")
     leaves = direct | solving if is_solved else direct
-    return Following(inputs=leaves.inputs, positions=rates or direct.has("q:"), rates=rates, time="t" in leaves.symbols)
+    return Dependencies(inputs=leaves.inputs, positions=rates or direct.has("q:"), rates=rates, time="t" in leaves.symbols)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.export.fmu.dependencies import Following, StartDependencies, find_dependencies, find_following
+from cutjoint.export.fmu.dependencies import Dependencies, StartDependencies, find_dependencies, find_following
 from cutjoint.formulate.inputs import TIME, guided_by, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
@@ -119,7 +119,7 @@ def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: 
         numbers = [rated.index(g - first_input) for g in given if g - first_input in rated]
         return tuple(sorted({*given, *(first_rate + 2 * k + order for k in numbers for order in (0, 1))}))
 
-    def known(following: Following) -> tuple[int, ...]:
+    def known(following: Dependencies) -> tuple[int, ...]:
         time, given = ((0,) if following.time else ()), with_rates([first_input + i for i in following.inputs])
         return (*time, *given, *(places if following.positions else ()), *(speeds if following.rates else ()))
 
