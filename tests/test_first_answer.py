@@ -19,7 +19,7 @@ from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp
 
-SOMEBODY_WAITS = preparing._somebody_waits
+IS_INTERACTIVE = preparing._is_interactive
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Later]]:
     """No patience with any compile; what was begun, which ends with the test."""
     build_interpreter("recursive", flags=FLAGS)
     monkeypatch.setattr(preparing, "PATIENCE", 0.0)
-    monkeypatch.setattr(preparing, "_somebody_waits", lambda: True)
+    monkeypatch.setattr(preparing, "_is_interactive", lambda: True)
     all_begun: list[Later] = []
     begin = later.build_later
 
@@ -99,7 +99,7 @@ def test_who_asks_for_generated_code_waits_for_it(begun: list[Later], model: Pat
 
 
 def test_scripts_wait_for_generated_code(begun: list[Later], model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preparing, "_somebody_waits", SOMEBODY_WAITS)
+    monkeypatch.setattr(preparing, "_is_interactive", IS_INTERACTIVE)
     assert simulate(model, tmp_path / "run.csv").exit_code == 0
     assert not begun
     assert implementation_of(tmp_path / "run.csv") == "generated"

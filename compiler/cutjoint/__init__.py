@@ -81,7 +81,7 @@ _HOMES = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        """What is above, imported with its first use: SymPy takes longer to import than a cached run takes to run."""
+        """Import a name of the list above with its first use: SymPy takes longer to import than a cached run takes to run."""
         for home, names in _HOMES.items():
             if name in names:
                 return getattr(import_module(home), name)

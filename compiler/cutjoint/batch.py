@@ -54,7 +54,7 @@ class BatchArtifact:
 
     @property
     def start(self) -> Start:
-        """What the speeds at the start of its runs follow from."""
+        """The origin of the speeds at the start of its runs."""
         return start_of(self.equations)
 
     def __repr__(self) -> str:

@@ -67,7 +67,7 @@ class _Commands(click.Group):
 
 @contextmanager
 def _plain_errors() -> Iterator[None]:
-    """What click says of wrong use repeats what was typed: without control characters."""
+    """Make click's errors safe to print: they repeat what was typed."""
     try:
         yield
     except click.ClickException as error:
@@ -76,7 +76,7 @@ def _plain_errors() -> Iterator[None]:
 
 
 def _fault_of_argument(text: str) -> str:
-    """What is wrong with an argument whatever the command; "" where nothing is."""
+    """The fault of an argument of any command; "" without one."""
     option, _, value = text.partition("=") if text.startswith("--") else ("", "", text)
     if not _is_utf_8(text):
         return f"the argument {text!a} is not UTF-8; rename the file, or write another name"

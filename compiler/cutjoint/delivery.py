@@ -1,4 +1,4 @@
-"""What ``compile --out`` writes: a folder that stands alone where the method has one, else generated source and its simulator."""
+"""The folder of ``compile --out``: it stands alone where the method can, else it has generated source and its simulator."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def plan_delivery(
     out: AnyPath | None, generated: tuple[Equations, Program, Source], *, method: str, precision: str, integrator: str | None, lanes: bool,
     linearise: bool,
 ) -> Delivery | None:  # fmt: skip
-    """What a folder receives of what `pipeline.generate` has made; None where none is asked for.
+    """Plan a folder for the results of `pipeline.generate`; None if there is no ``out``.
 
     Raises:
         RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) of a folder that has none.

@@ -23,14 +23,14 @@ class Formulation(StrEnum):
 
 
 class Events(StrEnum):
-    """What steps do where forces, guides or drives change their formulas."""
+    """The treatment of changes of formula in forces, guides and drives by steps."""
 
     LOCATED = "located"  #: they end there
     CROSSED = "crossed"  #: they go over it
 
 
 class Implementation(StrEnum):
-    """How a model becomes a simulator."""
+    """The way from a model to a simulator."""
 
     GENERATED = "generated"  #: code made for the model
     INTERPRETED = "interpreted"  #: the same program as data for a simulator that is compiled once
@@ -38,7 +38,7 @@ class Implementation(StrEnum):
 
     @property
     def is_twin(self) -> bool:
-        """Whether the equations are those written by hand, and not those that the compiler derives."""
+        """Return whether the equations are written by hand, not derived by the compiler."""
         return self is Implementation.GENERIC
 
 
@@ -79,7 +79,7 @@ class Method:
 
     @property
     def has_system(self) -> bool:
-        """Whether Newton's iteration solves a linear system in each step."""
+        """Return whether Newton's iteration solves a linear system in each step."""
         return self.formulation is not Formulation.RECURSIVE
 
     @property
@@ -122,7 +122,7 @@ class Integrator:
     balances: bool = True
 
     def takes(self, method: Method, implementation: Implementation) -> bool:
-        """Whether it runs an implementation of a method."""
+        """Return whether the integrator runs an implementation of a method."""
         return method.name in self.methods and (self.twin or not implementation.is_twin)
 
 
@@ -149,7 +149,7 @@ class Solver:
     comparison: bool = False
 
     def suits(self, method: Method) -> bool:
-        """Whether it solves the systems of a method."""
+        """Return whether the solver solves the systems of a method."""
         return method.has_system and (method.symmetric or not self.symmetric)
 
 

@@ -91,7 +91,7 @@ def generate(
 def schedule_method(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True
 ) -> tuple[Equations, Program]:  # fmt: skip
-    """The same but for the source, for who needs no more than the program."""
+    """Derive the equations and the program of a scene, without its source."""
     # Model -> Topology -> Equations -> Program
     if METHODS[method].has_system:
         from cutjoint.systems import schedule_system  # the recursive method does not wait for what this imports

@@ -36,7 +36,7 @@ _LARGEST = 8_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What the options of `cutjoint simulate` ask for besides parameters; None for what the scene has.
+    """The options of `cutjoint simulate` but for parameters; None for values of the scene.
 
     ``opened`` are patterns of the names of numbers that become parameters.
     """
@@ -70,7 +70,7 @@ class PreparedRun:
     run: SimulatorRun
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
-        """Whether parameters can be changed, and inputs held, without the model."""
+        """Return whether parameters can be changed, and inputs held, without the model."""
         if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
             return False
         changed = parameters.keys() - set(self.inputs)
@@ -124,8 +124,7 @@ def _made_beside(request: Request) -> tuple[str, ...]:
 
 
 def made_with() -> tuple[Any, ...]:
-    """What cached runs follow from besides the model: sources, versions, the C++ compiler, its flags and
-    the processor that they mean.
+    """The origin of cached runs besides the model: sources, versions, the C++ compiler, its flags and the processor that they mean.
 
     Raises:
         ToolchainError: a tool is missing.

@@ -41,7 +41,7 @@ class StepTimes:
 
     @property
     def missed(self) -> int:
-        """How many steps ended after the next one was due."""
+        """The number of steps that ended after the next one was due."""
         return int(np.count_nonzero(self.late > 0))
 
     def percentile(self, share: float) -> float:

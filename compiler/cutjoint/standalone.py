@@ -37,10 +37,11 @@ _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
 _SAVED = 30e-9
 
 
-def pays_in_lanes(operations: int, steps: float) -> bool:
-    """Whether lanes save more than they take to compile, in so many steps of all simulations with so many operations in an evaluation.
+def lanes_break_even(operations: int, steps: float) -> bool:
+    """Return whether lanes save more than they take to compile.
 
-    Workers do not count, so that results are the same for any number.  The figures are measured: docs/sweep.md.
+    ``steps`` are those of all simulations, ``operations`` those of an evaluation.  Workers do not count, so that results are the same for
+    any number.  The figures are measured: docs/sweep.md.
     """
     return steps * _SAVED * sqrt(operations) > _COMPILING + _COMPILING_AN_OPERATION * operations
 
@@ -65,7 +66,7 @@ class Standalone:
 
     @property
     def steps(self) -> Steps:
-        """What the integrator can do."""
+        """The properties of the integrator."""
         return STEPS[self.method][self.integrator]
 
     @property
@@ -75,7 +76,7 @@ class Standalone:
 
     @property
     def lanes(self) -> int:
-        """How many simulations its code can take side by side; 0: none."""
+        """The number of simulations that its code can take side by side; 0: none."""
         return self.parts.lanes
 
     @property
@@ -104,7 +105,7 @@ class Standalone:
         return StepSettings.of(self.run_file)
 
     def with_code(self, text: str) -> Standalone:
-        """The same with more in its library."""
+        """Copy the folder with more code in its library."""
         return replace(self, code=self.code + text)
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
@@ -185,7 +186,7 @@ def linearised_methods() -> tuple[str, ...]:
 
 
 def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:
-    """What a simulation is made of; the plan of a factorisation follows from the pattern."""
+    """The code of a simulation; the plan of a factorisation follows from the pattern."""
     start = equations.mechanism
     if not isinstance(equations, SystemEquations):
         return SimulationCode(mechanism=start, program=program, system=None)

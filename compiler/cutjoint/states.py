@@ -1,4 +1,4 @@
-"""What is asked of a model besides runs: its static equilibrium, and its small motions about a state.
+"""Studies of a model besides runs: its static equilibrium, and its small motions about a state.
 
 A search takes hundreds of evaluations, so that compiling would take longer than it: programs are interpreted.
 """
@@ -87,7 +87,7 @@ def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str
 
 
 def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """Where a scene starts: places, attitudes and speeds of all bodies, coordinates and speeds of all joints that are not cut.
+    """The state at the start of a scene: places, attitudes and speeds of all bodies, coordinates and speeds of all joints that are not cut.
 
     Raises:
         FailedRunError: the scene has no start; its trajectory has no row.

@@ -43,7 +43,7 @@ E = TypeVar("E", bound=SystemEquations)
 def schedule_system(
     start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
 ) -> tuple[SystemEquations, Program]:  # fmt: skip
-    """What `pipeline.schedule_method` makes for the methods with Newton's iteration; ``start`` finds where a run begins.
+    """Derive the equations and the program of a method with Newton's iteration; ``start`` finds the beginning of a run.
 
     Raises:
         RunError, MissingLibraryError: as of `plan_system`.
@@ -62,7 +62,7 @@ def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool,
 
 
 def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[Source, dict[str, Any]]:
-    """The same for the interpreter, with what it reads."""
+    """The source and the data for the interpreter of a scheduled system."""
     assert equations.plan is not None
     return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, equations.plan)
 
@@ -123,7 +123,7 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
 
 
 def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
-    """What to say of the laws that have no value, or no derivative, in the design position and near it."""
+    """Messages about laws without a value, or without a derivative, in the design position and near it."""
     words = "no finite value or derivative in the design position and near it, where classical chooses its pivots"
     cure = "give it one there, or use --method recursive"
     if not equations.domains:  # numbers grow without bound
@@ -140,7 +140,7 @@ _INSTEAD = "use --method augmented or recursive"
 
 
 def _dependent(equations: LagrangianEquations, row: int) -> str:
-    """What to say of a coordinate or an equation that has none of its own near the design position."""
+    """The message about a coordinate or an equation that has no pivot of its own near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
     element = (*equations.coordinate_elements, *equations.equation_elements)[row]
     rest = name.removeprefix(f"{element}.").split("*")

@@ -15,10 +15,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cutjoint.run.errors import RunError
-from cutjoint.view.earlier import Earlier, read_page
+from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.meshes import box
-from cutjoint.view.page import Outlook, PlotColumn, make_page
+from cutjoint.view.page import Camera, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.edges.calling import call
 from tests.view.browser import Page, opened
@@ -117,7 +117,7 @@ def _page() -> str:
         return _make(read_page(file, "--over"))
 
 
-def _make(over: Earlier | None) -> str:
+def _make(over: GhostRun | None) -> str:
     """The page of a box that turns and moves beside another, with an output of its own."""
     t = np.linspace(0.0, 1.0, 3)
     turn = np.stack([np.sin(t / 2), 0 * t, 0 * t, np.cos(t / 2)], axis=1)
@@ -132,7 +132,7 @@ def _make(over: Earlier | None) -> str:
         title="boxes", scene="turn", note="", bodies=["one", "other"], t=t, over=over,
         glb=write_gltf(Drawing(name="boxes", t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0]))),
         columns=[PlotColumn(name="one.x", unit="m", bodies=["one"], values=t)],
-        outlook=Outlook(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=""),
+        camera=Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=""),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.scenes import with_closure
-from cutjoint.standalone import pays_in_lanes
+from cutjoint.standalone import lanes_break_even
 from cutjoint.sweeps import build
 from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.kernel import Kernel, Left
@@ -176,5 +176,5 @@ def test_rows_in_memory_are_those_of_all_lanes(tmp_path: Path, monkeypatch: pyte
 
 def test_lanes_pay_from_so_many_steps_on() -> None:
     """About 1400 runs of the press and 3000 of the Iltis, of 2000 and 1333 steps."""
-    assert [pays_in_lanes(194, 2000 * runs) for runs in (1000, 2000)] == [False, True]
-    assert [pays_in_lanes(11904, 1333 * runs) for runs in (2000, 4000)] == [False, True]
+    assert [lanes_break_even(194, 2000 * runs) for runs in (1000, 2000)] == [False, True]
+    assert [lanes_break_even(11904, 1333 * runs) for runs in (2000, 4000)] == [False, True]

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.view.earlier import read_page
+from cutjoint.view.ghost import read_page
 from tests.conftest import MODELS, needs_cpp
 from tests.view.browser import Page
 from tests.view.conftest import Shown, call, show

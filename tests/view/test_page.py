@@ -11,12 +11,12 @@ from matplotlib.image import imread
 
 from cutjoint.locations import templates_folder
 from cutjoint.view import meshes
-from cutjoint.view.earlier import Earlier, read_page
 from cutjoint.view.failure import Failure
+from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion
-from cutjoint.view.page import SCRIPTS, Outlook, PlotColumn, make_page
+from cutjoint.view.page import SCRIPTS, Camera, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.conftest import needs_cpp
 from tests.view.browser import Page
@@ -161,7 +161,7 @@ HOSTILE = (
 )  # fmt: skip
 
 
-def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | None = None, graph: Graph | None = None) -> Path:
+def hostile_page(file: Path, motions: Sequence[Motion] = (), over: GhostRun | None = None, graph: Graph | None = None) -> Path:
     """A page whose names are all hostile."""
     t, part = np.linspace(0.0, 1.0, 3), Part(mesh=meshes.box(1, 1, 1), colour=(0.8, 0.2, 0.2))
     nodes = [
@@ -169,11 +169,11 @@ def hostile_page(file: Path, motions: Sequence[Motion] = (), over: Earlier | Non
         for kind in ("body", "mark") for i, name in enumerate(HOSTILE)
     ]  # fmt: skip
     columns = [PlotColumn(name=name, unit=name, bodies=[name], values=np.array([0.0, 1.0, np.nan])) for name in HOSTILE]
-    outlook = Outlook(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
+    camera = Camera(direction=[1, 1, 1], extent=2.0, floor=-1.0, road=False, follow=HOSTILE[0])
     glb = write_gltf(Drawing(name=HOSTILE[0], t=t, nodes=tuple(nodes), up=np.array([0.0, 0.0, 1.0])))
     failure = Failure(text=HOSTILE[0], advice=HOSTILE[1], row=HOSTILE[2], element=HOSTILE[3], place=HOSTILE[0], bodies=[HOSTILE[1]])
     text = make_page(
-        title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, outlook=outlook,
+        title=HOSTILE[0], scene=HOSTILE[1], note=HOSTILE[2], bodies=HOSTILE, glb=glb, t=t, columns=columns, camera=camera,
         failure=failure, motions=motions, over=over, graph=graph,
     )  # fmt: skip
     file.write_text(text, encoding="utf-8")

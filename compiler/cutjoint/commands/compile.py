@@ -35,7 +35,7 @@ def command(
 
 
 def _price(artifact: Artifact, path: Path) -> str:
-    """What it costs that numbers are opened."""
+    """The cost of opened numbers, in words."""
     plain = read_model(path)
     _, program, _ = generate(plain, plain.scenes[artifact.scene.name], artifact.scene.outputs, method=artifact.method)
     count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))

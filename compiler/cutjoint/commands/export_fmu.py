@@ -1,4 +1,4 @@
-"""What `cutjoint export --to fmu` does."""
+"""The work of `cutjoint export --to fmu`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def export_fmu(
 
 
 def _describe(fmu: Fmu) -> str:
-    """What an FMU is for."""
+    """The purpose of an FMU in words."""
     simulates, exchanges = KINDS[fmu.subject.kind]
     steps = [f"co-simulation by {fmu.standalone.settings}"] * simulates
     return "; ".join([*steps, *[f"model exchange, {len(fmu.interface.states)} states"] * exchanges])

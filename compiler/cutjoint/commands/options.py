@@ -1,4 +1,4 @@
-"""What commands share: options, how errors end, progress, parameters."""
+"""The common parts of commands: options, reports of errors, progress, parameters."""
 
 from __future__ import annotations
 
@@ -125,12 +125,12 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def describe_error(error: BaseException) -> str:
-    """What an error says, and on further lines what became of the results."""
+    """The text of an error, and on further lines the fate of the results."""
     return "\n".join([str(error), *getattr(error, "__notes__", ())])
 
 
 def console_beside(*outputs: Path | None) -> Console:
-    """Where a command writes what is for people: standard error if standard output takes results."""
+    """The console for people: standard error if standard output takes results."""
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 

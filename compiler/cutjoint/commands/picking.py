@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from cutjoint.commands import options
-from cutjoint.commands.preparing import Play, Played, compile_request, prepare, require_own
+from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare, require_own
 from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
 from cutjoint.prepared import PreparedRun, Request
@@ -21,7 +21,7 @@ from cutjoint.run.results import Trajectory
 
 def pick_and_play(
     request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
-) -> tuple[PreparedRun, Trajectory, Played]:  # fmt: skip
+) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
     scene, parameters = with_held_inputs(model, scene, parameters)
@@ -31,16 +31,16 @@ def pick_and_play(
         iterations=asked.iterations,
     )  # fmt: skip
     variant = _pick(model, scene, asked.tolerance, parameters)
-    played = Played(variant.model, variant.scene, variant.method, parameters, variant.name)
+    played = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _play(request, played, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        played = Played(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters, "full")
+        played = FinishedRun(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters, "full")
         prepared, run = _play(request, played, play)
     return prepared, run, played
 
 
-def _play(request: Request, played: Played, play: Play) -> tuple[PreparedRun, Trajectory]:
+def _play(request: Request, played: FinishedRun, play: Play) -> tuple[PreparedRun, Trajectory]:
     """Compile what was picked, and play it."""
     prepared = prepare(compile_request(request, played.model, played.scene, played.method), Options(), played.parameters)
     return prepared, play(prepared)

@@ -37,8 +37,8 @@ PATIENCE = 2.0
 
 
 @dataclass(frozen=True)
-class Played:
-    """What a run was of: a model, a scene, the method, and the ``parameters`` (SI units) that it had; of method auto which ``variant``."""
+class FinishedRun:
+    """A finished run: its model, scene, method, and ``parameters`` (SI units); of method auto its ``variant``."""
 
     model: Model
     scene: Scene
@@ -76,7 +76,7 @@ def prepare_and_play(
         ToolchainError, SimulatorError: the C++ side failed.
     """
     try:
-        patience = PATIENCE if request.implementation == AUTO and _somebody_waits() else inf
+        patience = PATIENCE if request.implementation == AUTO and _is_interactive() else inf
         artifact = compile_request(request, model, scene, method, patience=patience)
     except TakesLong as compiling:
         with suppress(_CompiledFirst):
@@ -89,9 +89,11 @@ def prepare_and_play(
     return prepared, play(prepared)
 
 
-def _somebody_waits() -> bool:
-    """Whether a person sees the answer at once.  Scripts get generated code: the bytes of their tables do not depend on what a cache has,
-    and no process outlives them."""
+def _is_interactive() -> bool:
+    """Return whether a person sees the answer at once.
+
+    Scripts get generated code: the bytes of their tables do not depend on the cache, and no process outlives them.
+    """
     return options.err.is_terminal
 
 

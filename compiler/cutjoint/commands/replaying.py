@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from cutjoint.commands.preparing import Played, read_request
+from cutjoint.commands.preparing import FinishedRun, read_request
 from cutjoint.export.numbers import Numbers
 from cutjoint.prepared import Request
 from cutjoint.run.errors import RunError
 from cutjoint.run.last_steps import with_each_step
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator_run import SimulatorRun
-from cutjoint.view.earlier import read_page
+from cutjoint.view.ghost import read_page
 from cutjoint.view.mesh_files import require_meshes
 from cutjoint.view.views import PAGE, require_view, show_run, write_shown
 
@@ -40,7 +40,7 @@ def require_replay(
 
 
 def write_replay(
-    request: Request, played: Played | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
+    request: Request, played: FinishedRun | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
     run: Trajectory,
 ) -> Path:  # fmt: skip
     """Write the run of a plan as a page or a glTF file, one that failed with its last steps, ``over`` the run of an earlier page.
@@ -50,7 +50,7 @@ def write_replay(
     Raises:
         ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
     """
-    played = Played(*read_request(request), parameters) if played is None else played
+    played = FinishedRun(*read_request(request), parameters) if played is None else played
     end = request.options.end
     scene = played.scene if end is None else replace(played.scene, end=end)
     steps = with_each_step(replace(plan, with_coordinates=True), run)

@@ -32,7 +32,7 @@ from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 
 if TYPE_CHECKING:
-    from cutjoint.commands.preparing import Played
+    from cutjoint.commands.preparing import FinishedRun
 
 
 @click.command("simulate")
@@ -160,13 +160,13 @@ def command(
 
 def _derive_and_play(
     request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
-) -> tuple[PreparedRun, Trajectory, Played]:  # fmt: skip
+) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
-    from cutjoint.commands.preparing import Played, prepare_and_play, read_request
+    from cutjoint.commands.preparing import FinishedRun, prepare_and_play, read_request
 
     model, scene, method = read_request(request)
     if method != AUTO:
-        return *prepare_and_play(request, model, scene, method, parameters, play), Played(model, scene, method, parameters)
+        return *prepare_and_play(request, model, scene, method, parameters, play), FinishedRun(model, scene, method, parameters)
     from cutjoint.commands.picking import pick_and_play
 
     return pick_and_play(request, model, scene, parameters, play)

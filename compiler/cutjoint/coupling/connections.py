@@ -1,4 +1,4 @@
-"""What a controller's outputs drive in a model, and what it reads of it."""
+"""The connections of a controller with a model: its outputs to the model's inputs, and the model's outputs to its inputs."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class SlaveProcess:
         return found
 
     def _reason(self, error: BaseException) -> str:
-        """Why there is no answer; the process is ended."""
+        """The reason that there is no answer; the process is ended."""
         status = self.kill()
         if isinstance(error, TimeoutError):
             return f"no answer in {self._seconds:g} s; --call-limit gives it longer"

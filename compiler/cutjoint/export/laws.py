@@ -14,7 +14,7 @@ _LARGEST_POWER = 12
 
 
 class RealNumbers:
-    """What printers of laws have in common: every number is a real one.  Methods are called by the names of SymPy's classes."""
+    """The common part of printers of laws: every number is a real one.  Methods are called by the names of SymPy's classes."""
 
     def _print_Float(self, number: Any) -> str:
         return real(float(number))

@@ -212,7 +212,7 @@ class Scene(Part):
     outputs: tuple[StrictStr, ...] | None = None
 
     @model_validator(mode="after")
-    def _told_how_exact(self) -> Scene:
+    def _check_auto_has_tolerance(self) -> Scene:
         if self.method == AUTO and self.tolerance is None:
             raise shape_error("'method: auto' needs a tolerance", "write both, such as method: auto, tolerance: 1 mm")
         if self.budget is not None and self.method != AUTO:

@@ -1,4 +1,4 @@
-"""Where the entries of a square sparse matrix stand, known when the compiler runs."""
+"""The places of the entries of a square sparse matrix, known when the compiler runs."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def pivot_by_markowitz(pattern: Pattern, scaled: Array) -> PivotSequence:
 
 
 def pivot_by_likeness(pattern: Pattern, scaled: Array, number: int) -> PivotSequence:
-    """The same, but of pivots with nearly the least product that whose structure is most like the last one's: they make larger tiles.
+    """Of pivots with nearly the least product, choose the one with a structure most like the last one's: this makes larger tiles.
 
     ``LIKENESSES[number]`` is how many times the least product counts as nearly that, and what may come on top; and how many entries of fill
     outweigh an entry that the pivot's row or column has more or less than the last one's.
@@ -165,7 +165,7 @@ def _choose(name: str, pattern: Pattern, scaled: Array, choose: Callable[[_Remai
 
 
 class _Remainder:
-    """What elimination has left of the scaled samples.  Rows and columns of its arrays are those not yet eliminated."""
+    """The remainder of the scaled samples after some eliminations.  Rows and columns of its arrays are those not yet eliminated."""
 
     def __init__(self, values: Array, entries: NDArray[np.bool_]) -> None:
         self._values = values  # samples x rows x columns
@@ -239,7 +239,7 @@ class _Remainder:
 
 
 def _explain(scaled: Array) -> SingularError | NoPivotError:
-    """Why no pivot is left."""
+    """The error that no pivot is left: dependent rows if there are any."""
     for number, matrix in enumerate(scaled):
         if rows := dependent_rows(matrix):
             return SingularError(number, rows)

@@ -1,4 +1,4 @@
-"""Where the blocks of a tiled factorisation are stored in one array of numbers.
+"""The storage of a tiled factorisation's blocks in one array of numbers.
 
 First the reciprocals of all pivots, in the order of elimination, then for each tile its diagonal block, its blocks of U and its blocks of
 L, the other tile ascending.  A block of a tile with w pivots has w columns of four numbers, of which the last are zero when the other tile

@@ -119,7 +119,7 @@ def _depth_first(before: Sequence[Sequence[int]], roots: Sequence[int]) -> tuple
 
 
 def renumber(elimination: Elimination, order: Sequence[int]) -> Elimination:
-    """The same elimination with pivot order[k] as number k.  Every pivot has to stay before those that it changes."""
+    """Renumber an elimination so that pivot order[k] is number k.  Every pivot has to stay before those that it changes."""
     place = {pivot: k for k, pivot in enumerate(order)}
 
     def moved(structure: Sequence[Sequence[int]]) -> tuple[tuple[int, ...], ...]:

@@ -26,7 +26,7 @@ def _entry(target: str) -> tuple[int, int]:
 
 
 def places(pattern: Pattern) -> dict[str, int]:
-    """Where the values of the results that are entries stand."""
+    """The places of the results that are entries, by their names."""
     return {f"{PREFIX}{i},{j}": k for k, (i, j) in enumerate(pattern.entries())}
 
 

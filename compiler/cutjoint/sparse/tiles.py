@@ -35,7 +35,7 @@ class Tiling:
         return len(self.lower)
 
     def size(self, tile: int) -> int:
-        """How many pivots it has."""
+        """The number of the tile's pivots."""
         return self.first[tile + 1] - self.first[tile]
 
     def pivots(self, tile: int) -> range:
@@ -99,7 +99,7 @@ def _tile(elimination: Elimination, first: tuple[int, ...]) -> Tiling:
 
 
 def _by_level(tiling: Tiling) -> Tiling:
-    """Those that nothing changes first, then those that only these change, and so on."""
+    """Sort the tiles by level: first all that nothing changes, then all that only these change, and so on."""
     level = [0] * len(tiling)
     for k in range(len(tiling)):
         for i in (*tiling.lower[k], *tiling.upper[k]):

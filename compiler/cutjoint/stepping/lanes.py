@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.emit.source import environment
-from cutjoint.standalone import Standalone, pays_in_lanes
+from cutjoint.standalone import Standalone, lanes_break_even
 from cutjoint.stepping.values import Array
 
 #: Places of an array, and the values that simulations have there, (simulations, places).
@@ -20,15 +20,18 @@ Columns = tuple[Sequence[int], Array]
 
 
 class Lanes:
-    """What takes the steps of several simulations together: ``build`` makes its library, of a model whose evaluations have so many
-    ``operations``; its simulations are those of `Library` with the same flags."""
+    """Steps of several simulations together.
+
+    ``build`` makes the library, of a model whose evaluations have so many ``operations``; its simulations are those of `Library` with the
+    same flags.
+    """
 
     def __init__(self, model: str, operations: int, build: Callable[[], Path]) -> None:
         self._model, self._operations, self._build = model, operations, build
 
     def pay(self, steps: int) -> bool:
-        """Whether they save more in so many steps of all simulations than they take to compile."""
-        return pays_in_lanes(self._operations, steps)
+        """Return whether lanes save more in so many steps of all simulations than they take to compile."""
+        return lanes_break_even(self._operations, steps)
 
     @cached_property
     def _functions(self) -> tuple[Any, int, int]:

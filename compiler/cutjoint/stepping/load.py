@@ -48,7 +48,7 @@ def load_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
     flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
-    """The same of a model that has been read; errors as of `load`."""
+    """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
     equations, program, source = generate(model, scene, scene.outputs, method=method)
     alone = partial(make_standalone, equations, program, source, integrator=integrator, linearise=linearise)

@@ -79,7 +79,7 @@ def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
 def _alone(
     simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], courses: Mapping[str, Array], rows: Array
 ) -> Callable[[int], None]:  # fmt: skip
-    """What plays one of the simulations."""
+    """A function that plays one of the simulations, by its number."""
     places = [(simulation.inputs.place(name), course) for name, course in courses.items()]
 
     def run(i: int) -> None:
@@ -105,7 +105,7 @@ def _alone(
 def _in_lanes(
     simulation: Simulation, lanes: Lanes, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array
 ) -> Callable[[int], None]:
-    """What plays as many of them as there are lanes, from one on."""
+    """A function that plays as many of the simulations as there are lanes, from a number on."""
     parameters, inputs = (
         ([values.place(name) for name in given], np.column_stack([*given.values()]) if given else np.empty((len(begins), 0)))
         for values, given in zip((simulation.parameters, simulation.inputs), columns, strict=True)

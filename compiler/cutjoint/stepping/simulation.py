@@ -282,7 +282,7 @@ class Simulation:
 
     @property
     def is_poor(self) -> bool:
-        """Whether `choose` should be called again: a ball has turned far since, or dependent coordinates follow fast.
+        """Return whether `choose` should be called again: a ball has turned far since, or dependent coordinates follow fast.
 
         Raises:
             TypeError: the model was loaded without derivatives.

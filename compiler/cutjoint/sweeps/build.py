@@ -8,7 +8,7 @@ from cutjoint.model.records import Scene
 from cutjoint.pipeline import generate
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.standalone import Standalone, make_standalone, pays_in_lanes
+from cutjoint.standalone import Standalone, lanes_break_even, make_standalone
 from cutjoint.sweeps.code import with_runs
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.records import Study
@@ -18,7 +18,7 @@ from cutjoint.sweeps.target import find_target
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:
     """Compile a study for each of its scenes, or find the libraries in the cache.
 
-    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`pays_in_lanes`), or as is said, unless those side by
+    Runs go in ``lanes`` where steps can and there are so many runs that these pay (`lanes_break_even`), or as is said, unless those side by
     side have too many rows.
 
     Raises:
@@ -53,7 +53,7 @@ _MOST_ROWS = 10_000_000
 
 
 def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
-    """How many rows a run has, and how far they are apart, s."""
+    """The number of rows of a run, and their distance, s."""
     row_step, end, rows = float(alone.run_file["output_step"]), float(alone.run_file["end"]), 1
     while (rows - 1) * row_step < end * (1 - 1e-12):
         rows += 1
@@ -63,6 +63,6 @@ def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
 
 
 def _pays(study: Study, program: Program, alone: Standalone) -> bool:
-    """Whether a study has so many steps in a scene that lanes pay."""
+    """Return whether a study has so many steps in a scene that lanes pay."""
     steps = float(alone.run_file["end"]) / float(alone.run_file["numerics"]["dt"])
-    return pays_in_lanes(program.operations("evaluate"), steps * study.runs / len(study.scenes))
+    return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))

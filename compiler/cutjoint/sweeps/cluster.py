@@ -62,7 +62,7 @@ class Bringer:
 
 
 def find_fault(key: str, version: str) -> str:
-    """Why this worker cannot perform the work of a client of that version; "" if it can."""
+    """The reason that this worker cannot perform the work of a client of that version; "" if it can."""
     if version != __version__:
         return f"it has cutjoint {__version__}, not {version}; install the same version"
     if key not in _works:
@@ -110,12 +110,12 @@ class Cluster:
 
     @property
     def number(self) -> int:
-        """How many chunks are performed at a time."""
+        """The number of chunks that are performed at a time."""
         return max(1, sum(number for worker, number in self._present.items() if worker in self._fit))
 
     @property
     def dashboard(self) -> str:
-        """Where Dask shows what its workers do."""
+        """The address at which Dask shows its workers."""
         return str(self._client.dashboard_link)
 
     def submit(self, chunk: Chunk) -> None:

@@ -68,7 +68,7 @@ def _place(v: Variable, names: Sequence[str]) -> int:
 def _following(
     p: str, study: Study, scene: Scene, symbols: Mapping[Scalar, Scalar], names: Mapping[str, Sequence[str]]
 ) -> list[str]:  # fmt: skip
-    """What gives a start all that follows from parameters that the study changes."""
+    """The calls that give a start everything that follows from parameters of the study."""
     model, changed = study.model, {v.name for v in study.variables if v.kind is Kind.PARAMETER}
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing(model, scene) and moving & _radii(model):
@@ -96,7 +96,7 @@ def _radii(model: Model) -> set[Scalar]:
 
 
 def _symbols(model: Model, columns: Sequence[Column], names: Mapping[str, Sequence[str]]) -> dict[Scalar, Scalar]:
-    """What stands for each symbol in C++: a place of an array, or the value of a parameter that the library does not load."""
+    """The C++ text of each symbol: a place of an array, or the value of a parameter that the library does not load."""
     loaded = {name: i for i, name in enumerate(names["parameter"])}
     taken = {p.symbol: sympy.Symbol(f"parameters[{loaded[p.name]}]", real=True) for p in model.parameters if p.name in loaded}
     fixed = {p.symbol: sympy.Float(p.value, 17) for p in model.parameters if p.name not in loaded}

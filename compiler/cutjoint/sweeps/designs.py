@@ -23,7 +23,7 @@ MOST_DIMENSIONS = 21201
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
-    """What a variable may be: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself."""
+    """The range of a variable: one of ``levels``, or anything from ``low`` to ``high``, evenly by its logarithm or itself."""
 
     levels: tuple[float, ...] = ()
     low: float = 0.0
@@ -47,7 +47,7 @@ def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[floa
 
 
 def count_runs(design: Design, extents: Sequence[Extent]) -> int:
-    """How many runs a design has; of a table it is not known before that is read."""
+    """The number of a design's runs; of a table it is not known before that is read."""
     match design:
         case LatinHypercube():
             return design.latin_hypercube

@@ -24,8 +24,10 @@ _TEXT = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """What runs leave: ``series`` (runs, series, rows), of which each run ``reached`` so many rows; why runs failed by their places, and
-    the ``times`` of that, s, NaN for none."""
+    """The results of runs: ``series`` (runs, series, rows), of which each run ``reached`` so many rows.
+
+    ``failures`` have the reasons of failed runs by their places, ``times`` the time of each failure, s, NaN for none.
+    """
 
     series: Array
     reached: Counts
@@ -83,7 +85,7 @@ class Kernel:
 
 
 def require_loadable(kernels: Sequence[Kernel]) -> str:
-    """Why this machine cannot run libraries; "" if it can."""
+    """The reason that this machine cannot run libraries; "" if it can."""
     for kernel in kernels:
         if fault := kernel.target.fault():
             return fault

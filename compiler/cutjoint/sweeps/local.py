@@ -11,11 +11,11 @@ from cutjoint.sweeps.work import Chunk, Rows, Work
 
 
 class Workers(Protocol):
-    """What performs chunks, several at a time."""
+    """Workers that perform chunks, several at a time."""
 
     @property
     def number(self) -> int:
-        """How many chunks are performed at a time."""
+        """The number of chunks that are performed at a time."""
 
     def submit(self, chunk: Chunk) -> None:
         """Have a chunk performed."""
@@ -28,7 +28,7 @@ class Workers(Protocol):
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """The number of processors that this process may use."""
     return len(os.sched_getaffinity(0))
 
 

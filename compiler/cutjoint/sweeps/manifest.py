@@ -1,4 +1,4 @@
-"""What a table is of, in plain data: digests, versions, design.  No date, host or folder is in it."""
+"""The origin of a table in plain data: digests, versions, design.  No date, host or folder is in it."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Masses:
         self._bodies = [body for body in model.bodies if any(entry.free_symbols & moving for entry in (body.mass, *body.inertia))]
 
     def faults(self, values: Array) -> dict[int, str]:
-        """Why runs with values (runs, variables) cannot be, by their places."""
+        """The reasons that runs with values (runs, variables) cannot be, by their places."""
         runs, suspects = len(values), set[int]()
         given = {p.symbol: values[:, self._places[p.name]] if p.name in self._places else p.value for p in self._parameters}
         for body in self._bodies:
@@ -36,7 +36,7 @@ class Masses:
         return {run: fault for run, fault in found.items() if fault}
 
     def _fault(self, values: Array) -> str:
-        """Why no body can have what one run asks for; "" if they can."""
+        """The reason that no body can have the masses of one run; "" if they can."""
         model = self._study.model
         changes = {name: float(values[place]) for name, place in self._places.items()}
         try:

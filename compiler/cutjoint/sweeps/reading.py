@@ -53,7 +53,7 @@ def read_study(path: AnyPath) -> Study:
 
 
 def read_study_text(text: str, file: str) -> Study:
-    """The same from a study's text; ``file`` is the name that messages carry, and paths in the study start from its folder."""
+    """Read a study from its text; ``file`` is the name in messages, and paths in the study start from its folder."""
     source, problems = parse_yaml(text, file), Problems()
     document = check_part(source, problems, Document, element_of)
     if document is None:
@@ -90,7 +90,7 @@ class _Reading:
         )  # fmt: skip
 
     def at(self, keys: Keys) -> Element:
-        """What reads the values of a part."""
+        """The reader of the values of a part."""
         return replace(self.where, label=element_of(keys)[0])
 
     def _model(self) -> Model:

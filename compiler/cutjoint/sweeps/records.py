@@ -1,4 +1,4 @@
-"""What a study is once its file is read: plain records, numbers in SI units."""
+"""A study once its file is read: plain records, numbers in SI units."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Counts: TypeAlias = NDArray[np.int64]
 
 
 class Kind(StrEnum):
-    """What a variable of a study changes."""
+    """The thing that a variable of a study changes."""
 
     SCENE = "scene"
     PARAMETER = "parameter"
@@ -89,7 +89,7 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """The number of runs."""
         return len(self.values)
 
     def settings_of(self, run: int) -> dict[str, float]:

@@ -74,13 +74,13 @@ class Sweep:
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What the table is of: digests, versions, design."""
+        """The origin of the table: digests, versions, design."""
         found: dict[str, Any] = json.loads(self.table.schema.metadata[MANIFEST])
         return found
 
     @property
     def failures(self) -> list[str | None]:
-        """Why each run failed, None of those that did not."""
+        """The reason of each run's failure, None if it did not fail."""
         found: list[str | None] = self.table["failure"].to_pylist()
         return found
 
@@ -120,7 +120,7 @@ def perform_study(
     study: Study, out: Path, *, scheduler: str | None = None, threads: int | None = None, progress: Progress | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Sweep:  # fmt: skip
-    """The same of a study that was read."""
+    """Perform a study that was read."""
     say, begin = note or (lambda text: None), perf_counter()
     arrow()
     if scheduler is not None:
@@ -219,16 +219,18 @@ class _Driver:
                 first, left = first + number, left - number
 
     def _is_known(self) -> bool:
-        """Whether it is known how long a run takes."""
+        """Return whether the time of a run is known."""
         return self.seconds >= _ENOUGH
 
     def _most_waiting(self) -> int:
-        """How many chunks are under way at most: each worker has the next one, or a few try how long a run takes."""
+        """The largest number of chunks under way: each worker has the next one, or a few try how long a run takes."""
         return 2 * self.workers.number if self._is_known() else min(4, 2 * self.workers.number)
 
     def _size(self, left: int) -> int:
-        """How many runs the next chunk has, as many as leave no lane empty; towards the end chunks are smaller, so that all workers end
-        at about the same time."""
+        """The number of runs in the next chunk, so that no lane is empty.
+
+        Towards the end chunks are smaller, so that all workers end at about the same time.
+        """
         lanes = max(kernel.lanes for kernel in self.work.kernels)
         if not self.performed:
             return lanes

@@ -89,7 +89,7 @@ async def _identify(distributed: Any, address: str) -> Any:
 
 
 def _describe(answer: Any) -> str:
-    """Why there was none, in words."""
+    """The reason that there was no answer, in words."""
     if isinstance(answer, socket.gaierror):
         return f"the host's name is not known ({answer.strerror})"
     causes = list(_causes(answer))

@@ -90,7 +90,7 @@ class Layout:
 
     @property
     def group_rows(self) -> int:
-        """How many rows a group has."""
+        """The number of rows in a group."""
         return max(1, min(_GROUP_ROWS, _GROUP_BYTES // self.row_bytes))
 
     def table(self, rows: Rows) -> Any:

@@ -1,4 +1,4 @@
-"""What a library needs of the machine that runs it, and whether this one has it."""
+"""The needs of a library on the machine that runs it, and a check that this one meets them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Target:
     flags: tuple[str, ...]
 
     def fault(self) -> str:
-        """Why this machine cannot run the library; "" if it can."""
+        """The reason that this machine cannot run the library; "" if it can."""
         here = (platform.system(), platform.machine())
         if here != (self.system, self.machine):
             return f"the library is for {self.system} on {self.machine}, this is {here[0]} on {here[1]}"
@@ -61,6 +61,6 @@ def find_target(flags: Sequence[str]) -> Target:
 
 
 def _present() -> frozenset[str]:
-    """What this machine's processor has, as Linux names it."""
+    """The features of this machine's processor, as Linux names them."""
     lines = [line.partition(":") for line in processor()]
     return frozenset(word for name, _, words in lines if name in ("flags", "Features") for word in words.split())

@@ -1,4 +1,4 @@
-"""The variables of a study: what of the model they change, what they may be, and their values run by run."""
+"""The variables of a study: the parts of the model that they change, their ranges, and their values run by run."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ class Variables:
         return read
 
     def _extent(self, values: Values, keys: Keys, read: Read) -> Extent:
-        """What a variable may be, in the form that the design needs."""
+        """The range of a variable, in the form that the design needs."""
         if isinstance(values, tuple):
             return Extent(levels=tuple(read(value, (*keys, i)) for i, value in enumerate(values)))
         if not isinstance(values, Between):

@@ -1,4 +1,4 @@
-"""What workers do: chunks of runs, from values to rows.  A worker needs this module, the libraries and NumPy, and no compiler."""
+"""The work of workers: chunks of runs, from values to rows.  A worker needs this module, the libraries and NumPy, and no compiler."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ class Chunk:
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """What a chunk leaves: ``objectives`` (runs, objectives), NaN for none; why and when (s) runs failed; of each trajectory the values run
-    by run, and how many each run has (runs,); ``seconds`` of work."""
+    """The results of a chunk.
+
+    ``objectives`` (runs, objectives) are NaN for none; ``failures`` and ``times`` (s) tell why and when runs failed.  ``trajectories`` have
+    the values run by run, ``lengths`` how many each run has (runs,); ``seconds`` of work.
+    """
 
     first: int
     values: Array
@@ -48,8 +51,11 @@ class Rows:
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What is done with each run of a study: its library, by the number of the scene, which is the first of its values where
-    ``has_scenes``, and what is made of its series."""
+    """The work on each run of a study.
+
+    A run's library is chosen by the number of the scene, the first of its values where ``has_scenes``.  ``objectives`` and ``trajectories``
+    are made of its series.
+    """
 
     kernels: tuple[Kernel, ...]
     has_scenes: bool

@@ -51,7 +51,7 @@ class Arrows(Placed):
                 yield force.name, False, *found
 
     def _push(self, force: Force) -> tuple[Array, Array] | None:
-        """Where a force acts on its follower or body, and the force (times, 3), N; None where outputs do not have it."""
+        """The point at which a force acts on its follower or body, and the force (times, 3), N; None where outputs do not have it."""
         match force:
             case PointSpring() if (tension := self._column(force.name, "force")) is not None:
                 end, way = self.place(force.follower, force.end), self.place(force.base, force.start)
@@ -71,7 +71,7 @@ class Arrows(Placed):
         return None
 
     def _reactions(self) -> Iterator[tuple[str, bool, Array, Array]]:
-        """What joints do to their followers."""
+        """The forces of joints on their followers."""
         joints = {joint.name: joint for joint in self.model.joints}
         for reaction in self.model.reactions:
             if not isinstance(reaction, Reaction):

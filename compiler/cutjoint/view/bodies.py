@@ -25,7 +25,7 @@ _TURNING = {JointKind.REVOLUTE, JointKind.SCREW, JointKind.UNIVERSAL}
 
 @dataclass(frozen=True, kw_only=True)
 class BodyParts:
-    """What is drawn of bodies and joints, in the design position, by the body that it moves with."""
+    """The drawn parts of bodies and joints, in the design position, by the body that moves them."""
 
     model: Model
     scene: Scene
@@ -108,7 +108,7 @@ class BodyParts:
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:
-    """How far a point is from a line between two points."""
+    """The distance of a point from a line between two points."""
     way = end - start
     share = np.clip((point - start) @ way / (way @ way), 0.0, 1.0)
     return float(np.linalg.norm(point - start - share * way))

@@ -1,4 +1,4 @@
-"""Which bodies a column of a run's table belongs to."""
+"""The bodies to which a column of a run's table belongs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why a run stopped, for the page that shows its last steps."""
+"""The reason that a run stopped, for the page of its last steps."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from cutjoint.view.sizes import force_points
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Why and where a run stopped.
+    """The reason and the place of a run's stop.
 
-    ``row`` is the equation or coordinate with the worst residual, of an ``element`` at ``place``, a line of the model file; both are ""
-    where the row is of no element.  ``bodies`` are the element's.
+    ``row`` is the equation or coordinate with the worst residual, of an ``element`` at ``place``, a line of the model file; both are "" if
+    the row is of no element.  ``bodies`` are the element's.
     """
 
     text: str
@@ -33,7 +33,7 @@ class Failure:
 
 
 def find_failure(model: Model, run: Trajectory) -> Failure | None:
-    """Why a run stopped; None of one that came to its end."""
+    """The reason that a run stopped; None of one that came to its end."""
     if run.failure is None:
         return None
     bodies, spans = bodies_of(model), {**{f.name: f.span for f in model.force_elements}, **model.constraint_spans}

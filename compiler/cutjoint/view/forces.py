@@ -23,7 +23,7 @@ _LARGEST_TURN = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class ForceNodes(Placed):
-    """What is drawn of forces, of joints that keep a distance, and of the road; ``up`` (3,) is against gravity."""
+    """The nodes of forces, of joints that keep a distance, and of the road; ``up`` (3,) is against gravity."""
 
     up: Array
 

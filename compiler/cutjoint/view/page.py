@@ -15,8 +15,8 @@ import jinja2
 import numpy as np
 
 from cutjoint.locations import templates_folder
-from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure
+from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion
@@ -35,8 +35,8 @@ class PlotColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outlook:
-    """How a page first looks at a mechanism.
+class Camera:
+    """The camera of a page at its start.
 
     ``direction`` (3,) goes from it to the eye in the model's axes, ``extent`` is its size in m, ``floor`` the height of the ground along
     up, ``road`` whether there is a road, ``follow`` the body that stays in the middle, "" for none.
@@ -57,14 +57,14 @@ LAST_ROWS = 40
 
 
 def make_page(
-    *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], outlook: Outlook,
-    failure: Failure | None = None, motions: Sequence[Motion] = (), over: Earlier | None = None,
+    *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
+    failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
     graph: Graph | None = None, sliders: Sliders | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
     folder = templates_folder() / "view"
     about = {
-        "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(outlook), "rows": int(t.size),
+        "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         "sliders": None if sliders is None else sliders.facts,
@@ -113,5 +113,5 @@ def as_data(content: Mapping[str, object]) -> str:
 
 
 def script_hash(script: str) -> str:
-    """What the page's policy names a script by: no other one runs (W3C, Content Security Policy Level 3, section 2.3.1)."""
+    """The name of a script in the page's policy: no other one runs (W3C, Content Security Policy Level 3, section 2.3.1)."""
     return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode()}'"

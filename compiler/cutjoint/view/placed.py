@@ -23,9 +23,9 @@ class Placed:
     poses: Mapping[str, BodyPose]
 
     def place(self, body: str, point: Vector) -> Array:
-        """Where a body's point is, (times, 3)."""
+        """The place of a body's point over time, (times, 3)."""
         return self.poses[body].place(point_of(self.numbers, point))
 
     def turn(self, body: str, direction: Vector) -> Array:
-        """Where a body's direction points, (times, 3)."""
+        """The direction over time of a vector fixed in a body, (times, 3)."""
         return self.poses[body].turn(point_of(self.numbers, direction))

@@ -1,4 +1,4 @@
-"""What is drawn: meshes on nodes that move over time."""
+"""The records of a drawing: meshes on nodes that move over time."""
 
 from __future__ import annotations
 

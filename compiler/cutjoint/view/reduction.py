@@ -1,4 +1,4 @@
-"""What a reduction did, on the picture of the full model's topology."""
+"""The effect of a reduction on the picture of the full model's topology."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.topology.build import build_topology
 from cutjoint.view.graph import draw_graph
-from cutjoint.view.views import Shown
+from cutjoint.view.views import ViewSpec
 
 
-def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], variants: Sequence[ReducedModel]) -> Shown:
+def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], variants: Sequence[ReducedModel]) -> ViewSpec:
     """The design position of the full model, and its topology: what the reduced models leave out is faint, what is changed has a note."""
     last = variants[-1]
     elements, kept = _names(model), _names(last.model)
@@ -22,7 +22,7 @@ def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], 
     facts += [(note.element, note.words) for note in last.done if note.element not in elements]
     graph = draw_graph(build_topology(model), facts, _notes(last), gone=elements - kept)
     still = BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3)))
-    return Shown(
+    return ViewSpec(
         model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses={body.name: still for body in model.bodies}, graph=graph,
         note=f"{last.name}, from the full model",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How large what is drawn is: by the extent of the mechanism in its design position."""
+"""The sizes of drawn parts, by the extent of the mechanism in its design position."""
 
 from __future__ import annotations
 

@@ -29,10 +29,10 @@ _TURN, _SLIDE = pi, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Sliders:
-    """What a page needs to move a mechanism: its ``script``, and facts for it.
+    """The data with which a page moves a mechanism: its ``script``, and facts for it.
 
     ``q`` are the coordinates of the pose, ``charts`` say which of them are quaternions, ``sliders`` have their ends.  ``bodies`` have their
-    centres of mass, ``others`` what is drawn between bodies or on one.
+    centres of mass, ``others`` are drawn between bodies or on one.
     """
 
     script: str

@@ -1,4 +1,4 @@
-"""What is known of a state, as motions on screen: modes, the way to the equilibrium, and directions that the loops leave free."""
+"""Motions on screen about a state: modes, the way to the equilibrium, and directions that the loops leave free."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times
 from cutjoint.view.page import PlotColumn
 from cutjoint.view.records import Array
-from cutjoint.view.views import Shown
+from cutjoint.view.views import ViewSpec
 
 #: A part of a direction below this is rounding.
 _PART = 1e-6
 
 
-def show_modes(model: Model, scene: Scene, parameters: Mapping[str, float], modes: Modes) -> Shown:
+def show_modes(model: Model, scene: Scene, parameters: Mapping[str, float], modes: Modes) -> ViewSpec:
     """The mechanism in each of its modes, then in each indifferent direction; decay and growth are left out."""
     mover = Mover(model=model, scene=scene, parameters=parameters, time=modes.time)
     motions = [
@@ -55,14 +55,14 @@ def _amplitudes(shape: Mapping[str, Participant]) -> Complex:
     return np.array([p.amplitude for p in shape.values()], dtype=np.complex128)
 
 
-def _shown(mover: Mover, q: Array, motions: list[Motion], columns: tuple[PlotColumn, ...] = ()) -> Shown:
-    return Shown(
+def _shown(mover: Mover, q: Array, motions: list[Motion], columns: tuple[PlotColumn, ...] = ()) -> ViewSpec:
+    return ViewSpec(
         model=mover.model, scene=mover.scene, parameters=mover.parameters, t=np.zeros(1), poses=mover.poses(q[np.newaxis]),
         motions=tuple(motions), columns=columns,
     )  # fmt: skip
 
 
-def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float], found: MechanismState) -> Shown:
+def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float], found: MechanismState) -> ViewSpec:
     """The way from the design position to the equilibrium and back, loops closed, and the quantities of the equilibrium.
 
     Raises:
@@ -94,7 +94,7 @@ def _between(equations: RecursiveEquations, start: Array, end: Array, share: flo
     return q
 
 
-def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, pose: Pose, graph: Graph) -> Shown:
+def show_directions(model: Model, scene: Scene, equations: RecursiveEquations, pose: Pose, graph: Graph) -> ViewSpec:
     """The directions that the loops leave free at a pose, each named by a speed that no other one has, beside the topology's ``graph``."""
     mover = Mover(model=model, scene=scene, parameters={})
     motions = [
@@ -124,7 +124,7 @@ def _facts(equations: RecursiveEquations, direction: Array) -> tuple[tuple[str, 
 
 
 def find_notes(equations: RecursiveEquations, poses: Sequence[Pose]) -> Mapping[str, Sequence[str]]:
-    """What is wrong with elements: equations of cut joints that follow from others, bodies whose motion no mass resists for a moment."""
+    """Faults of elements: equations of cut joints that follow from others, bodies whose motion no mass resists for a moment."""
     notes: dict[str, list[str]] = {}
     redundancy = find_redundancy(equations, poses) if equations.equation_names else None
     if redundancy is not None:

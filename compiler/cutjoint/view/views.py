@@ -24,14 +24,14 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import parameter_values
 from cutjoint.topology.build import build_topology
+from cutjoint.view.camera import find_camera
 from cutjoint.view.columns import bodies_of
 from cutjoint.view.drawing import draw
-from cutjoint.view.earlier import Earlier
 from cutjoint.view.failure import Failure, find_failure
+from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
-from cutjoint.view.outlook import find_outlook
 from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array
@@ -49,11 +49,13 @@ _FAR = 1e18
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
-    """What a file shows: a model in a scene with ``parameters`` (SI units) changed, the ``poses`` of its bodies at times ``t`` (times,), s,
-    columns of a table at these times, why a run stopped, and motions
-    about the pose of the first time; ``note`` is said beside the scene, ``graph`` is the topology,
-    ``sliders`` change the pose."""
+class ViewSpec:
+    """The contents of a view's file: a model in a scene with ``parameters`` (SI units) changed, and its motion.
+
+    ``poses`` are those of its bodies at times ``t`` (times,), s, ``columns`` those of a table at these times, ``failure`` the reason of the
+    run's stop, ``motions`` are about the pose of the first time.  ``note`` is said beside the scene, ``graph`` is the topology, ``sliders``
+    change the pose.
+    """
 
     model: Model
     scene: Scene
@@ -80,7 +82,7 @@ def require_view(path: Path, option: str) -> None:
 
 def show_run(
     model: Model, scene: Scene, method: str, parameters: Mapping[str, float], run: Trajectory, *, variant: str = ""
-) -> Shown:  # fmt: skip
+) -> ViewSpec:  # fmt: skip
     """A run that has coordinates, in as many of its rows as a page takes; of a reduced model the ``variant`` is named."""
     assert run.coordinates is not None
     held, others = with_held_inputs(model, scene, parameters)
@@ -92,7 +94,7 @@ def show_run(
         PlotColumn(name=name, unit=run.units[name], bodies=of.get(elements.get(name, ""), ()), values=values[kept])
         for name, values in run.columns.items()
     )
-    return Shown(
+    return ViewSpec(
         model=model, scene=held, parameters=parameters, t=t, poses=poses, columns=columns, failure=find_failure(model, run),
         note=f"{method}, {variant} model" if variant else method,
     )  # fmt: skip
@@ -109,7 +111,7 @@ def _find_poses(
     return {**{body.name: still for body in model.bodies}, **find_spanned_poses(derive_spans(topology, scene), q, parameters)}
 
 
-def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Shown:
+def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> ViewSpec:
     """The pose in which a scene starts; one as designed takes no simulator.
 
     Raises:
@@ -124,11 +126,11 @@ def show_start(model: Model, scene: Scene, parameters: Mapping[str, float]) -> S
         scalars = {joint.name: dict(zip(COORDINATES[joint.kind], values.get(joint.name, ()), strict=False)) for joint in model.joints}
         q = coordinates_of(Mover(model=model, scene=scene, parameters=parameters).equations, poses, scalars)
     sliders = make_sliders(model, scene, parameters, q)
-    return Shown(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses, sliders=sliders)
+    return ViewSpec(model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses=poses, sliders=sliders)
 
 
 def _is_as_designed(model: Model, scene: Scene) -> bool:
-    """Whether a scene starts where the file places the bodies: nothing else is given and no guide moves them."""
+    """Return whether a scene starts where the file places the bodies: nothing else is given and no guide moves them."""
     return scene.pose == "design" and not scene.positions and all(joint.guide is None for joint in model.joints)
 
 
@@ -145,7 +147,7 @@ def write_view(path: AnyPath, artifact: Artifact, run: Trajectory, *, parameters
     return write_shown(Path(path), show_run(artifact.topology.model, scene, artifact.method, parameters or {}, run))
 
 
-def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Path:
+def write_shown(path: Path, shown: ViewSpec, *, over: GhostRun | None = None) -> Path:
     """Write what is shown as a page, ``over`` an earlier run if there is one, or as a .glb file.
 
     Raises:
@@ -165,13 +167,13 @@ def write_shown(path: Path, shown: Shown, *, over: Earlier | None = None) -> Pat
         return write_whole(path, glb)
     page = make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
-        columns=shown.columns, outlook=find_outlook(placed, drawing), failure=shown.failure, motions=shown.motions,
+        columns=shown.columns, camera=find_camera(placed, drawing), failure=shown.failure, motions=shown.motions,
         over=over, graph=shown.graph, sliders=shown.sliders,
     )  # fmt: skip
     return write_whole(path, page)
 
 
-def _in_reach(path: Path, shown: Shown) -> Shown:
+def _in_reach(path: Path, shown: ViewSpec) -> ViewSpec:
     """The motion that is shown, up to the first time at which a body is too far away to be drawn, which the note says then."""
     near = np.array([np.abs(pose.shift).max(axis=1) < _FAR for pose in shown.poses.values()]).reshape(-1, shown.t.size).all(axis=0)
     rows = int(np.append(near, False).argmin())
@@ -186,7 +188,7 @@ def _in_reach(path: Path, shown: Shown) -> Shown:
     )  # fmt: skip
 
 
-def _placed(shown: Shown, poses: Mapping[str, BodyPose], t: Array) -> Placed:
+def _placed(shown: ViewSpec, poses: Mapping[str, BodyPose], t: Array) -> Placed:
     numbers = Numbers.of(shown.model, shown.scene, shown.parameters)
     still = BodyPose(rotation=np.broadcast_to(np.eye(3), (t.size, 3, 3)), shift=np.zeros((t.size, 3)))
     return Placed(

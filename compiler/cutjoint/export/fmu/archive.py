@@ -158,7 +158,7 @@ def _require_method(method: str, kind: str) -> None:
 
 
 def _view(standalone: Standalone, interface: Interface, version: int, kind: str, stops: bool) -> dict[str, object]:
-    """What the templates are given; ``stops`` is whether co-simulation has event mode."""
+    """The view for the templates; ``stops`` is whether co-simulation has event mode."""
     exchanges = KINDS[kind][1]
     header = next(name for name in _code_of(standalone) if name.endswith(".h"))
     name, steps = standalone.name, standalone.steps

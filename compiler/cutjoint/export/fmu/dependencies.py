@@ -1,5 +1,7 @@
-"""What an output follows from at the start, and while a host integrates.  At a communication point it is that of the last step, and follows
-from nothing else."""
+"""The dependencies of an output at the start, and while a host integrates.
+
+At a communication point an output is that of the last step, and follows from nothing else.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ class LeafSymbols:
         )
 
     def has(self, *prefixes: str) -> bool:
-        """Whether a symbol begins with one of these."""
+        """Return whether a symbol begins with one of these."""
         return any(symbol.startswith(prefixes) for symbol in self.symbols)
 
 
@@ -55,15 +57,17 @@ def find_leaves(blocks: Iterable[Block]) -> LeafSymbols:
 
 @dataclass(frozen=True, kw_only=True)
 class StartDependencies:
-    """What an output follows from at the start: numbers of inputs and parameters, and names of given coordinates and speeds;
-    ``by_settings`` where settings of the steps count too."""
+    """The dependencies of an output at the start: numbers of inputs and parameters, and names of given coordinates and speeds.
+
+    ``by_settings`` tells that settings of the steps count too.
+    """
 
     leaves: LeafSymbols
     by_settings: bool
 
 
 def find_dependencies(equations: RecursiveEquations, given: Iterable[str]) -> tuple[StartDependencies, ...]:
-    """Those of each column; ``given`` are the names of the coordinates and speeds that the start gives."""
+    """The dependencies of each column; ``given`` are the names of the coordinates and speeds that the start gives."""
     names = ("evaluate", "constraint_residual")
     solving = find_leaves(block for name in names for block in equations.function(name).results.values())
     solved, report = replace(solving, symbols=frozenset(given)), equations.function("report").results
@@ -81,7 +85,7 @@ def _of_column(equations: RecursiveEquations, leaves: LeafSymbols, solved: LeafS
 
 @dataclass(frozen=True, kw_only=True)
 class Dependencies:
-    """What something follows from while a host integrates: numbers of inputs, independent coordinates, their rates, time."""
+    """The dependencies of a value while a host integrates: numbers of inputs, independent coordinates, their rates, time."""
 
     inputs: frozenset[int]
     positions: bool

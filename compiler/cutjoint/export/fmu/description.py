@@ -19,9 +19,12 @@ KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, Tru
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """What is described: the model's name, the scene's, how long its run takes and how often it reports (s), the token of the code,
-    the files of the code, one of `KINDS`, whether co-simulation has event mode, early return and intermediate updates, and how it steps,
-    "" without co-simulation."""
+    """The subject of the descriptions.
+
+    It has the names of the model and the scene, the end of its run and the distance of its rows (s), the token and the files of the code,
+    one of `KINDS`, whether co-simulation has event mode, early return and intermediate updates, and its steps in words, "" without
+    co-simulation.
+    """
 
     name: str
     scene: str

@@ -53,6 +53,6 @@ OF_EXCHANGE: tuple[Function, ...] = (
 
 
 def missing_functions(*, exchanges: bool, stops_at_events: bool) -> tuple[Function, ...]:
-    """What an FMU has not that may be for model exchange, and whose co-simulation may have event mode."""
+    """The functions that an FMU lacks; it may be for model exchange, and its co-simulation may have event mode."""
     groups = ((OF_STEPS, stops_at_events), (OF_EVENTS, exchanges or stops_at_events), (OF_EXCHANGE, exchanges))
     return MISSING + tuple(function for group, there in groups if not there for function in group)

@@ -23,7 +23,7 @@ _LARGEST = 60_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Earlier:
+class GhostRun:
     """A run of a page: its ``name`` for people, what was drawn of it, and columns over the drawing's times by name."""
 
     name: str
@@ -31,7 +31,7 @@ class Earlier:
     columns: Mapping[str, Array]
 
 
-def read_page(path: Path, option: str) -> Earlier:
+def read_page(path: Path, option: str) -> GhostRun:
     """The run of a page.
 
     Raises:
@@ -47,7 +47,7 @@ def read_page(path: Path, option: str) -> Earlier:
         raise RunError(f"{option} {path}: not a page of a run; write one with simulate --view") from None
 
 
-def _read(file: str, text: str) -> Earlier:
+def _read(file: str, text: str) -> GhostRun:
     about = json.loads(_element(text, "about"))
     glb, table = (base64.b64decode(_element(text, name), validate=True) for name in ("glb", "table"))
     names = [str(column["name"]) for column in about["columns"]]
@@ -55,7 +55,7 @@ def _read(file: str, text: str) -> Earlier:
     if about["motions"] or rows.shape[1] < 2 or not np.isfinite(rows[0]).all() or not (np.diff(rows[0]) > 0).all():
         raise ValueError
     what = ", ".join(str(about[key]) for key in ("title", "scene", "note") if about[key])
-    return Earlier(name=f"{file}: {what}", drawing=_drawing(read_glb(glb), rows[0]), columns=dict(zip(names, rows[1:], strict=True)))
+    return GhostRun(name=f"{file}: {what}", drawing=_drawing(read_glb(glb), rows[0]), columns=dict(zip(names, rows[1:], strict=True)))
 
 
 def _element(text: str, name: str) -> str:

@@ -1,4 +1,4 @@
-"""How a page first looks at a mechanism."""
+"""The camera of a page at its start."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from cutjoint.export.numbers import Numbers
 from cutjoint.model.records import Model, Tyre
-from cutjoint.view.page import Outlook
+from cutjoint.view.page import Camera
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Drawing, Node
 from cutjoint.view.sizes import Sizes, point_of
@@ -18,11 +18,11 @@ _FAR = 3.0
 _SAMPLES = 50
 
 
-def find_outlook(placed: Placed, drawing: Drawing) -> Outlook:
+def find_camera(placed: Placed, drawing: Drawing) -> Camera:
     """From the side if all axes of turns are one direction, else from ahead, the left and above."""
     model, numbers, sizes = placed.model, placed.numbers, placed.sizes
     has_road = any(isinstance(force, Tyre) for force in model.forces)
-    return Outlook(
+    return Camera(
         direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
         follow=_followed(placed),
     )  # fmt: skip
