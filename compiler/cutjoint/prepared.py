@@ -1,8 +1,8 @@
-"""The cache of prepared runs: a second run of a scene derives nothing, and imports nothing of what derives.
+"""The cache of prepared runs: a second run of a scene derives nothing, and imports no module that derives.
 
-The key covers all that a run follows from: the text of the model and the name of its file, which messages have, what was asked for, the
-sources of the compiler and the runtime, the versions of what the compiler calls, the C++ compiler, its flags and the processor that they
-mean.  The cache has plain data (JSON), and a simulator by its name in the cache.
+The key covers everything that determines a run: the text of the model and the name of its file, which messages have, the request, the
+sources of the compiler and the runtime, the versions of the packages that it imports, the C++ compiler, its flags and the processor that
+they mean.  The cache has plain data (JSON), and a simulator by its name in the cache.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_
 from cutjoint.toolchain.compiler import find_compiler, resolve
 from cutjoint.toolchain.errors import ToolchainError
 
-#: Bytes that are read of a model file: more than a model may have, so that a part of a larger file is in no cache.
+#: Bytes that are read of a model file: more than a model may have, so that a truncated file cannot match a cached one.
 _LARGEST = 8_000_000
 
 
@@ -53,7 +53,7 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedRun:
-    """A compiled model's run, and what is reported of it.
+    """A compiled model's run, and the facts that reports need.
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
     file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
@@ -86,7 +86,7 @@ def _has_other_unit(value: float, unit: str) -> bool:
 
 
 def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
-    """The run that was prepared before from what is there now, with parameters (SI units) changed; None where there is none."""
+    """The cached run for this request and the present files, with parameters (SI units) changed; None if there is none."""
     if not request.model.is_file():
         return None  # a pipe can be read once
     try:

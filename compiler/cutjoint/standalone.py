@@ -121,10 +121,10 @@ def make_standalone(
     equations: Equations, program: Program, source: Source, *, integrator: str | None = None, equal_steps: bool = False,
     lanes: bool = True, linearise: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
-    """The folder of a model in a scene, by what `pipeline.generate` has made, with the settings, parameters and start of the scene.
+    """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
 
-    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` is whether isomorphic parts are computed
-    side by side.  With ``linearise`` it has minimal coordinates and derivatives too.  With ``side_by_side`` it also has the class of
+    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
+    side.  With ``linearise`` it has minimal coordinates and derivatives too.  With ``side_by_side`` it also has the class of
     several instances, if its steps can be taken in lanes.
 
     Raises:

@@ -23,7 +23,7 @@ namespace {
 
 const Abilities abilities{.tasks = {Task::batch}, .integrators = {Integrator::trapezoidal}};
 
-/// What a case may have of its own.
+/// The keys that a case may have of its own.
 constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "inputs", "positions", "rates", "roads"});
 
 /// Groups of cases, taken one by one by threads.

@@ -9,7 +9,7 @@ namespace {
 using cutjoint::make_solver;
 using Real = cutjoint::Precision;
 
-/// Those of the number type; then, where it is not double, those in double.
+/// The solvers of the number type; then, where it is not double, the solvers in double.
 constexpr cutjoint::SolverKind<Real> kinds[] = {
     {"eigen-ldlt", true, make_solver<cutjoint::EigenLdlt<Real>, Real>},
     {"eigen-lu", false, make_solver<cutjoint::EigenLu<Real>, Real>},

@@ -1,4 +1,4 @@
-"""`cutjoint simulate`: a cached run needs nothing of what derives and compiles."""
+"""`cutjoint simulate`: a cached run imports no module that derives or compiles."""
 
 from __future__ import annotations
 

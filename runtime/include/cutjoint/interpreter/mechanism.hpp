@@ -45,7 +45,7 @@ inline std::vector<Chart> read_charts(const Json& list, std::size_t coordinates,
   return charts;
 }
 
-/// What a model says of itself; the texts stand in the document.
+/// The description of a model; the texts stand in the document.
 inline Description read_description(const Json& d) {
   Description found;
   found.name = d.at("name").get_ref<const std::string&>();

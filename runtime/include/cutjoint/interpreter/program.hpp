@@ -137,7 +137,7 @@ class Program {
   const Road<double>* roads_ = nullptr;
 };
 
-/// What depends on time and on inputs; where those come from.
+/// The functions of a step's beginning, by time and inputs, and the source of the inputs.
 class StepBeginning {
  public:
   StepBeginning(const Program& program, const Json& document, std::size_t inputs) : values_(document.at("inputs").get<std::size_t>()) {

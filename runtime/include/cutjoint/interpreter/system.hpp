@@ -31,7 +31,7 @@ inline Pattern read_pattern(const Json& p) {
   return pattern;
 }
 
-/// What a system says of itself; the texts stand in the document.
+/// The description of a system; the texts stand in the document.
 inline SystemDescription read_system_description(const Json& d) {
   const Description m = read_description(d);
   using Name = std::pair<std::string_view, Lagrangian>;
