@@ -98,7 +98,7 @@ def test_a_cached_run_follows_from_the_code_of_its_backend(monkeypatch: pytest.M
         (tmp_path / text / "code.hpp").write_text(text, encoding="utf-8")
         monkeypatch.setattr(backend, "BACKEND", replace(backend.BACKEND, code=(tmp_path / text,)))
         for how, found in places.items():
-            found.add(prepared._place(Request(model=FOUR_BAR, implementation=how), b""))
+            found.add(prepared._cache_path(Request(model=FOUR_BAR, implementation=how), b""))
     assert {how: len(found) for how, found in places.items()} == {"generic": 2, "generated": 1}
 
 

@@ -38,7 +38,7 @@ def make(rng: random.Random) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """The reason for an early end; fails where a call says nothing, is called done with a part of its table, or has cost the earlier one."""
+    """The reason for an early end; fails where a call says nothing, ends as done with a part of its table, or has cost the earlier one."""
     case = json.loads(text)
     with TemporaryDirectory() as name:
         folder = Path(name)
