@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.emit.source import emit
+from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.locations import AnyPath
@@ -71,7 +72,8 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     """Compile a model for batches of a scene, with the recursive method.
 
     Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
-    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.
+    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  So do
+    runs in which rates of guides may jump.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
@@ -79,7 +81,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
         ToolchainError: the C++ side failed.
     """
     _require_batch(scene)
-    if not find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options()).batch:
+    if guides_jump(model, scene) or not find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options()).batch:
         return _compile_alone(model, scene, flags)
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)

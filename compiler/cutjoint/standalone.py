@@ -70,6 +70,11 @@ class Standalone:
         return STEPS[self.method][self.integrator]
 
     @property
+    def fits_lanes(self) -> bool:
+        """Return whether its simulations can go side by side: lanes have no impacts of guides."""
+        return self.steps.in_lanes and not self.parts.guides_jump
+
+    @property
     def size(self) -> int:
         """The bytes that a simulation takes at most."""
         return simulation_size(self.parts, self.steps)
@@ -138,10 +143,11 @@ def make_standalone(
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
-    if side_by_side and STEPS[parts.method][chosen].in_lanes:
-        parts = replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
-    return Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
+    alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
+    if not (side_by_side and alone.fits_lanes):
+        return alone
+    return replace(alone, parts=replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False)))
 
 
 def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> Options:

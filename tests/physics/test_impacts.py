@@ -171,7 +171,7 @@ def jumping(model: Model) -> Model:
     return replace(model, joints=joints, forces=(), reactions=(), markers=())
 
 
-def struck_at_rest(mechanism: DenseMechanism) -> tuple[dict[str, np.ndarray], float]:
+def struck_at_rest(mechanism: DenseMechanism, t: float = BEGIN) -> tuple[dict[str, np.ndarray], float]:
     """The bodies' velocities and angular velocities after guides have struck it at rest in the design position, and the work (J).
 
     By dense algebra alone: M v + p + J^T mu = 0, J v + Phi_t = 0 with the momentum p that guides give to the free coordinates.
@@ -180,7 +180,7 @@ def struck_at_rest(mechanism: DenseMechanism) -> tuple[dict[str, np.ndarray], fl
     for x in mechanism.layout.values():
         if x.ball:
             q[x.q + x.scalars] = 1.0
-    still = Instant(q=q, v=np.zeros(mechanism.nv), t=BEGIN)
+    still = Instant(q=q, v=np.zeros(mechanism.nv), t=t)
     motion, closures = mechanism.motion(still), mechanism.closures(still)
     M, J, n = mechanism.inertia(motion)[0], closures.jacobian, mechanism.nv
     matrix = np.block([[M, J.T], [J, np.zeros((mechanism.m, mechanism.m))]])

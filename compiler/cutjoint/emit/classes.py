@@ -10,6 +10,7 @@ from cutjoint.emit.source import FACTORISATION, SPACE, Page, members, switches_o
 from cutjoint.emit.system import pattern_view, render_class
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.records import RecursiveEquations, SystemEquations
 from cutjoint.methods import START
 from cutjoint.program.records import Program
@@ -67,8 +68,15 @@ class SimulationCode:
         """The equations of what is stepped, which have parameters, inputs and outputs."""
         return self.mechanism if self.system is None else self.system.equations
 
+    @property
+    def guides_jump(self) -> bool:
+        """Return whether the rates of guides may jump."""
+        return guides_jump(self.mechanism.topology.model, self.mechanism.scene)
+
     def over_events(self) -> SimulationCode:
-        """Copy the code for steps that go over events."""
+        """Copy the code for steps that go over events; those over jumps of guides seek these by switches."""
+        if self.guides_jump:
+            return self
         system = self.system and replace(self.system, equations=replace(self.system.equations, switches=()))
         return replace(self, mechanism=replace(self.mechanism, switches=()), system=system)
 
@@ -97,11 +105,12 @@ def class_of_mechanism(
     without its ending."""
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(program, equations, conditions)
-    unused = _unused(equations) if parts.system is None else _UNUSED | {"events", "guard"}
+    unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard"}
     if equations.scene.pose == "equilibrium" and conditions == "bool":
         unused -= {"energy"}  # of one that holds coordinates at rest, one instance at a time
     names = [f.name for f in equations.functions if f.name not in unused]
     layout = {
+        "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
     }  # fmt: skip
     how = {"core": True, "apart": apart, "space": space}
@@ -118,11 +127,11 @@ def class_of_system(parts: SimulationCode, system: System, *, apart: bool, heade
     equations, program, plan = system.equations, system.program, system.plan
     page = replace(parts.page, class_name=system_class(parts.page.class_name))
     viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions if f.name not in _unused(equations)]
+    names = [f.name for f in equations.functions if f.name not in _unused(parts, equations)]
     factorisation = emit_factorisation(plan, equations.row_names, page, apart=apart)
     needed = factorisation.pop(f"{FACTORISATION}.hpp")
     layout = {
-        "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
+        "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
         "pattern": pattern_view(plan.pattern, equations.row_names),
     }  # fmt: skip
     how = {"core": True, "apart": apart}
@@ -131,9 +140,10 @@ def class_of_system(parts: SimulationCode, system: System, *, apart: bool, heade
     return CppClass(name=page.class_name, header=described, functions=functions | factorisation, layout=layout, factorisation=needed)
 
 
-def _unused(equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
-    """Functions of what is stepped that nobody calls."""
-    return _UNUSED | (frozenset() if equations.switches else {"events"})
+def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
+    """Functions of what is stepped that nobody calls; impacts have the masses of relative coordinates from its energy."""
+    needed = {"energy"} if parts.guides_jump and equations.charts else set()
+    return (_UNUSED | (frozenset() if equations.switches else {"events"})) - needed
 
 
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:

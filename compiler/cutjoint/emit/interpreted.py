@@ -91,6 +91,7 @@ def _description(equations: RecursiveEquations | SystemEquations, lists: Sequenc
         "guards": [[g["name"], g["place"]] for g in d["guards"]],
         "domains": [[x["function"], x["element"], x["place"], x["strict"] == "true"] for x in d["domains"]],
         "switches": [[s["element"], s["place"], s["road"], s["across"]] for s in switches_of(equations)],
+        **({"guides_jump": True} if d["guides_jump"] else {}),
     }  # fmt: skip
 
 

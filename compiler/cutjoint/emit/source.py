@@ -13,6 +13,7 @@ import jinja2
 from cutjoint.emit.names import road_names
 from cutjoint.emit.view import FunctionView, Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.locations import templates_folder
 from cutjoint.methods import METHODS
@@ -166,6 +167,7 @@ def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]
         "inputs": _named(equations.inputs),
         "roads": equations.roads,
         "driven": any(joint.guide is not None for joint in equations.topology.model.joints),
+        "guides_jump": guides_jump(equations.topology.model, equations.scene),
         "guards": [
             {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
             for guard in guards_of(equations.topology.model, equations.scene)

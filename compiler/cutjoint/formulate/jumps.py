@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import sympy
 from sympy.core.relational import Relational
 
-from cutjoint.formulate.inputs import TIME
+from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Model, Scalar, Scene
 
@@ -21,6 +21,13 @@ def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
     known = {p.symbol: p.value for p in model.parameters}
     conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}
     return tuple(sorted({time for c in conditions for time in _zeros(c.lhs - c.rhs, known)}))
+
+
+def guides_jump(model: Model, scene: Scene) -> bool:
+    """Return whether a guide, or an input that moves one, goes over to another formula in the scene, so that its rate may jump."""
+    laws = [sympy.sympify(law) for joint in model.joints for law in joint.guide or ()]
+    laws += [law for symbol, law in input_functions(model, scene).items() if any(guide.has(symbol) for guide in laws)]
+    return any(law.has(sympy.Piecewise, sympy.Abs, sympy.sign) for law in laws)
 
 
 def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:

@@ -58,7 +58,7 @@ def load_scene(
     def build() -> Path:
         return with_rollout(alone(side_by_side=True)).build_library(flags)
 
-    lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.steps.in_lanes else None
+    lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.fits_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,

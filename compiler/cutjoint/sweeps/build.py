@@ -32,7 +32,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     equations, program, source = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(equations, program, source, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)
-    may = alone.steps.in_lanes and rows * LANES <= _MOST_ROWS
+    may = alone.fits_lanes and rows * LANES <= _MOST_ROWS
     if may and (_pays(study, program, alone) if lanes is None else lanes):
         alone = make_standalone(equations, program, source, integrator=study.integrator, side_by_side=True)
     start = equations.mechanism

@@ -63,6 +63,7 @@ struct Description {
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
+  bool guides_jump = false;                   ///< whether the rates of guides may jump
 };
 
 }  // namespace cutjoint

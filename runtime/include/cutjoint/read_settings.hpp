@@ -200,4 +200,10 @@ Steps count_steps(const RunSettings& settings, bool row_each = false) {
   return {static_cast<long>(number), static_cast<long>(stride)};
 }
 
+/// The length of a run's steps together, s.
+template <class Real>
+double length_of(const RunSettings& settings) {
+  return static_cast<double>(count_steps<Real>(settings).number) * settings.dt;
+}
+
 }  // namespace cutjoint

@@ -10,11 +10,12 @@
 #include <utility>
 #include <vector>
 
+#include "cutjoint/core/crossed_impacts.hpp"
 #include "cutjoint/core/relative.hpp"
-#include "cutjoint/crossed_impacts.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
+#include "cutjoint/impact_list.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -34,7 +35,7 @@ class Recursive {
 
   Recursive(M& mechanism, const RunSettings& settings, const Json& file)
       : mechanism_(mechanism), d_(mechanism.description()), settings_(settings), file_(file), data_(d_, file), state_(d_), guards_(mechanism),
-        relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end), dt_(settings.dt), residual_(d_.equations.size()), rate_(d_.equations.size()) {
+        relative_(mechanism, Real(1e-12)), dt_(settings.dt), list_(mechanism, energy_), residual_(d_.equations.size()), rate_(d_.equations.size()) {
     load_penalties(std::vector<double>(d_.cuts.size(), settings.stabilisation.penalty.value_or(1.0)));
   }
 
@@ -58,10 +59,13 @@ class Recursive {
   void prepare() {
     integrator_.emplace(mechanism_, dt_, fixed_point_of(settings_));
     if (settings_.energy) energy_.emplace(mechanism_, state_);
+    if (may_jump(mechanism_)) impacts_.emplace(mechanism_, length_of<Real>(settings_));
   }
 
   void step(long number) {
-    impacts_.meet(state_, dt_, [this](State<Real>& state) { accelerate(state); }, energy_);
+    if (impacts_)
+      impacts_->meet(state_, dt_, [this](State<Real>& state) { relative_.find_accelerations(state); },
+                     list_.watch([](auto& energy, const State<Real>& state) { energy.add(state); }));
     require_none(integrator_->step(state_, number), d_);
     if (energy_) {
       const auto time = energy_->time();
@@ -99,7 +103,7 @@ class Recursive {
     summary["evaluations"] = evaluations;
     summary["iterations"] = evaluations;
     if (energy_) energy_->summarise(summary);
-    impacts_.summarise(summary);
+    list_.summarise(summary);
     if (!measured_.empty() || energy_) summary["residuals"] = Json{{"position", number_or_null(position_)}, {"velocity", number_or_null(velocity_)}};
   }
 
@@ -164,13 +168,6 @@ class Recursive {
   }
 
  private:
-  void accelerate(State<Real>& state) {
-    std::vector<Real> y(state.q);
-    y.insert(y.end(), state.v.begin(), state.v.end());
-    relative_.guess(state.lambda);
-    state = relative_.solve(state.t, y);
-  }
-
   std::pair<double, double> find_residuals() {
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
     const auto position = static_cast<double>(largest(residual_)), velocity = static_cast<double>(largest(rate_));
@@ -187,10 +184,11 @@ class Recursive {
   State<Real> state_;
   Guards<M> guards_;
   Relative<M> relative_;
-  CrossedImpacts<M> impacts_;
   Real origin_{0}, dt_;
   std::optional<Trapezoidal<M>> integrator_;
   std::optional<EnergyBalance<M>> energy_;
+  std::optional<CrossedImpacts<M>> impacts_;
+  ImpactList<M> list_;
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;
   long evaluations_ = 0;

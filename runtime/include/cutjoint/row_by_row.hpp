@@ -12,7 +12,7 @@
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
-#include "cutjoint/impacts.hpp"
+#include "cutjoint/impact_list.hpp"
 #include "cutjoint/json.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/settings.hpp"
@@ -28,7 +28,7 @@ class RowByRow {
   using Real = typename Dynamics::Real;
 
   RowByRow(Subject& subject, Dynamics& dynamics, const RunSettings& settings)
-      : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), impacts_(subject, settings.end), dt_(settings.dt) {}
+      : subject_(subject), dynamics_(dynamics), settings_(settings), guards_(subject), list_(subject, energy_), dt_(settings.dt) {}
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
   const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
@@ -47,7 +47,7 @@ class RowByRow {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
     if constexpr (requires { typename Stepper::Watch; }) {
       if (settings_.energy) balance_energy();
-      if (impacts_.possible()) meet_impacts();
+      if (may_jump(subject_)) meet_impacts();
     }
   }
 
@@ -88,7 +88,7 @@ class RowByRow {
     summary["evaluations"] = dynamics_.evaluations();
     summary["iterations"] = stepper_ ? stepper_->steps() : 0;
     if (energy_) energy_->summarise(summary);
-    impacts_.summarise(summary);
+    list_.summarise(summary);
   }
 
  protected:
@@ -119,8 +119,8 @@ class RowByRow {
   }
 
   void meet_impacts() {
-    if (!state_) state_.emplace(blank(subject_));
-    const auto call = [](void* who, auto& scheme, std::size_t which) { static_cast<RowByRow*>(who)->strike(scheme, which); };
+    impacts_.emplace(subject_, length_of<Real>(settings_));
+    const auto call = [](void* who, auto& scheme, std::size_t which, Real since) { static_cast<RowByRow*>(who)->strike(scheme, which, since); };
     stepper_->strike_by({.call = call, .who = this});
   }
 
@@ -133,24 +133,11 @@ class RowByRow {
 
   /// Where a step has ended at an event: impulses, if guides' rates jump there.
   template <class Scheme>
-  void strike(Scheme& scheme, std::size_t which) {
-    const Real after = scheme.time(), before = std::max(after - impacts_.width(), struck_);
-    struck_ = after;
-    state_->q.assign(scheme.pose(), scheme.pose() + state_->q.size());
-    if (!impacts_.jumps(state_->q, before, after)) return;
-    scheme.read_struck(before, *state_);
-    if (energy_) {
-      const auto time = energy_->time();
-      energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
-    }
-    const Real work = impacts_.strike(*state_, after, element_of(which));
-    if (energy_) energy_->strike(*state_, work);
-    scheme.take_speeds(state_->v);
-  }
-
-  std::string_view element_of(std::size_t which) const {
-    const auto& switches = subject_.description().switches;
-    return which < switches.size() ? switches[which].element : std::string_view();
+  void strike(Scheme& scheme, std::size_t which, Real since) {
+    impacts_->meet(scheme, which, since, list_.watch([&](auto& energy, State<Real>& state) {
+      scheme.complete_struck(state);
+      energy.add(state, [&](Real t, State<Real>& between) { scheme.read_between(t, between); });
+    }));
   }
 
   void check(long number) {
@@ -161,12 +148,13 @@ class RowByRow {
   Dynamics& dynamics_;
   const RunSettings& settings_;
   Guards<Subject> guards_;
-  Impacts<Subject> impacts_;
   std::optional<Stepper> stepper_;
   std::optional<EnergyBalance<Subject>> energy_;
-  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced or whose guides may jump
+  std::optional<Impacts<Subject>> impacts_;  ///< of guides that may jump
+  ImpactList<Subject> list_;
+  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
   std::vector<Real> y_, position_;
-  Real origin_{0}, t_{0}, dt_, struck_{0};  ///< the last: when a step last ended at an event
+  Real origin_{0}, t_{0}, dt_;
 };
 
 }  // namespace cutjoint

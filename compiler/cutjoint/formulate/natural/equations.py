@@ -15,8 +15,10 @@ from dataclasses import dataclass
 
 from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
 from cutjoint.formulate.energy import energy_results, energy_slots
+from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
+from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
 from cutjoint.formulate.natural.forces import Element, ForceMaker
@@ -37,6 +39,7 @@ from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.domains import find_domains
+from cutjoint.program.switches import find_switches
 
 
 def formulate_lagrangian(
@@ -73,10 +76,12 @@ def formulate_lagrangian(
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
     }  # fmt: skip
     dynamic_residual = system.dynamic_residual()
-    laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=False)
+    constraint_residual, may_jump = system.constraint_residual(), guides_jump(model, scene)
+    laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=may_jump)
+    switches = [*find_switches(b, constraint_residual.values()), *laws.switches] if may_jump else []
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
-        initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=system.constraint_residual(),
+        initial_coordinates=placed, dynamic_residual=dynamic_residual, tangent=tangent, constraint_residual=constraint_residual,
         apply_jacobian_transposed=system.apply_jacobian_transposed(), apply_jacobian=system.apply_jacobian(),
         report=report_columns(b, reporter.quantity, outputs), energy=system.energy(),
     )  # fmt: skip
@@ -84,12 +89,14 @@ def formulate_lagrangian(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
-        functions=(*functions, *guard_function(margins), *domains_function(domains), *laws.functions), method=method,
+        functions=(
+            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions
+        ), method=method,
         slots={
             **chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene),
-            **domain_slots(domains), **laws.slots, **energy_slots(),
+            **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
         },
-        domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
+        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, layout=layout, constraints=system.constraints,
         load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip

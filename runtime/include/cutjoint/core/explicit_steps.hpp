@@ -27,10 +27,13 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
 
   using Subject = M;
 
+  using Scheme = runge_kutta::Scheme<runge_kutta::Watched<M>, Table>;
+
   static constexpr bool adaptive = Table::adaptive;
 
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
-      : dynamics_(mechanism, {switches_of<M>(), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
+      : stepping::OverStepper<ExplicitSteps, M>(mechanism, settings),
+        dynamics_(mechanism, {switches_of<M>(), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
         stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end)) {}
 
   /// Loops are projected, not drawn together; a penalty that the run is given comes before those of the start.
@@ -63,7 +66,7 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
   /// The state with its accelerations and multipliers, until the next call.
   const StateOf<M>& complete(const StateOf<M>& state) { return dynamics_.complete(state.t, y_); }
 
-  using Memory = typename stepping::Stepper<runge_kutta::Scheme<runge_kutta::Watched<M>, Table>>::Memory;
+  using Memory = typename stepping::Stepper<Scheme>::Memory;
 
   Memory memory() const { return stepper_.memory(); }
 
@@ -78,7 +81,7 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
   void keep(StateOf<M>& state) const { state.lambda = dynamics_.multipliers(); }
 
   runge_kutta::Watched<M> dynamics_;
-  stepping::Stepper<runge_kutta::Scheme<runge_kutta::Watched<M>, Table>> stepper_;
+  stepping::Stepper<Scheme> stepper_;
   typename runge_kutta::Watched<M>::Vector y_;
 };
 

@@ -1,9 +1,14 @@
 // Steps of a simulation by the trapezoidal rule.
 #pragma once
 
+#include <type_traits>
+
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/crossed_impacts.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/impacts.hpp"
 #include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/relative.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/start.hpp"
@@ -30,7 +35,8 @@ class FixedPointSteps {
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
 
   FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
-      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations) {}
+      : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations),
+        relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
@@ -56,22 +62,25 @@ class FixedPointSteps {
   Fault step(StateOf<M>& state, const SimulationSettings& settings, Real h, Real, long number) {
     steps_.set_step(h);
     steps_.set_fixed_point(settings.fixed_point);
-    return steps_.step(state, number);
+    if constexpr (can_jump<M>)
+      return impacts_.over(state, h, [this](StateOf<M>& at) { relative_.find_accelerations(at); }, [&](bool) { return steps_.step(state, number); });
+    else return steps_.step(state, number);
   }
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
 
-  /// Nothing but the state is remembered.
-  struct Memory {};
+  using Memory = typename CrossedIf<M>::Memory;
 
-  Memory memory() const { return {}; }
-  void restore(const StateOf<M>&, const Memory&) {}
+  Memory memory() const { return impacts_.memory(); }
+  void restore(const StateOf<M>&, const Memory& memory) { impacts_.restore(memory); }
 
  private:
   M& mechanism_;
   Trapezoidal<M> steps_;
   Equations<M> correction_;
+  [[no_unique_address]] std::conditional_t<can_jump<M>, Relative<M>, NoImpacts> relative_;
+  [[no_unique_address]] CrossedIf<M> impacts_;
 };
 
 }  // namespace cutjoint

@@ -24,7 +24,8 @@ namespace cutjoint {
 ///   masses least: M dz + Phi_q^T mu = 0, Phi_q dz = -gap, up to a share of the gap that a finite penalty leaves; one that only starts runs may
 ///   do without, with the closure `penalty`.
 ///
-/// Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.
+/// Where the rates of guides may jump the mechanism or system has `energy` too, and `events` for steps that go over events, unless its coordinates are
+/// natural.  Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.
 template <class M>
 concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {
@@ -49,6 +50,17 @@ std::span<const Chart> charts_of(const M& mechanism) {
 template <Sized M>
 std::span<const SwitchPlace> switches_of() {
   return M::switches;
+}
+
+/// Whether the rates of guides may jump, as far as a class knows; one that knows its sizes says so by `guides_jump`.
+template <class M>
+constexpr bool can_jump = !Sized<M> || requires { M::guides_jump; };
+
+/// Whether they may jump.
+template <class M>
+bool may_jump([[maybe_unused]] const M& mechanism) {
+  if constexpr (Sized<M>) return can_jump<M>;
+  else return mechanism.description().guides_jump;
 }
 
 /// The first equation of each cut joint.

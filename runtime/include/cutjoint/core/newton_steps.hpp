@@ -2,9 +2,13 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/crossed_impacts.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/impacts.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
@@ -33,7 +37,7 @@ class NewtonSteps {
         newton_(system, solver_,
                 {.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
                  .multiplier_updates = settings.fixed_point.multiplier_updates}),
-        h_(settings.dt), way_(sizes_of(system).speeds) {}
+        h_(settings.dt), way_(sizes_of(system).speeds), single_(system), impacts_(system, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
@@ -51,6 +55,63 @@ class NewtonSteps {
 
   /// From the state to that at the end of a step of length h; the state stays where it fails.
   Fault step(StateOf<S>& state, const SimulationSettings& settings, Real h, Real, long number) {
+    if constexpr (can_jump<S>) {
+      bool struck = false;
+      const Fault fault = impacts_.over(state, h, [this](StateOf<S>& at) { single_.accelerate(at); }, [&](bool met) {
+        if ((struck = met)) take(state);
+        return step_within(state, settings, h, number);
+      });
+      if (fault && struck) take(state);
+      return fault;
+    } else {
+      return step_within(state, settings, h, number);
+    }
+  }
+
+  /// The state with its accelerations and multipliers.
+  const StateOf<S>& complete(const StateOf<S>& state) const { return state; }
+
+  struct Memory {
+    typename Newton::Memory newton;
+    [[no_unique_address]] typename Solver::Memory solver;
+    Real h;
+    [[no_unique_address]] typename CrossedIf<S>::Memory impacts;
+  };
+
+  Memory memory() const { return {newton_.memory(), solver_.memory(), h_, impacts_.memory()}; }
+
+  void restore(const StateOf<S>&, const Memory& memory) {
+    h_ = memory.h;
+    newton_.restore(memory.newton);
+    if (newton_.has_factors()) solver_.restore(memory.solver, newton_.tangent().data());
+    impacts_.restore(memory.impacts);
+  }
+
+ private:
+  /// Single states, with factors of their own; a singular pose keeps the accelerations that it has.
+  struct Single {
+    Solver solver;
+    Newton newton;
+    StateOf<S> completed;
+
+    explicit Single(S& system)
+        : solver(system), newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
+          completed(blank(system)) {}
+
+    void accelerate(StateOf<S>& state) {
+      completed = state;
+      if (!newton.go_on(completed)) state = completed;
+    }
+  };
+
+  /// The next step goes on from a state with accelerations and multipliers.
+  void take(const StateOf<S>& state) {
+    newton_.stay(state);
+    newton_.take_means(state.vdot);
+  }
+
+  /// The same where no guide jumps.
+  Fault step_within(StateOf<S>& state, const SimulationSettings& settings, Real h, long number) {
     if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);
     if (h != h_) {
       newton_.stay(state);
@@ -61,24 +122,6 @@ class NewtonSteps {
     return newton_.go_on(state);  // the square of a short step, by which penalties are divided, leaves accelerations few digits
   }
 
-  /// The state with its accelerations and multipliers.
-  const StateOf<S>& complete(const StateOf<S>& state) const { return state; }
-
-  struct Memory {
-    typename Newton::Memory newton;
-    [[no_unique_address]] typename Solver::Memory solver;
-    Real h;
-  };
-
-  Memory memory() const { return {newton_.memory(), solver_.memory(), h_}; }
-
-  void restore(const StateOf<S>&, const Memory& memory) {
-    h_ = memory.h;
-    newton_.restore(memory.newton);
-    if (newton_.has_factors()) solver_.restore(memory.solver, newton_.tangent().data());
-  }
-
- private:
   /// So short a time along the parabola of the accelerations, with new ones at its end: the rule, which divides by the square of its step, would
   /// keep no digits.
   Fault pass(StateOf<S>& state, Real h) {
@@ -102,6 +145,8 @@ class NewtonSteps {
   Newton newton_;
   Real h_;
   Speeds<S> way_;
+  [[no_unique_address]] std::conditional_t<can_jump<S>, Single, NoImpacts> single_;
+  [[no_unique_address]] CrossedIf<S> impacts_;
 };
 
 }  // namespace cutjoint

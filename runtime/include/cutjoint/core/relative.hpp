@@ -67,6 +67,13 @@ class Relative {
     return state_;
   }
 
+  /// A state gets the accelerations and multipliers of its coordinates and speeds.
+  void find_accelerations(StateOf<M>& state) {
+    state_ = state;
+    accelerate();
+    state = state_;
+  }
+
   /// The same for who looks on: it leaves no trace in what comes next, and counts nowhere.
   const StateOf<M>& complete(Real t, const Vector& y) {
     const Experience experience = experience_;

@@ -28,7 +28,7 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>,
   static constexpr bool adaptive = of_own_length;
 
   SdirkSteps(S& system, const SimulationSettings& settings, const Road<Real>* roads)
-      : solver_(system), other_(system), stages_(system, solver_, other_, switches_of<S>(), roads),
+      : stepping::OverStepper<SdirkSteps, S>(system, settings), solver_(system), other_(system), stages_(system, solver_, other_, switches_of<S>(), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(blank(system)) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
@@ -57,7 +57,8 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>,
   }
 
   using Solver = GuardedSolver<S, DenseSolver<S>>;
-  using Stepper = stepping::Stepper<stepping::ImplicitScheme<sdirk::Stages<S, Solver>>>;
+  using Scheme = stepping::ImplicitScheme<sdirk::Stages<S, Solver>>;
+  using Stepper = stepping::Stepper<Scheme>;
   using Memory = typename Stepper::Memory;
 
   Memory memory() const { return stepper_.memory(); }

@@ -9,13 +9,15 @@
 #include <string_view>
 #include <vector>
 
-#include "cutjoint/crossed_impacts.hpp"
+#include "cutjoint/core/crossed_impacts.hpp"
 #include "cutjoint/domains.hpp"
 #include "cutjoint/energy_balance.hpp"
 #include "cutjoint/guards.hpp"
+#include "cutjoint/impact_list.hpp"
 #include "cutjoint/lagrangian/any_newton.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
+#include "cutjoint/read_settings.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 
@@ -28,9 +30,9 @@ class LagrangianMethod {
   using Real = typename S::real_type;
 
   LagrangianMethod(S& system, const RunSettings& settings, const Json& file)
-      : system_(system), d_(system.description()), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
+      : system_(system), d_(system.description()), settings_(settings), file_(file), state_(d_.coordinates.size(), d_.unknowns().size(), d_.equations.size()),
         guards_(system), data_(d_, file), solver_name_(*settings.solver), solver_(choose_solver(system, solver_name_)),
-        newton_(make_newton(system, *solver_, newton_settings(settings))), impacts_(system, settings.end), dt_(settings.dt), balances_(settings.energy) {
+        newton_(make_newton(system, *solver_, newton_settings(settings))), dt_(settings.dt), list_(system, energy_) {
     data_.load_system(system_);
   }
 
@@ -49,7 +51,8 @@ class LagrangianMethod {
   }
 
   void prepare() {
-    if (balances_) energy_.emplace(system_, state_);
+    if (settings_.energy) energy_.emplace(system_, state_);
+    if (d_.guides_jump) impacts_.emplace(system_, length_of<Real>(settings_));
     if (!d_.driven) return;
     single_solver_ = choose_solver(system_, solver_name_);
     single_ = make_newton(system_, *single_solver_, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4});
@@ -58,7 +61,9 @@ class LagrangianMethod {
 
   void step(long number) {
     const long before = newton_->iterations();
-    if (impacts_.meet(state_, dt_, [this](State<Real>& state) { accelerate(state); }, energy_)) newton_->take_over(state_);
+    if (impacts_ && impacts_->meet(state_, dt_, [this](State<Real>& state) { accelerate(state); },
+                                   list_.watch([](auto& energy, const State<Real>& state) { energy.add(state); })))
+      newton_->take_over(state_);
     newton_->step(state_, number);
     if (energy_) {
       const auto time = energy_->time();
@@ -100,7 +105,7 @@ class LagrangianMethod {
     summary["substeps"] = newton_->substeps();
     summary["pivoting_fallbacks"] = solver_->fallbacks();
     if (energy_) energy_->summarise(summary);
-    impacts_.summarise(summary);
+    list_.summarise(summary);
     summary["residuals"] = Json{{"position", number_or_null(worst_.position)},
                                 {"velocity", number_or_null(worst_.velocity)},
                                 {"acceleration", number_or_null(worst_.acceleration)}};
@@ -155,6 +160,7 @@ class LagrangianMethod {
 
   S& system_;
   const SystemDescription& d_;
+  const RunSettings& settings_;
   const Json& file_;
   State<Real> state_;
   Guards<S> guards_;
@@ -162,13 +168,13 @@ class LagrangianMethod {
   std::string solver_name_;
   std::unique_ptr<LinearSolver<Real>> solver_;
   std::unique_ptr<AnyNewton<S>> newton_;
-  CrossedImpacts<S> impacts_;
   Real dt_, origin_{0};
   std::optional<EnergyBalance<S>> energy_;
+  std::optional<CrossedImpacts<S>> impacts_;
+  ImpactList<S> list_;
   std::unique_ptr<LinearSolver<Real>> single_solver_;  ///< of single states of a driven system
   std::unique_ptr<AnyNewton<S>> single_;
   std::optional<State<Real>> completed_;
-  bool balances_;
   long iterations_ = 0;
   Residuals worst_;
 };

@@ -35,8 +35,9 @@ struct SystemDescription {
   std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
-  std::vector<Switch> switches{};             ///< where formulas change, of relative coordinates
+  std::vector<Switch> switches{};             ///< where formulas change, of natural coordinates those of guides
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
+  bool guides_jump = false;                   ///< whether the rates of guides may jump
   Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
   int factors;                                ///< length of the array that `factor` fills
 

@@ -99,8 +99,12 @@ class Scheme {
 
   void read_struck(Real t, StateOf<Subject>& state) {
     std::copy(y_.begin(), y_.begin() + middle(), unsettled_.begin());
-    dynamics_.inspect(t, unsettled_, state);
+    std::copy(y_.begin(), y_.begin() + middle(), state.q.begin());
+    std::copy(unsettled_.begin() + middle(), unsettled_.end(), state.v.begin());
+    state.t = t;
   }
+
+  void complete_struck(StateOf<Subject>& state) { dynamics_.inspect(state.t, unsettled_, state); }
 
   void take_speeds(const Speeds<Subject>& v) { std::copy(v.begin(), v.end(), y_.begin() + middle()); }
 

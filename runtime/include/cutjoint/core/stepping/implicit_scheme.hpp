@@ -103,8 +103,9 @@ class ImplicitScheme {
     state = present();
     state.t = t;
     state.v = unsettled_;
-    stages_.accelerate(state);
   }
+
+  void complete_struck(State& state) { stages_.accelerate(state); }
 
   void take_speeds(const Speeds<Subject>& v) {
     trial_ = present();

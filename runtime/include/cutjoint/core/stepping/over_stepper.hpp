@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <type_traits>
 
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/impacts.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/state.hpp"
 
@@ -18,6 +20,8 @@ class OverStepper {
   using Real = typename S::real_type;
 
   static constexpr bool finds_events = true;
+
+  OverStepper(S& subject, const SimulationSettings& settings) : impacts_(subject, settings.end) {}
 
   /// The length of steps with a fixed point, which penalties follow: there is none.
   static Real fixed_point_step(const SimulationSettings&) { return Real(0); }
@@ -46,7 +50,14 @@ class OverStepper {
 
   void get_ready(const SimulationSettings& settings, Real until) {
     own().stepper_.limit(until);
+    if constexpr (can_jump<S>) own().stepper_.strike_by({&OverStepper::strike<typename Own::Scheme>, this});
     if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
+  }
+
+  /// Momentum carries over where the rate of a guide jumps.
+  template <class Scheme>
+  static void strike(void* who, Scheme& scheme, std::size_t which, Real since) {
+    static_cast<OverStepper*>(who)->impacts_.meet(scheme, which, since, UnwatchedImpacts{});
   }
 
   Fault finish(StateOf<S>& state, Real t, const Fault& fault) {
@@ -62,6 +73,8 @@ class OverStepper {
     own().keep(state);
     return {};
   }
+
+  [[no_unique_address]] std::conditional_t<can_jump<S>, Impacts<S>, NoImpacts> impacts_;
 };
 
 }  // namespace cutjoint::stepping

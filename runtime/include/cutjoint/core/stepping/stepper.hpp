@@ -35,6 +35,7 @@ struct Progress {
   Real limit{0}, h{0}, last_event{-1};
   std::size_t latest = 0;    ///< the switch by which a regime was left last
   std::size_t switched = 0;  ///< that of the last event
+  Real since{-std::numeric_limits<Real>::infinity()};  ///< when that was
   long number = 0, events_in_a_row = 0;
   bool begun = false;
 };
@@ -56,8 +57,8 @@ struct Progress {
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
-/// - `pose` has the coordinates of the present state; `read_struck` is that state with the speeds that it had before its loops were closed, and
-///   `take_speeds` gives it others,
+/// - `pose` has the coordinates of the present state; `read_struck` is that state with the speeds that it had before its loops were closed, without
+///   accelerations, which `complete_struck` finds, and `take_speeds` gives it others,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
 /// - `length` is that of the next step: the one that the error allows, or that of the last one.
@@ -112,9 +113,10 @@ class Stepper {
 
   void watch(const Watch& watch) { watch_ = watch; }
 
-  /// What is called where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.
+  /// What is called where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.  `since` is when the event
+  /// before was.
   struct Strike {
-    void (*call)(void* who, Scheme& scheme, std::size_t which) = nullptr;
+    void (*call)(void* who, Scheme& scheme, std::size_t which, Real since) = nullptr;
     void* who = nullptr;
   };
 
@@ -307,11 +309,12 @@ class Stepper {
 
   /// The regime of the state begins.
   Fault change(std::size_t which) {
-    if (strike_.call) strike_.call(strike_.who, scheme_, which);
+    if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
     if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
     ++counts_.events;
     now_.switched = which;
+    now_.since = time();
     if (which < counts_.by_switch.size()) {
       ++counts_.by_switch[which];
       now_.latest = which;

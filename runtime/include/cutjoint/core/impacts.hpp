@@ -5,15 +5,13 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <string>
-#include <string_view>
-#include <utility>
-#include <vector>
+#include <span>
 
+#include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/dense.hpp"
-#include "cutjoint/core/retraction.hpp"
-#include "cutjoint/json.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/dot.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
 
@@ -22,25 +20,26 @@ namespace cutjoint {
 /// All come from functions that it has anyway.  In relative coordinates T = 1/2 v^T M v + v^T p + T_0 with the momentum p that guides give to the free
 /// coordinates, so that differences of T are M and p without an error; a system has M in its residual.  Natural coordinates have guides among their equations,
 /// and p = 0.
-template <class Subject>
+template <class S>
 class Struck {
+  static constexpr std::size_t unknowns = static_sizes<S>().speeds;
+
  public:
-  using Real = typename Subject::real_type;
-  using Vector = std::vector<Real>;
+  using Real = typename S::real_type;
 
-  static constexpr bool is_system = requires(Subject& s, const Real* in, Real* out) { s.apply_jacobian(in, in, out); };
+  static constexpr bool is_system = requires(S& s, const Real* in, Real* out) { s.apply_jacobian(in, in, out); };
 
-  explicit Struck(Subject& subject)
-      : subject_(subject), n_(speeds_of(subject.description()).size()), m_(subject.description().equations.size()), relative_(has_charts(subject)),
-        v_(n_), still_(n_), none_(m_), gap_(m_), rest_(m_), force_(n_), weight_(n_) {}
+  /// Its memory is for `n` speeds and `m` equations, those of the subject or none.
+  Struck(S& subject, std::size_t n, std::size_t m)
+      : subject_(subject), n_(n), m_(m), relative_(!is_system || !charts_of(subject).empty()), v_(n), still_(n), force_(n), weight_(n), none_(m), gap_(m),
+        rest_(m), masses_(n * n) {}
 
   std::size_t speeds() const { return n_; }
   std::size_t equations() const { return m_; }
-
-  void take_memory() { masses_.resize(n_ * n_); }
+  bool is_relative() const { return relative_; }
 
   /// Go to a pose; `masses` then are those of the free coordinates, without guides.
-  void take_masses(const Vector& q, Real t) {
+  void take_masses(const Coordinates<S>& q, Real t) {
     subject_.begin_step(t, Real(0));
     if constexpr (is_system) masses_of_system(q);
     else masses_of_mechanism(q);
@@ -49,19 +48,19 @@ class Struck {
   Real mass(std::size_t i, std::size_t j) const { return masses_[j * n_ + i]; }
 
   /// A column of Phi_v, with m elements, in the pose and at the time where masses were taken.
-  void jacobian(const Vector& q, std::size_t j, Real* column) {
-    v_.assign(n_, Real(0));
+  void jacobian(const Coordinates<S>& q, std::size_t j, Real* column) {
+    rest();
     v_[j] = Real(1);
     if constexpr (is_system) subject_.apply_jacobian(q.data(), v_.data(), column);
     else subject_.constraint_residual(q.data(), v_.data(), rest_.data(), column);
   }
 
   /// p at a time, with the guides' rates there.
-  void momentum(const Vector& q, Real t, Vector& p) {
-    p.assign(n_, Real(0));
+  void momentum(const Coordinates<S>& q, Real t, Speeds<S>& p) {
+    std::fill(p.begin(), p.end(), Real(0));
     if (!relative_) return;
     subject_.begin_step(t, Real(1));
-    v_.assign(n_, Real(0));
+    rest();
     for (std::size_t i = 0; i < n_; ++i) {
       v_[i] = Real(1);
       const Real forth = energy(q, v_);
@@ -72,28 +71,26 @@ class Struck {
   }
 
   /// The gaps of the equations at the last time.
-  const Vector& gaps(const Vector& q) {
-    if constexpr (is_system) subject_.constraint_residual(q.data(), still_.data(), still_.data(), rest_.data(), gap_.data(), none_.data());
-    else subject_.constraint_residual(q.data(), still_.data(), rest_.data(), gap_.data());
+  const Equations<S>& gaps(const Coordinates<S>& q) {
+    find_residual(q, still_);
     return rest_;
   }
 
+  /// The rates of the equations at a time.
+  const Equations<S>& rates(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
+    subject_.begin_step(t, Real(1));
+    find_residual(q, v);
+    return gap_;
+  }
+
   /// Kinetic energy of relative coordinates at a time, with guides held still.
-  Real kinetic_beside_guides(const Vector& q, const Vector& v, Real t) {
+  Real kinetic_beside_guides(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
     subject_.begin_step(t, Real(0));
     return relative_ ? energy(q, v) : Real(0);
   }
 
-  /// The rates of the equations at a time.
-  const Vector& rates(const Vector& q, const Vector& v, Real t) {
-    subject_.begin_step(t, Real(1));
-    if constexpr (is_system) subject_.constraint_residual(q.data(), v.data(), still_.data(), rest_.data(), gap_.data(), none_.data());
-    else subject_.constraint_residual(q.data(), v.data(), rest_.data(), gap_.data());
-    return gap_;
-  }
-
   /// Kinetic energy at a time; of natural coordinates by the masses that were taken.
-  Real kinetic(const Vector& q, const Vector& v, Real t) {
+  Real kinetic(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
     if (relative_) {
       subject_.begin_step(t, Real(1));
       return energy(q, v);
@@ -104,13 +101,16 @@ class Struck {
     return twice / 2;
   }
 
-  bool is_relative() const { return relative_; }
-
  private:
-  static bool has_charts(const Subject& subject) { return !is_system || !subject.description().charts.empty(); }
+  void rest() { std::fill(v_.begin(), v_.end(), Real(0)); }
 
-  /// Kinetic energy; nobody asks a generic system, which is not relative and has none.
-  Real energy(const Vector& q, const Vector& v) {
+  void find_residual(const Coordinates<S>& q, const Speeds<S>& v) {
+    if constexpr (is_system) subject_.constraint_residual(q.data(), v.data(), still_.data(), rest_.data(), gap_.data(), none_.data());
+    else subject_.constraint_residual(q.data(), v.data(), rest_.data(), gap_.data());
+  }
+
+  /// Kinetic energy; nobody asks a system in natural coordinates, which may have none.
+  Real energy(const Coordinates<S>& q, const Speeds<S>& v) {
     Real energy[2] = {};
     if constexpr (requires { subject_.energy(q.data(), v.data(), still_.data(), zero(), energy); })
       subject_.energy(q.data(), v.data(), still_.data(), zero(), energy);
@@ -118,12 +118,12 @@ class Struck {
   }
 
   const Real* zero() {
-    none_.assign(m_, Real(0));
+    std::fill(none_.begin(), none_.end(), Real(0));
     return none_.data();
   }
 
-  void masses_of_mechanism(const Vector& q) {
-    v_.assign(n_, Real(0));
+  void masses_of_mechanism(const Coordinates<S>& q) {
+    rest();
     for (std::size_t i = 0; i < n_; ++i) {
       v_[i] = Real(1);
       weight_[i] = energy(q, v_);
@@ -138,11 +138,11 @@ class Struck {
   }
 
   /// Accelerations so large that forces beside them cost no digits.
-  void masses_of_system(const Vector& q)
+  void masses_of_system(const Coordinates<S>& q)
     requires is_system
   {
     const Real large(16384);
-    v_.assign(n_, Real(0));
+    rest();
     subject_.dynamic_residual(q.data(), still_.data(), v_.data(), zero(), Real(0), weight_.data(), rest_.data());
     for (std::size_t j = 0; j < n_; ++j) {
       v_[j] = large;
@@ -152,45 +152,64 @@ class Struck {
     }
   }
 
-  Subject& subject_;
+  S& subject_;
   std::size_t n_, m_;
   bool relative_;
-  Vector v_, still_, none_, gap_, rest_, force_, weight_, masses_;
+  Speeds<S> v_, still_, force_, weight_;
+  Equations<S> none_, gap_, rest_;
+  Array<S, unknowns * unknowns> masses_;
 };
 
-/// The instants of a run at which guides' rates jump.
+/// Instead of what meets impacts, where no guide can jump in rate: nothing is remembered.
+struct NoImpacts {
+  template <class... Any>
+  explicit NoImpacts(Any&&...) {}
+
+  struct Memory {};
+  static Memory memory() { return {}; }
+  static void restore(Memory) {}
+};
+
+/// Nobody looks on.
+struct UnwatchedImpacts {
+  static void reach(const auto&) {}
+  static void leave(const auto&, const auto&, std::size_t) {}
+};
+
+/// The instants at which guides' rates jump.
 ///
 ///     M (v+ - v-) + p+ - p- + Phi_v^T mu = 0        Phid(v+) = 0
 ///
 /// Loops that are closed do no work, so that the guides' is that of the kinetic energy, T+ - T-; what loops that stand open take or give, mu . Phid, is
-/// not theirs.
-template <class Subject>
+/// not theirs.  Who watches is told of the state that `reach`es an impact, and of the one that `leave`s it with the guides' work (J), and of its switch.
+template <class S>
 class Impacts {
+  static constexpr Sizes sizes = static_sizes<S>();
+  static constexpr std::size_t unknowns = sizes.speeds + sizes.equations;
+
  public:
-  using Real = typename Subject::real_type;
-  using Vector = std::vector<Real>;
+  using Real = typename S::real_type;
 
-  /// Of a run up to `end`.  All memory is taken here, but for the list of what is found.
-  Impacts(Subject& subject, double end)
-      : subject_(subject), struck_(subject), width_(std::max(Real(1e-11), 64 * epsilon()) * Real(end)), probe_(struck_.speeds()), still_(struck_.speeds()) {
-    for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(static_cast<int>(i * 7 % 11)) / 13;
-    if (possible()) take_memory();
+  /// Of a run up to `end`.  All memory is taken here, where guides may jump.
+  Impacts(S& subject, double end) : Impacts(subject, end, may_jump(subject) ? sizes_of(subject) : Sizes{}) {}
+
+  /// Whether guides may jump in rate.
+  bool possible() const { return may_jump(subject_); }
+
+  /// How long before an event that has been located at a time its guides certainly follow the formula before.
+  Real width(Real t) const {
+    using std::abs;
+    return std::max(Real(1e-11), 64 * epsilon()) * std::max(end_, abs(t));
   }
-
-  /// Whether guides can have a jump.
-  bool possible() const { return subject_.description().driven; }
-
-  /// How long before an event that has been located its guides certainly follow the formula before.
-  Real width() const { return width_; }
 
   /// The change of a rate beside one of 1 that is no jump.
   static Real share() { return std::max(Real(1e-9), 1024 * epsilon()); }
 
   /// Whether guides' rates in a pose are others at two times next to each other, and their places are not.
-  bool jumps(const Vector& q, Real before, Real after) { return rates_jump(q, before, after) && !places_jump(q, before, after); }
+  bool jumps(const Coordinates<S>& q, Real before, Real after) { return rates_jump(q, before, after) && !places_jump(q, before, after); }
 
-  /// The speeds of a state before a jump become those after it, and its time is `after`.  Keeps the impact, and returns the guides' work (J).
-  Real strike(State<Real>& state, Real after, std::string_view element) {
+  /// The speeds of a state before a jump become those after it, and its time is `after`.  Returns the guides' work (J).
+  Real strike(StateOf<S>& state, Real after) {
     const std::size_t n = struck_.speeds(), m = struck_.equations();
     struck_.momentum(state.q, state.t, momentum_);
     struck_.momentum(state.q, after, change_);
@@ -201,66 +220,63 @@ class Impacts {
     rates_ = struck_.rates(state.q, state.v, after);
     solve(state.q, after);
     for (std::size_t i = 0; i < n; ++i) state.v[i] += step_[i];
-    const Vector& left = struck_.rates(state.q, state.v, after);
+    const Equations<S>& left = struck_.rates(state.q, state.v, after);
     Real work = struck_.kinetic(state.q, state.v, after) - kinetic;
     for (std::size_t i = 0; i < m; ++i) work += step_[n + i] * (before_[i] + left[i]) / 2;
     state.t = after;
-    found_.push_back({static_cast<double>(after), static_cast<double>(work), std::string(element)});
     return work;
   }
 
-  /// Adds the impacts to a run's summary.
-  void summarise(Json& summary) const {
-    if (found_.empty()) return;
-    Json list = Json::array();
-    for (const Found& each : found_) list.push_back({{"time", each.time}, {"element", each.element}, {"work", number_or_null(each.work)}});
-    summary["impacts"] = std::move(list);
+  /// A step of a scheme (stepping/stepper.hpp) has ended at an event of a switch, `since` the one before: impulses, if guides' rates jump there.
+  template <class Scheme, class Watch>
+  void meet(Scheme& scheme, std::size_t which, Real since, Watch watch) {
+    if (!possible()) return;
+    const Real after = scheme.time(), before = since <= after ? std::max(after - width(after), since) : after - width(after);
+    std::copy_n(scheme.pose(), state_.q.size(), state_.q.begin());
+    if (!jumps(state_.q, before, after)) return;
+    scheme.read_struck(before, state_);
+    watch.reach(state_);
+    const Real work = strike(state_, after);
+    watch.leave(state_, work, which);
+    scheme.take_speeds(state_.v);
   }
 
  private:
-  struct Found {
-    double time, work;
-    std::string element;
-  };
-
-  /// A jump is more than what guides' accelerations change in as long a time beside it.
-  void take_memory() {
-    const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;
-    struck_.take_memory();
-    for (Vector* each : {&rates_, &before_}) each->resize(m);
-    for (Vector* each : {&momentum_, &change_}) each->resize(n);
-    for (Vector* each : {&scale_, &right_, &step_, &left_, &beside_, &room_}) each->resize(size);
-    matrix_.resize(size * size);
-    order_.resize(size);
+  Impacts(S& subject, double end, const Sizes& own)
+      : subject_(subject), struck_(subject, own.speeds, own.equations), state_(own.coordinates, own.speeds, own.equations), end_(end), probe_(own.speeds),
+        still_(own.speeds), momentum_(own.speeds), change_(own.speeds), rates_(own.equations), before_(own.equations), scale_(own.speeds + own.equations),
+        right_(scale_), step_(scale_), left_(scale_), beside_(scale_), room_(scale_), matrix_(scale_.size() * scale_.size()), order_(scale_.size()) {
+    for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = Real(1) + Real(static_cast<int>(i * 7 % 11)) / 13;
   }
 
-  bool rates_jump(const Vector& q, Real before, Real after) {
+  /// A jump is more than what guides' accelerations change in as long a time beside it.
+  bool rates_jump(const Coordinates<S>& q, Real before, Real after) {
     const Real change = change_of_rates(q, before, after), length = after - before;
     return change > share() && change > 4 * std::max(change_of_rates(q, before - length, before), change_of_rates(q, after, after + length));
   }
 
   /// The largest change of what guides' rates change, each beside its size.
-  Real change_of_rates(const Vector& q, Real before, Real after) {
+  Real change_of_rates(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
-    Real most(0);
+    Real largest(0);
     if (struck_.is_relative()) {
       const Real one = struck_.kinetic(q, probe_, before), other = struck_.kinetic(q, probe_, after);
       const Real guided = struck_.kinetic(q, still_, before), then = struck_.kinetic(q, still_, after);
-      if (one > Real(0)) most = std::max(abs(one - other) / one, abs(guided - then) / (guided + then + share() * one));
+      if (one > Real(0)) largest = std::max(abs(one - other) / one, abs(guided - then) / (guided + then + share() * one));
     }
     rates_ = struck_.rates(q, still_, before);
-    const Vector& now = struck_.rates(q, still_, after);
-    for (std::size_t i = 0; i < now.size(); ++i) most = std::max(most, abs(now[i] - rates_[i]) / (Real(1) + abs(now[i])));
-    return most;
+    const Equations<S>& now = struck_.rates(q, still_, after);
+    for (std::size_t i = 0; i < now.size(); ++i) largest = std::max(largest, abs(now[i] - rates_[i]) / (Real(1) + abs(now[i])));
+    return largest;
   }
 
   /// What another place of a guide changes: gaps of the equations, and masses as the free coordinates meet them.
-  bool places_jump(const Vector& q, Real before, Real after) {
+  bool places_jump(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     const Real one = struck_.kinetic_beside_guides(q, probe_, before);
     rates_ = struck_.gaps(q);
     if (abs(one - struck_.kinetic_beside_guides(q, probe_, after)) > share() * one) return true;
-    const Vector& now = struck_.gaps(q);
+    const Equations<S>& now = struck_.gaps(q);
     for (std::size_t i = 0; i < now.size(); ++i)
       if (abs(now[i] - rates_[i]) > share() * (Real(1) + abs(now[i]))) return true;
     return false;
@@ -269,10 +285,10 @@ class Impacts {
   static constexpr Real epsilon() { return std::numeric_limits<Real>::epsilon(); }
 
   /// The change of the speeds, then mu, by least squares of least norm, with masses and rows of the equations scaled to one.
-  void solve(const Vector& q, Real t) {
+  void solve(const Coordinates<S>& q, Real t) {
     using std::sqrt;
     const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;
-    matrix_.assign(size * size, Real(0)), scale_.assign(size, Real(1));
+    std::fill(matrix_.begin(), matrix_.end(), Real(0)), std::fill(scale_.begin(), scale_.end(), Real(1));
     const dense::Matrix<Real> A{matrix_.data(), size, size};
     subject_.begin_step(t, Real(0));
     for (std::size_t j = 0; j < n; ++j) {
@@ -281,10 +297,9 @@ class Impacts {
       struck_.jacobian(q, j, A.column(j) + n);
     }
     for (std::size_t i = n; i < size; ++i) {
-      Real square(0);
-      for (std::size_t j = 0; j < n; ++j) square += A(i, j) * scale_[j] * A(i, j) * scale_[j];
-      if (square > Real(0)) scale_[i] = 1 / sqrt(square);
-      for (std::size_t j = 0; j < n; ++j) A(j, i) = A(i, j);
+      for (std::size_t j = 0; j < n; ++j) A(j, i) = A(i, j), right_[j] = A(i, j) * scale_[j];
+      const std::span<const Real> row(right_.data(), n);
+      if (const Real square = dot(row, row); square > Real(0)) scale_[i] = 1 / sqrt(square);
     }
     for (std::size_t j = 0; j < size; ++j)
       for (std::size_t i = 0; i < size; ++i) A(i, j) *= scale_[i] * scale_[j];
@@ -295,12 +310,15 @@ class Impacts {
     for (std::size_t i = 0; i < size; ++i) step_[i] *= scale_[i];
   }
 
-  Subject& subject_;
-  Struck<Subject> struck_;
-  Real width_;
-  Vector probe_, still_, rates_, before_, momentum_, change_, matrix_, scale_, right_, step_, left_, beside_, room_;
-  std::vector<std::size_t> order_;
-  std::vector<Found> found_;
+  S& subject_;
+  Struck<S> struck_;
+  StateOf<S> state_;
+  Real end_;
+  Speeds<S> probe_, still_, momentum_, change_;
+  Equations<S> rates_, before_;
+  Array<S, unknowns> scale_, right_, step_, left_, beside_, room_;
+  Array<S, unknowns * unknowns> matrix_;
+  Array<S, unknowns, std::size_t> order_;
 };
 
 }  // namespace cutjoint

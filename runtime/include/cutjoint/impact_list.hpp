@@ -1,0 +1,67 @@
+// The impacts of a run.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cutjoint/energy_balance.hpp"
+#include "cutjoint/json.hpp"
+
+namespace cutjoint {
+
+/// The impacts that a run's summary lists, and that its balance of work and energy counts.
+template <class Subject>
+class ImpactList {
+ public:
+  using Real = typename Subject::real_type;
+
+  ImpactList(const Subject& subject, std::optional<EnergyBalance<Subject>>& energy) : subject_(subject), energy_(energy) {}
+
+  /// Who watches Impacts: `add` has the balance go on to the state that meets one.
+  template <class Add>
+  auto watch(Add add) {
+    struct Watch {
+      ImpactList& list;
+      Add add;
+
+      void reach(State<Real>& state) {
+        if (!list.energy_) return;
+        const auto time = list.energy_->time();
+        add(*list.energy_, state);
+      }
+
+      void leave(const State<Real>& state, Real work, std::size_t which) {
+        if (list.energy_) list.energy_->strike(state, work);
+        list.found_.push_back({static_cast<double>(state.t), static_cast<double>(work), std::string(list.element_of(which))});
+      }
+    };
+    return Watch{*this, add};
+  }
+
+  void summarise(Json& summary) const {
+    if (found_.empty()) return;
+    Json list = Json::array();
+    for (const Found& each : found_) list.push_back({{"time", each.time}, {"element", each.element}, {"work", number_or_null(each.work)}});
+    summary["impacts"] = std::move(list);
+  }
+
+ private:
+  struct Found {
+    double time, work;
+    std::string element;
+  };
+
+  std::string_view element_of(std::size_t which) const {
+    const auto& switches = subject_.description().switches;
+    return which < switches.size() ? switches[which].element : std::string_view();
+  }
+
+  const Subject& subject_;
+  std::optional<EnergyBalance<Subject>>& energy_;
+  std::vector<Found> found_;
+};
+
+}  // namespace cutjoint
