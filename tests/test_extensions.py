@@ -13,13 +13,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from cutjoint import extensions, prepared
 from cutjoint.cli import main
 from cutjoint.commands.export import command
-from cutjoint.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
+from cutjoint.compile import prepared
+from cutjoint.compile.prepared import Request
 from cutjoint.methods import Implementation
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.prepared import Request
+from cutjoint.package import extensions
+from cutjoint.package.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
 from cutjoint_bench.twin import backend
 from tests.conftest import MODELS
 
@@ -87,7 +88,7 @@ def test_implementations_of_other_packages_have_their_place_in_the_catalogue() -
 
 def test_a_backend_is_imported_without_what_compiles() -> None:
     """A cached run needs its code's digest."""
-    heavy = outputs_of("import sys; import cutjoint_bench.twin.backend; print('sympy' in sys.modules, 'cutjoint.pipeline' in sys.modules)")
+    heavy = outputs_of("import sys; import cutjoint_bench.twin.backend; print('sympy' in sys.modules, 'cutjoint.compile' in sys.modules)")
     assert heavy == "False False\n"
 
 

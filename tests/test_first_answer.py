@@ -36,7 +36,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Later]]:
             all_begun.append(one)
         return one
 
-    monkeypatch.setattr("cutjoint.pipeline.build_later", build_later)
+    monkeypatch.setattr("cutjoint.compile.pipeline.build_later", build_later)
     yield all_begun
     for one in all_begun:
         one.process.wait()

@@ -17,10 +17,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 import cutjoint
-from cutjoint import extensions, prepared
 from cutjoint.cli import main
 from cutjoint.commands import options, preparing
-from cutjoint.prepared import PreparedRun, Request, find_cached_run
+from cutjoint.compile import prepared
+from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
+from cutjoint.package import extensions
 from cutjoint.run.options import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
@@ -59,7 +60,7 @@ OTHER_OPTIONS: dict[str, Any] = {
 _WITH_SOLVER = "augmented, classical or recursive-newton"
 
 #: What a kept run does without.
-HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.pipeline", "cutjoint.model.read")
+HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.compile.pipeline", "cutjoint.model.read")
 
 
 @pytest.fixture(autouse=True)
@@ -122,7 +123,7 @@ def test_a_run_that_is_compiled_imports_nothing_of_other_commands(shared: Path) 
     script = (
         "import sys; from cutjoint.cli import main; import cutjoint.commands.simulate as simulate; "
         "simulate.find_cached_run = lambda *_: None; main(sys.argv[1:], standalone_mode=False); "
-        f"later = {LATER}; print('derived:', 'cutjoint.pipeline' in sys.modules, 'of others:', "
+        f"later = {LATER}; print('derived:', 'cutjoint.compile.pipeline' in sys.modules, 'of others:', "
         "[name for name in sys.modules if any(f'{name}.'.startswith(f'{package}.') for package in later)])"
     )
     command = [sys.executable, "-c", script, "simulate", shared, "--scene", "still", "--out", shared.parent / "again.csv"]

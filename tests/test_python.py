@@ -16,9 +16,9 @@ import pytest
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.batch import BatchArtifact
 from cutjoint.cli import main
 from cutjoint.run.artifact import Artifact
+from cutjoint.tasks.batch import BatchArtifact
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.fuzz.press import environment
@@ -62,7 +62,7 @@ def test_all_that_is_exported_is_there() -> None:
 
 
 def test_the_import_is_light() -> None:
-    script = "import sys, cutjoint; print([n for n in ('sympy', 'numpy', 'yaml', 'cutjoint.pipeline') if n in sys.modules])"
+    script = "import sys, cutjoint; print([n for n in ('sympy', 'numpy', 'yaml', 'cutjoint.compile.pipeline') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment())
     assert done.stdout == "[]\n"
 

@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.model.numbers import is_number, is_whole, read_number
 from cutjoint.model.read import read_model
+from cutjoint.model.text import is_number, is_whole, read_number
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
 

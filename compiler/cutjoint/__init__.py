@@ -17,24 +17,24 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
-    from cutjoint.batch import compile_batch, simulate_batch
-    from cutjoint.extensions import MissingPackageError
+    from cutjoint.compile.pipeline import compile_model
     from cutjoint.model.errors import ModelError
-    from cutjoint.pipeline import compile_model
+    from cutjoint.package.extensions import MissingPackageError
     from cutjoint.program.blocks import ConstantError
-    from cutjoint.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.run.errors import RunError
     from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulation import simulate
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
-    from cutjoint.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
     from cutjoint.stepping.statespace import StateSpace
     from cutjoint.sweeps.run import Sweep, sweep
+    from cutjoint.tasks.batch import compile_batch, simulate_batch
+    from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
+    from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
@@ -52,19 +52,19 @@ __all__ = [
 _HOMES = {
     "cutjoint.analysis.guides": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
-    "cutjoint.batch": ("compile_batch", "simulate_batch"),
-    "cutjoint.extensions": ("MissingPackageError",),
+    "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
+    "cutjoint.package.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
-    "cutjoint.pipeline": ("compile_model",),
+    "cutjoint.compile.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
-    "cutjoint.realtime": ("FailedRealTimeError", "run_in_real_time"),
+    "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulation": ("simulate",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
-    "cutjoint.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
+    "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),

@@ -12,8 +12,8 @@ from typing import Any
 
 import click
 
-from cutjoint.extensions import COMMANDS, MissingPackageError
-from cutjoint.model.printing import escaped_lines
+from cutjoint.model.text import escaped_lines
+from cutjoint.package.extensions import COMMANDS, MissingPackageError
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
 _COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate", "sweep", "view",

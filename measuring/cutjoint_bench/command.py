@@ -10,9 +10,9 @@ from typing import Any
 import click
 
 from cutjoint.commands import options
-from cutjoint.model.numbers import read_number
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
+from cutjoint.model.text import read_number
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.emit.source import Source
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
@@ -21,7 +22,6 @@ from cutjoint.methods import (
     Implementation,
     names_of,
 )
-from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Output
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Array
 from cutjoint.run.run_file import Evaluator

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
+from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.methods import METHODS
-from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.sequence import APPROXIMATIONS, ROLLING, STEPS, ReducedModel, reduction_sequence
 from cutjoint.run.errors import RunError
 from cutjoint_bench.cutjoint_contenders import OwnRunner, identity

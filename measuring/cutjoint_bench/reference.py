@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS, PLAIN_CLOSURE, Formulation
 from cutjoint.model.records import Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS

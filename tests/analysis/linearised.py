@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutjoint.analysis.linearisation import Linearisation
-from cutjoint.analysis.linearise import Point, linearise
+from cutjoint.analysis.linearise import Linearisation, Point, linearise
 from cutjoint.analysis.natural import call
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.implicit.records import ImplicitEquations

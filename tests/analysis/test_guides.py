@@ -9,9 +9,9 @@ from click.testing import CliRunner
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import generate
 from tests.conftest import MODELS
 
 #: A four-bar that is a parallelogram; guides hold its crank and its rocker.

@@ -7,9 +7,9 @@ import pytest
 
 from cutjoint.analysis.inertia import NoInertiaError, describe_momentary, find_idle_motions, find_momentary_motions, require_inertia
 from cutjoint.analysis.poses import explore
+from cutjoint.compile.pipeline import generate
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import generate
 from cutjoint.run.scenes import find_scene
 from tests.analysis.formulated import dense_closures, formulated
 from tests.conftest import MODELS

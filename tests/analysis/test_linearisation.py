@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import close_loops, evaluate_closures, evaluate_guided_rates, retract
-from cutjoint.analysis.linearisation import Linearisation, NoMassError, ReducedSystem, reduce_system
+from cutjoint.analysis.linearise import Linearisation, NoMassError, ReducedSystem, reduce_system
 from cutjoint.analysis.poses import explore
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.formulate.records import RecursiveEquations

@@ -17,7 +17,7 @@ from cutjoint.cli import main
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.scenes import find_scene
-from cutjoint.states import find_scene_modes
+from cutjoint.tasks.states import find_scene_modes
 from tests.analysis.linearised import Array, implicit, linearised
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.mechanisms.driven import pushed_text

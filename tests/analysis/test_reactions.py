@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from cutjoint.analysis.reactions import find_indeterminate, reaction_outputs
+from cutjoint.analysis.redundancy import find_indeterminate, reaction_outputs
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint_bench.cases import make_case

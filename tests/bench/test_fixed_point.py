@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.cases import make_case

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.simulation import simulate

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import generate
 from cutjoint_bench.studies.waits import symbolic_phases
 from tests.conftest import MODELS
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from cutjoint.locations import runtime_folder
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import generate
+from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.build import write_source
 from tests.mechanisms.driven import DRIVEN, LIFT, Array, guided, orders
 

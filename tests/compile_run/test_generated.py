@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.emit import view
 from cutjoint.model.records import JointKind, Numerics
-from cutjoint.pipeline import compile_model, generate
 from cutjoint.toolchain.build import build
 from tests.compile_run.generated import interpret, random_states, run_evaluate
 from tests.conftest import MODELS, with_heavy

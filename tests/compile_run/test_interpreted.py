@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import generate
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
-from cutjoint.pipeline import generate
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule

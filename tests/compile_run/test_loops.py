@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Source, emit
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.locations import runtime_folder
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import derive, generate
+from cutjoint.package.locations import runtime_folder
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import write_source
 from cutjoint.toolchain.compiler import find_compiler

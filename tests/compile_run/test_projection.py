@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.locations import runtime_folder
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import generate
+from cutjoint.package.locations import runtime_folder
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.toolchain.build import write_source
 from tests.conftest import MODELS, with_heavy

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import emit, mechanism_class, system_class
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import derive, generate
+from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.build import write_text
 from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import MODELS, needs_cpp

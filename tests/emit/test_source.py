@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
+from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.energy import CHECKS
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.system import CHECKS
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import derive, generate
 from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs

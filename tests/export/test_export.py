@@ -11,8 +11,7 @@ import sympy
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from cutjoint.export.laws import expression
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers, expression
 from cutjoint.model.errors import ModelError
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model_text

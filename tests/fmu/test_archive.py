@@ -16,9 +16,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.export.fmu.units import Unit, describe_unit
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp

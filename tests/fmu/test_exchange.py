@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene

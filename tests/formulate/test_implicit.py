@@ -25,8 +25,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.pattern import dense as full
-from cutjoint.sparse.pattern import make_pattern
-from cutjoint.sparse.tangent import places
+from cutjoint.sparse.pattern import make_pattern, places
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS
 from tests.formulate.test_natural import Hills

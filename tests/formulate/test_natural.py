@@ -18,18 +18,17 @@ from cutjoint.analysis.closing import design_coordinates, evaluate_closures, ret
 from cutjoint.analysis.natural import call, closed_states, constraint_jacobian, dependent_equations
 from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.energy import NAMES
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.nodes import NodeKind
 from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.system import NAMES
 from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model
 from cutjoint.model.records import JointForce, JointKind, Model, Output, Scene, Tyre
 from cutjoint.run.scenes import find_scene
-from cutjoint.sparse.pattern import Pattern, make_pattern
+from cutjoint.sparse.pattern import Pattern, make_pattern, places
 from cutjoint.sparse.pattern import dense as full
-from cutjoint.sparse.tangent import places
 from cutjoint.topology.build import build_topology
 from tests.conftest import with_heavy
 from tests.mechanisms import random_models

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import COORDINATES, JointForce, JointKind, Model, Output
-from cutjoint.pipeline import generate
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_natural import SCENE, determined, make_pair, natural_report, recursive_report, states, without_rod_forces
 from tests.formulate.test_reports import with_reactions

@@ -20,7 +20,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from cutjoint.prepared import made_with
+from cutjoint.compile.prepared import made_with
 from cutjoint.toolchain.build import cache_folder
 
 from .press import MODEL, press, require_told, run

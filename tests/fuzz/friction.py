@@ -9,8 +9,8 @@ import json
 import random
 from typing import Any
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.joints import JOINTS
-from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.pipeline import derive
+from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.records import Equations, Function
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import derive
 from cutjoint.program.blocks import Block
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
 from cutjoint.run.errors import RunError
-from cutjoint.systems import formulate_system
 
 Node = dict[str, Any]
 

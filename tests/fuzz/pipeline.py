@@ -7,9 +7,9 @@ import time
 from dataclasses import dataclass
 from zlib import crc32
 
-from cutjoint import pipeline
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.compile import pipeline
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations
 from cutjoint.model.errors import ModelError

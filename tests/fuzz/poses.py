@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import MechanismState
 from cutjoint.run.simulation import simulate
-from cutjoint.states import NoEquilibriumError, find_scene_equilibrium
+from cutjoint.tasks.states import NoEquilibriumError, find_scene_equilibrium
 
 Node = dict[str, Any]
 Array = npt.NDArray[Any]

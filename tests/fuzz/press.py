@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import cutjoint
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from tests.conftest import ROOT
 

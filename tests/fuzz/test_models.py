@@ -17,9 +17,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cutjoint import pipeline
-from cutjoint.locations import runtime_folder
+from cutjoint.compile import pipeline
 from cutjoint.model.read import read_model_text
+from cutjoint.package.locations import runtime_folder
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.build import build, write_source

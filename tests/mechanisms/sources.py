@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import cutjoint
+from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import emit
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
-from cutjoint.pipeline import derive, generate
 from cutjoint.reduce.sequence import STEPS
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import write_source

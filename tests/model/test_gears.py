@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.analysis.guides import GuideError
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import generate
 from cutjoint.report.explain.document import explain
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.spanning_tree import TopologyError

@@ -13,11 +13,11 @@ import sympy
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Binding, Model
-from cutjoint.pipeline import compile_model, compile_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import ROOT, needs_cpp
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate

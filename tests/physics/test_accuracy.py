@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory

@@ -7,8 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.branches import EQUAL_BARS, MECHANISMS, judge
 from tests.conftest import MODELS

@@ -12,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import EnergyBalance, Trajectory
 from cutjoint.run.simulation import simulate

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_model, compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.mechanisms.bouncing import GRAVITY, MASS, bouncing_text, exact_bounces

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import sympy
 
+from cutjoint.compile.pipeline import Artifact, compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import Artifact, compile_scene
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.batch import compile_scene_batch, simulate_batch
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulation import simulate
-from cutjoint.states import find_scene_equilibrium, find_scene_modes
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
+from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp

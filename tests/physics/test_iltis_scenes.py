@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, generate
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.conftest import MODELS
 from tests.physics.simulation import compile_text, completed, simulate

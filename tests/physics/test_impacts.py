@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.records import Model, Output
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.topology.build import build_topology
 from tests.conftest import needs_cpp

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS, SOLVERS
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders

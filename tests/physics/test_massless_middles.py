@@ -10,8 +10,8 @@ import pytest
 
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
 from cutjoint.analysis.poses import explore
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.results import Trajectory

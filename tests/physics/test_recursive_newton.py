@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory, read_table
 from cutjoint.run.simulation import simulate

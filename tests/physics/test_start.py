@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS
-from cutjoint.pipeline import compile_model
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
 from tests.physics.simulation import compile_text, completed, simulate

@@ -11,9 +11,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies import verification

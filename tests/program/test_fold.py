@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import derive, generate
 from cutjoint.program.blocks import BindingTime, Block, Builder, Label
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
 from cutjoint.run.scenes import find_scene
-from cutjoint.systems import formulate_system
 from cutjoint.topology.build import build_topology
 from tests.compile_run.generated import FlatRoad, random_states
 from tests.conftest import MODELS

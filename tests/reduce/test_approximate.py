@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scalar, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.half.means import Nearness
-from cutjoint.reduce.half.nearly import halve_nearly
-from cutjoint.reduce.half.symmetry import halve
+from cutjoint.reduce.half.symmetry import halve, halve_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.sequence import reduction_sequence

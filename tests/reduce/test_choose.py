@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from cutjoint import prepared
 from cutjoint.cli import main
+from cutjoint.compile import prepared
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_model
 from cutjoint.reduce.measure import distance

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene, generate
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError

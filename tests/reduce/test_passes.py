@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
-from cutjoint.reduce.idle import drop_idle_equations
-from cutjoint.reduce.light import lighten_links
+from cutjoint.reduce.approximations import lighten_links
 from cutjoint.reduce.links import shorten_links
+from cutjoint.reduce.planar import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.sequence import Step, cheapest_by, reduction_sequence

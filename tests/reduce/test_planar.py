@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Scene
-from cutjoint.pipeline import generate
-from cutjoint.reduce.half.nearly import flatten_nearly
+from cutjoint.reduce.half.symmetry import flatten_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome

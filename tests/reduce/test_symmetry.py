@@ -9,12 +9,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.artifact import Artifact

@@ -7,15 +7,14 @@ from math import inf
 
 import pytest
 
+from cutjoint.compile.pipeline import schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import schedule_method
 from cutjoint.reduce.choose import Candidate, find_step
-from cutjoint.reduce.measure import distance
+from cutjoint.reduce.measure import Truth, distance, find_truth
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.reduce.trials import Trials
-from cutjoint.reduce.truth import Truth, find_truth
 from tests.conftest import MODELS
 
 

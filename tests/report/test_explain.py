@@ -21,8 +21,8 @@ from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.document import explain
-from cutjoint.report.explain.groups import find_counterparts
 from cutjoint.report.explain.operations import derive, parameter_costs
+from cutjoint.report.explain.views import find_counterparts
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.elimination import eliminate

@@ -14,7 +14,7 @@ from cutjoint.kernels.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.model.records import Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.report.explain import tyre
+from cutjoint.report.explain import laws as tyre
 from cutjoint.report.explain.force_descriptions import DESCRIPTIONS
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants

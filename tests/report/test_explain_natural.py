@@ -19,10 +19,10 @@ from cutjoint.model.records import Scene
 from cutjoint.report.explain.document import explain
 from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
+from cutjoint.report.explain.natural.document import factorisation_rows
 from cutjoint.report.explain.natural.layout import explain_layout
+from cutjoint.report.explain.natural.nodes import count_sharing
 from cutjoint.report.explain.natural.shapes import explain_shapes
-from cutjoint.report.explain.natural.sharing import count_sharing
-from cutjoint.report.explain.natural.summary import factorisation_rows
 from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.plan import plan_definite
 from tests.conftest import MODELS, ROOT

@@ -15,17 +15,17 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.analysis.inertia import NoInertiaError
-from cutjoint.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
 
 #: A quarter of a car on a road: two arms of a loop, a tyre, a spring with a stop, and a spring that is no number beyond its length.
 TEXT = """

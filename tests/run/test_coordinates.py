@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.options import Options

@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
-from cutjoint.realtime import run_in_real_time
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.realtime import run_in_real_time
 
 #: A pendulum on a spring that has no force where its length is the parameter's, as it is at the start for 2.
 PENDULUM = """

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_scene, derive
-from cutjoint.realtime import run_in_real_time
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.failures import FailedRunError
@@ -26,6 +24,8 @@ from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import Start, start
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
+from cutjoint.tasks.realtime import run_in_real_time
 from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp

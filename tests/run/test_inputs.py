@@ -11,19 +11,19 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.interpolate import CubicHermiteSpline
 
-from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import with_heavy
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, table

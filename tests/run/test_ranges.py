@@ -12,9 +12,8 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
-from cutjoint.model.ranges import LARGEST_INTEGER, RANGES, fault_of_setting
+from cutjoint.model.ranges import LARGEST_INTEGER, MOST_ROWS, RANGES, Steps, StepsError, count_steps, fault_of_setting
 from cutjoint.model.read import read_model_text
-from cutjoint.model.steps import MOST_ROWS, Steps, StepsError, count_steps
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import _ending_at
 from cutjoint.run.options import Options

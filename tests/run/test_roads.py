@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import RoadSegment, SegmentKind, Span
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.roads import Piece, WheelRoad, disc_pieces, profile_pieces
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp

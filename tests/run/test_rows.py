@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.model.ranges import count_steps
 from cutjoint.model.read import read_model_text
-from cutjoint.model.steps import count_steps
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import MODELS

@@ -13,16 +13,16 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.commands.options import Setting
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene
-from cutjoint.realtime import run_in_real_time
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulation import simulate
-from cutjoint.states import find_scene_modes
+from cutjoint.tasks.realtime import run_in_real_time
+from cutjoint.tasks.states import find_scene_modes
 from cutjoint_bench.twin.artifact import compile_generic
 from tests.run.test_failing_starts import PENDULUM
 

@@ -15,7 +15,7 @@ import jinja2
 import numpy as np
 
 from cutjoint.emit.source import Source
-from cutjoint.locations import templates_folder
+from cutjoint.package.locations import templates_folder
 from cutjoint.run.results import read_table
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind

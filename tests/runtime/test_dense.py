@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.locations import runtime_folder
+from cutjoint.package.locations import runtime_folder
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from cutjoint.batch import compile_scene_batch, simulate_batch
+from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene, generate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from tests.conftest import needs_cpp
 
 pytestmark = needs_cpp

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import INTEGRATORS
-from cutjoint.pipeline import compile_model
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError

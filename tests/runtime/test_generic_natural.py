@@ -21,12 +21,12 @@ from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.locations import runtime_folder
 from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Reaction, Scene
+from cutjoint.package.locations import runtime_folder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.options import Options
 from cutjoint.run.results import read_table
@@ -34,7 +34,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology
-from cutjoint_bench.twin.backend import RUNTIME
+from cutjoint_bench.twin import RUNTIME
 from cutjoint_bench.twin.build import build_generic
 from cutjoint_bench.twin.mechanism import describe_generic
 from cutjoint_bench.twin.system import describe_generic_natural

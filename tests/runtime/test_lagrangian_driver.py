@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.results import read_effort, read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import generate
 from cutjoint.run.errors import RunError
 from tests.conftest import needs_cpp
 from tests.mechanisms.overconstrained import IN_LINE, parallel_cranks_text

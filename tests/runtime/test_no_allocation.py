@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.pipeline import compile_model, compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure

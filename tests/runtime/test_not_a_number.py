@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 

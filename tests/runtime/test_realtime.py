@@ -10,13 +10,13 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, compile_scene
-from cutjoint.realtime import run_in_real_time
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.physics.simulation import completed

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from cutjoint.pipeline import compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import needs_cpp
 from tests.run.test_settings import compiled, pendulum

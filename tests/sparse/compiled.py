@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutjoint.emit.factorisation import emit_factorisation
 from cutjoint.emit.source import Page
-from cutjoint.locations import runtime_folder
+from cutjoint.package.locations import runtime_folder
 from cutjoint.sparse.plan import Plan
 from cutjoint.toolchain.compiler import find_compiler
 

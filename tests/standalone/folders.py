@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD, METHODS, names_of
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import generate
 from cutjoint.run.scenes import find_scene
-from cutjoint.standalone import Standalone, make_standalone
 from tests.conftest import MODELS
 
 #: What the README of a folder says of its compilation, but for how far it is optimised.

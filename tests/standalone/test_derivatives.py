@@ -14,12 +14,12 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.locations import runtime_folder
+from cutjoint.compile.folders import linearised_methods
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.package.locations import runtime_folder
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
-from cutjoint.standalone import linearised_methods
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 from tests.fmu.slaves import text_of

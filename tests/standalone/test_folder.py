@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_model, generate
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
-from cutjoint.standalone import make_standalone
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.driven import DRIVEN
 from tests.reduce.test_guards import TEXT as HAMMER

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.batch import compile_scene_batch, simulate_batch
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.classes import LANES
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import generate
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
-from cutjoint.standalone import make_standalone
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from tests.conftest import needs_cpp

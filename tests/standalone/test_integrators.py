@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint import standalone
+from cutjoint.compile import folders as standalone
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.driven import pushed_text
 

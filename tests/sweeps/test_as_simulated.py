@@ -12,18 +12,18 @@ import yaml
 from click.testing import CliRunner
 
 import cutjoint
-from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.cli import main
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import write_description
 from cutjoint.methods import METHODS, Implementation
 from cutjoint.model.read import read_model_text
-from cutjoint.pipeline import compile_scene, generate
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.settings import GOAL, find_integrator
 from cutjoint.run.simulation import simulate
-from cutjoint.standalone import make_standalone
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.topology.reading import read_model
 from tests.conftest import MODELS, needs_cpp
 from tests.fmu.slaves import OK, Slave

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint import standalone
+from cutjoint.compile import folders as standalone
+from cutjoint.compile.folders import lanes_break_even
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.scenes import with_closure
-from cutjoint.standalone import lanes_break_even
 from cutjoint.sweeps import build
 from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.kernel import Kernel, Left

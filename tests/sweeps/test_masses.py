@@ -12,7 +12,7 @@ import cutjoint
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.sweeps.build import build_kernels
-from cutjoint.sweeps.masses import Masses
+from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.work import Chunk, Work
 from tests.conftest import MODELS, needs_cpp

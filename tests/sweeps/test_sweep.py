@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.records import Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.simulation import simulate
 from cutjoint.sweeps.local import Threads

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.source import Source
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import generate
-from cutjoint.standalone import make_standalone
 from cutjoint.toolchain.build import FLAGS, build
 from cutjoint.toolchain.cache import cache_folder, is_sound
 from cutjoint.toolchain.compiler import find_compiler

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint import locations
 from cutjoint.emit.source import Source
+from cutjoint.package import locations
 from cutjoint.toolchain import build, cache, cmake, digests
 from cutjoint.toolchain.cache import find_or_make, is_sound
 from cutjoint.toolchain.errors import ToolchainError

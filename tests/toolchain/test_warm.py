@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from cutjoint import locations
 from cutjoint.cli import main
+from cutjoint.package import locations
 from cutjoint.toolchain import cmake, digests
 from cutjoint.toolchain.build import warm
 from tests.toolchain.damage import DAMAGE

@@ -12,8 +12,8 @@ import pytest
 
 from cutjoint.view import meshes
 from cutjoint.view.gltf import write_gltf
+from cutjoint.view.motions import along, product, quaternions_of, rotation_to, shortest, turned
 from cutjoint.view.records import Drawing, Mesh, Node, Part
-from cutjoint.view.turns import along, product, quaternions_of, rotation_to, shortest, turned
 from tests.conftest import MODELS, needs_cpp
 from tests.view.conftest import Shown, call
 from tests.view.files import Gltf, read_csv

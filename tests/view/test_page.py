@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from cutjoint.locations import templates_folder
+from cutjoint.package.locations import templates_folder
 from cutjoint.view import meshes
 from cutjoint.view.failure import Failure
 from cutjoint.view.ghost import GhostRun, read_page

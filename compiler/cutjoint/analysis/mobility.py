@@ -1,10 +1,12 @@
-"""Degrees of freedom: the rank of the cut joints' equations, in the design position and around it."""
+"""Degrees of freedom: the rank of the cut joints' equations, in the design position and around it; models without a solution."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cutjoint.analysis.guides import require_guides
+from cutjoint.analysis.inertia import require_inertia
 from cutjoint.analysis.poses import Pose, explore
 from cutjoint.formulate.records import RecursiveEquations
 
@@ -45,3 +47,14 @@ def find_mobility(equations: RecursiveEquations, poses: Sequence[Pose] | None = 
         design_rank=poses[0].rank, poses=len(poses), condition=poses[0].condition,
         closed=poses[0].closed,
     )  # fmt: skip
+
+
+def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
+    """The equations, unless a motion moves no mass or guides tear a loop open.
+
+    Raises:
+        NoInertiaError, GuideError: as of `require_inertia` and `require_guides`.
+    """
+    require_inertia(equations)
+    require_guides(equations)
+    return equations

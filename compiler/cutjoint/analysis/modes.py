@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array
-from cutjoint.analysis.linearisation import Linearisation, ReducedSystem, reduce_system
+from cutjoint.analysis.linearise import Linearisation, ReducedSystem, reduce_system
 
 Complex = NDArray[np.complex128]
 

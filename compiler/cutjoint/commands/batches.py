@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.commands import options
 from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.compile.prepared import Request
 from cutjoint.methods import INTEGRATORS, METHODS, Events, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.prepared import Request
 from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
@@ -19,6 +18,7 @@ from cutjoint.run.failures import count_failures, describe_failures
 from cutjoint.run.options import Options
 from cutjoint.run.results import Batch
 from cutjoint.run.settings import with_options
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 
 
 def run_batch(

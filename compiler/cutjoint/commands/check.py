@@ -10,8 +10,7 @@ from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
-from cutjoint.analysis.reactions import find_indeterminate, reaction_outputs
-from cutjoint.analysis.redundancy import find_redundancy
+from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
 from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
 from cutjoint.formulate.recursive.equations import formulate_recursive

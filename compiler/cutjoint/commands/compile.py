@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.emit.standalone import INTEGRATORS_OF_CORE
 from cutjoint.formulate.inputs import open_parameters
-from cutjoint.pipeline import compile_model, generate
 from cutjoint.run.artifact import Artifact
 from cutjoint.topology.reading import read_model
 

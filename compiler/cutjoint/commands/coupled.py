@@ -8,6 +8,7 @@ from pathlib import Path
 
 from cutjoint.commands import options
 from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import Connections, connect
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Plan, co_simulate
@@ -16,7 +17,6 @@ from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, Events, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
-from cutjoint.prepared import Request
 from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
 from cutjoint.run.errors import RunError

@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.report.equilibrium import force_table, pose_table
+from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
-from cutjoint.states import find_equilibrium
+from cutjoint.tasks.states import find_equilibrium
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_equilibrium
 from cutjoint.view.views import require_view, write_shown

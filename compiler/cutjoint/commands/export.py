@@ -11,10 +11,10 @@ from cutjoint.commands.export_fmu import export_fmu, require_fmu
 from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.export.fmu.archive import TARGETS
 from cutjoint.export.fmu.description import KINDS
-from cutjoint.extensions import EXPORTERS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
+from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
 from cutjoint.run.scenes import find_scene

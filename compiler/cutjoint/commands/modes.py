@@ -11,7 +11,7 @@ from cutjoint.report.modes import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
-from cutjoint.states import find_scene_modes
+from cutjoint.tasks.states import find_scene_modes
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_modes
 from cutjoint.view.views import require_view, write_shown

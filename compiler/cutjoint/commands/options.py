@@ -17,9 +17,8 @@ from rich.progress import Progress, Task, TimeRemainingColumn
 from rich.text import Text
 
 from cutjoint.methods import DEFAULT_METHOD, METHODS
-from cutjoint.model.numbers import is_number, is_whole, read_number
-from cutjoint.model.printing import escaped_lines
 from cutjoint.model.ranges import TIMES, WHOLE, fault_of, fault_of_setting
+from cutjoint.model.text import escaped_lines, is_number, is_whole, read_number
 from cutjoint.run.outputs import OutputError, descriptor_of
 
 if TYPE_CHECKING:
@@ -138,15 +137,15 @@ def _user_errors() -> tuple[type[Exception], ...]:
     """Imported where something is raised: a cached run needs none of the stages that these belong to."""
     from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
-    from cutjoint.extensions import MissingPackageError
     from cutjoint.model.errors import ModelError
+    from cutjoint.package.extensions import MissingPackageError
     from cutjoint.program.blocks import ConstantError
-    from cutjoint.realtime import FailedRealTimeError
     from cutjoint.run.errors import RunError
     from cutjoint.run.failures import FailedBatchError, FailedRunError
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
-    from cutjoint.states import NoEquilibriumError
+    from cutjoint.tasks.realtime import FailedRealTimeError
+    from cutjoint.tasks.states import NoEquilibriumError
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.spanning_tree import TopologyError
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from cutjoint.commands import options
 from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare, require_own
+from cutjoint.compile.prepared import PreparedRun, Request
 from cutjoint.methods import AUTO
 from cutjoint.model.records import Model, Scene
-from cutjoint.prepared import PreparedRun, Request
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.reductions import choice_table

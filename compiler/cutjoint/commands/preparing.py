@@ -11,13 +11,13 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
-from cutjoint.extensions import IMPLEMENTATIONS
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.compile.prepared import PreparedRun, Request, cache_run
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
-from cutjoint.prepared import PreparedRun, Request, cache_run
+from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
@@ -156,7 +156,7 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
 def _compile_interpreted(
     request: Request, model: Model, scene: Scene, method: str, made: tuple[Equations, Program] | None = None
 ) -> Artifact:  # fmt: skip
-    from cutjoint.interpreted import compile_interpreted
+    from cutjoint.compile.interpreted import compile_interpreted
 
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")

@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options
-from cutjoint.pipeline import compile_model
-from cutjoint.realtime import run_in_real_time
-from cutjoint.report.realtime import time_tables
+from cutjoint.compile.pipeline import compile_model
+from cutjoint.report.tasks import time_tables
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
+from cutjoint.tasks.realtime import run_in_real_time
 
 
 @click.command("realtime")

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands.preparing import FinishedRun, read_request
-from cutjoint.export.numbers import Numbers
-from cutjoint.prepared import Request
+from cutjoint.compile.prepared import Request
+from cutjoint.export.laws import Numbers
 from cutjoint.run.errors import RunError
 from cutjoint.run.last_steps import with_each_step
 from cutjoint.run.results import Trajectory

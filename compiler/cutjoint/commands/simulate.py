@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cutjoint.commands import options
+from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.methods import (
     AUTO,
     CLOSURES,
@@ -22,7 +23,6 @@ from cutjoint.methods import (
     Implementation,
     names_of,
 )
-from cutjoint.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.failures import describe_failure, describe_rest

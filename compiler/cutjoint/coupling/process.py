@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cutjoint.model.printing import printable
+from cutjoint.model.text import printable
 from cutjoint.run.errors import RunError
 from cutjoint.toolchain.keeper import end_session
 

@@ -17,7 +17,7 @@ from typing import Any
 from fmpy import read_model_description
 from fmpy.simulation import instantiate_fmu
 
-from cutjoint.model.printing import printable
+from cutjoint.model.text import printable
 from cutjoint.toolchain.keeper import end_session
 
 _DISCARD = 2

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cutjoint.locations import runtime_folder
+from cutjoint.package.locations import runtime_folder
 
 _OWN = re.compile(r'#include "(cutjoint/[^"]+)"\n')
 _STANDARD = re.compile(r"#include <([^>]+)>\n")

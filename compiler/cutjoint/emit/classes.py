@@ -10,8 +10,8 @@ from cutjoint.emit.source import FACTORISATION, SPACE, Page, members, switches_o
 from cutjoint.emit.system import pattern_view, render_class
 from cutjoint.emit.view import Viewer
 from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan

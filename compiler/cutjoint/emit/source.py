@@ -13,14 +13,14 @@ import jinja2
 from cutjoint.emit.names import road_names
 from cutjoint.emit.view import FunctionView, Viewer, on_one_line
 from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.locations import templates_folder
+from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Parameter
+from cutjoint.package.locations import templates_folder
+from cutjoint.package.version import __version__
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
-from cutjoint.version import __version__
 
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
 LARGE = 40_000

@@ -20,11 +20,11 @@ from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.locations import runtime_folder
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
-from cutjoint.model.steps import count_steps
+from cutjoint.package.locations import runtime_folder
 from cutjoint.program.records import Program
 
 #: Headers of the runtime: all that a simulation needs but its integrator, and lanes.

@@ -17,9 +17,8 @@ from cutjoint.formulate.records import Function, Slot
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Model, Parameter, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
-from cutjoint.program.domains import Domain, find_domains
 from cutjoint.program.lower import reachable_blocks
-from cutjoint.program.switches import Switch, find_switches
+from cutjoint.program.switches import Domain, Switch, find_domains, find_switches
 
 #: The time at which laws are evaluated; unlike ``t`` it is not known when a step begins.
 LAW_TIME = "law_time"

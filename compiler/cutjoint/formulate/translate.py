@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.model.exponential import Exponential
+from cutjoint.model.operations import Exponential
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import Block, Builder, is_identity
 

@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.model.printing import printable
+from cutjoint.model.text import printable
 from cutjoint.model.values import Direction, Inertia, Number, Part, Point, Triple, shape_error, told_by
 
 MAX_SHAPES = 1000

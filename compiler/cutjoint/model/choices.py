@@ -12,7 +12,7 @@ from typing import Any
 import sympy
 from sympy.functions.elementary.piecewise import ExprCondPair
 
-from cutjoint.model.records import Scalar
+from cutjoint.elements.terms import Scalar
 
 
 class Case(ExprCondPair):  # type: ignore[misc]

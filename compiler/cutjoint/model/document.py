@@ -13,8 +13,7 @@ from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validat
 from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, join_or, names_of
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
-from cutjoint.model.force_parts import Force
-from cutjoint.model.joint_parts import Joint
+from cutjoint.model.element_parts import Force, Joint
 from cutjoint.model.values import (
     Direction,
     Law,

@@ -11,7 +11,8 @@ import sympy
 
 from cutjoint.elements.joint import PERPENDICULAR, JointElement
 from cutjoint.elements.joints import JOINTS
-from cutjoint.model import body_parts, document, joint_parts
+from cutjoint.model import body_parts, document
+from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit

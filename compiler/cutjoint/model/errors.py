@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
+from cutjoint.model.text import printable
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model

@@ -12,8 +12,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from cutjoint.elements.terms import Scalar
 from cutjoint.model.operations import RELATIONS, SMOOTH
-from cutjoint.model.records import Scalar
 
 
 def evaluate(expression: Scalar, values: Mapping[Scalar, float]) -> float:

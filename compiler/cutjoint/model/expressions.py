@@ -16,7 +16,6 @@ import sympy
 
 from cutjoint.model.choices import bottom_up
 from cutjoint.model.errors import nearest
-from cutjoint.model.numbers import is_number
 from cutjoint.model.operations import (
     FUNCTIONS,
     MANY,
@@ -37,6 +36,7 @@ from cutjoint.model.operations import (
     where,
 )
 from cutjoint.model.records import Scalar
+from cutjoint.model.text import is_number
 from cutjoint.model.units import UnitError, read_measure
 
 MAX_LENGTH = 2000  #: characters of a text

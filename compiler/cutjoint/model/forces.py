@@ -11,9 +11,10 @@ from cutjoint.elements.force import Law
 from cutjoint.elements.forces import FORCES
 from cutjoint.elements.forces.joint_force import JointForce, law_on
 from cutjoint.elements.kinds import ForceKind
-from cutjoint.model import force_parts, joint_parts
-from cutjoint.model.coordinates import Naming, read_coordinate
+from cutjoint.model import element_parts as force_parts
+from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.expressions import variable
+from cutjoint.model.gears import Naming, read_coordinate
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.names import name_problem

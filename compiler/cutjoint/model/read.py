@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutjoint.locations import AnyPath
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
 from cutjoint.model.opening import Opening
@@ -20,6 +19,7 @@ from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
 from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
+from cutjoint.package.locations import AnyPath
 
 
 def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:

@@ -19,7 +19,7 @@ from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.quantities import quantities
-from cutjoint.model.ranges import RANGES
+from cutjoint.model.ranges import RANGES, StepsError, count_steps
 from cutjoint.model.records import (
     STEP,
     Binding,
@@ -36,7 +36,6 @@ from cutjoint.model.records import (
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
 from cutjoint.model.starts import read_states
-from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 
 #: What penalty and frequency may follow.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import sympy
 
-from cutjoint.model import joint_parts
+from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import read_term, variable

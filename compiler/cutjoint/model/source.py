@@ -16,9 +16,8 @@ from typing import Any, TypeAlias
 import yaml
 
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.numbers import UNSIGNED
-from cutjoint.model.printing import printable
 from cutjoint.model.records import Span
+from cutjoint.model.text import UNSIGNED, printable
 
 #: Keys and indices from the root of the document to a value.
 Path: TypeAlias = tuple[str | int, ...]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.model.numbers import UNSIGNED
+from cutjoint.model.text import UNSIGNED
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,8 @@ from cutjoint.elements.force import Point
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Scalar, Scene, Vector
 from cutjoint.reduce.frozen import Frozen
-from cutjoint.reduce.poses import Poses, find_poses, numbers
-from cutjoint.reduce.records import Note, Outcome
-from cutjoint.reduce.rename import hand_over
+from cutjoint.reduce.records import Note, Outcome, hand_over
+from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError

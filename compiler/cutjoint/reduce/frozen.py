@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.records import GROUND, Body, Force, Joint, Model, Reaction, Scene
-from cutjoint.reduce.poses import Poses
-from cutjoint.reduce.records import Note
-from cutjoint.reduce.rename import bodies_of
+from cutjoint.reduce.records import Note, bodies_of
+from cutjoint.reduce.sampling import Poses
 
 #: A body that has moved by less when the scene starts stands where it was drawn (m and rad).
 _SAME = 1e-9

@@ -12,8 +12,7 @@ from typing import Any
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reaction, RodForce, Scene
-from cutjoint.reduce.records import Note, Outcome
-from cutjoint.reduce.rename import bodies_of
+from cutjoint.reduce.records import Note, Outcome, bodies_of
 
 
 def drop_unreached(model: Model, scene: Scene) -> Outcome:

@@ -1,13 +1,19 @@
-"""Runs that passes look at, by the recursive method."""
+"""Runs that passes look at, by the recursive method, and the motion of bodies in them, seen from each other."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
-from cutjoint.interpreted import compile_interpreted
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_METHOD, METHODS
-from cutjoint.model.records import Model, Output, Scene
-from cutjoint.pipeline import compile_scene
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.quantities import POSE
+from cutjoint.model.records import GROUND, Model, Output, Scene, Vector
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 
@@ -36,3 +42,62 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
 def compiling_seconds(operations: int, method: str) -> float:
     """About what compiling takes, s, of a model with so many operations an evaluation."""
     return _COMPILING + _COMPILING_AN_OPERATION * operations * (_WITH_FACTORISATION if METHODS[method].has_system else 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Poses:
+    """The poses of a body at the rows of a run: turns ``R`` (n, 3, 3) and places ``r`` (n, 3) of its origin in the design frame's axes."""
+
+    R: NDArray[np.float64]
+    r: NDArray[np.float64]
+
+    def seen_from(self, other: Poses) -> Poses:
+        """The poses relative to another body."""
+        back = other.R.transpose(0, 2, 1)
+        return Poses(R=back @ self.R, r=np.einsum("nij,nj->ni", back, self.r - other.r))
+
+    def change(self, point: NDArray[np.float64]) -> float:
+        """The most by which a pose differs from the first: the angle in rad, or the way of a point of the body in m."""
+        turned = self.R @ self.R[0].T
+        sines = np.stack([turned[:, i, j] - turned[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
+        cosine = (np.trace(turned, axis1=1, axis2=2) - 1) / 2
+        angle = np.arctan2(np.linalg.norm(sines, axis=1), cosine)
+        way = (self.r + self.R @ point) - (self.r[0] + self.R[0] @ point)
+        return float(max(np.abs(angle).max(), np.linalg.norm(way, axis=1).max()))
+
+
+def numbers(vector: Vector | Iterable[object], model: Model) -> NDArray[np.float64]:
+    """A vector at the parameters' values."""
+    values = {p.symbol: p.value for p in model.parameters}
+    return np.array([evaluate(component, values) for component in vector])
+
+
+def find_poses(model: Model, scene: Scene) -> Mapping[str, Poses] | None:
+    """The poses of all bodies and the ground in the scene; None where its run does not come to the end.
+
+    Raises:
+        ModelError, TopologyError, RunError, SimulatorError: the scene cannot be run.
+    """
+    asked = [Output(element=body.name, quantity=name, span=body.span) for body in model.bodies for name in POSE]
+    run = run_scene(model, scene, asked)
+    if run.failure is not None:
+        return None
+    rows = len(run.t)
+    ground = Poses(R=np.tile(np.eye(3), (rows, 1, 1)), r=np.zeros((rows, 3)))
+    return {GROUND: ground, **{b.name: _poses(run, b.name, numbers(b.centre_of_mass, model)) for b in model.bodies}}
+
+
+def _poses(run: Trajectory, body: str, centre: NDArray[np.float64]) -> Poses:
+    place = np.stack([run[f"{body}.{name}"] for name in "xyz"], axis=1)
+    x, y, z = (_turn(run[f"{body}.{name}"], axis) for axis, name in enumerate(("roll", "pitch", "yaw")))
+    R = z @ y @ x
+    return Poses(R=R, r=place - R @ centre)
+
+
+def _turn(angle: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """Rotations about a global axis, (n, 3, 3)."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    R = np.tile(np.eye(3), (len(angle), 1, 1))
+    R[:, i, i] = R[:, j, j] = np.cos(angle)
+    R[:, j, i], R[:, i, j] = np.sin(angle), -np.sin(angle)
+    return R

@@ -7,24 +7,21 @@ from dataclasses import dataclass, field, replace
 
 from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.compile.pipeline import schedule_method
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import schedule_method
 from cutjoint.program.records import Program
+from cutjoint.reduce.approximations import lighten_links, roll_straight
 from cutjoint.reduce.fix_inputs import fix_inputs
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
-from cutjoint.reduce.half.nearly import flatten_nearly, halve_nearly
-from cutjoint.reduce.half.symmetry import halve
-from cutjoint.reduce.idle import drop_idle_equations
-from cutjoint.reduce.light import lighten_links
+from cutjoint.reduce.half.symmetry import flatten_nearly, halve, halve_nearly
 from cutjoint.reduce.links import shorten_links
-from cutjoint.reduce.planar import flatten
+from cutjoint.reduce.planar import drop_idle_equations, flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
-from cutjoint.reduce.rolling import roll_straight
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
 from cutjoint.topology.spanning_tree import TopologyError

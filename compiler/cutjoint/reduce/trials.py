@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from concurrent.futures import Future
 
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene, emit_scheduled, schedule_method
 from cutjoint.formulate.records import Equations
-from cutjoint.interpreted import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene, emit_scheduled, schedule_method
 from cutjoint.program.records import Program
 from cutjoint.reduce.background import DERIVING, begin
 from cutjoint.reduce.sampling import compiling_seconds

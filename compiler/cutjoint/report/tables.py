@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 from cutjoint.methods import Implementation
-from cutjoint.model.steps import count_steps
-from cutjoint.report.names import closing_equations
+from cutjoint.model.ranges import count_steps
+from cutjoint.report.tasks import closing_equations
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
     from cutjoint.analysis.mobility import Mobility
     from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
-    from cutjoint.batch import BatchArtifact
     from cutjoint.model.records import Model
+    from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
 
 

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.locations import AnyPath, path_of
 from cutjoint.methods import INTEGRATORS
-from cutjoint.model.steps import count_steps
-from cutjoint.run.balance import find_imbalance
+from cutjoint.model.ranges import count_steps
+from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.run.checks import find_imbalance, find_open_gap, open_loops
 from cutjoint.run.fallbacks import follow_up
-from cutjoint.run.open_loops import find_open_gap, open_loops
 from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start

@@ -9,10 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cutjoint.analysis.reactions import find_indeterminate
+from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
-from cutjoint.formulate.jumps import jump_times
 from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, join_or, names_of
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program

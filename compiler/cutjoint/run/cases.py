@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cutjoint.model.numbers import read_number
 from cutjoint.model.records import Model
+from cutjoint.model.text import read_number
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import open_table, write_all

@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Any
 
 from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, join_and
-from cutjoint.model.steps import StepsError, count_steps
+from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start

@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.analysis.linearisation import Linearisation
-from cutjoint.analysis.linearise import Point, linearise
+from cutjoint.analysis.linearise import Linearisation, Point, linearise
 from cutjoint.formulate.implicit.records import ImplicitEquations
 from cutjoint.methods import LINEARISED
+from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene
-from cutjoint.model.steps import StepsError, count_steps
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS

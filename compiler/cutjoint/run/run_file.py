@@ -13,14 +13,13 @@ import sympy
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
-from cutjoint.model.attitudes import fault_of_quaternion, normalised
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.quantities import JOINT_QUANTITIES
-from cutjoint.model.ranges import fault_of, fault_of_state
+from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
 from cutjoint.model.records import Binding, Body, Model, Scalar, Scene, Tyre
-from cutjoint.model.steps import StepsError, count_steps
+from cutjoint.model.starts import fault_of_quaternion, normalised
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs

@@ -23,9 +23,8 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.ranges import fault_of_setting
+from cutjoint.model.ranges import MOST_STEPS, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
-from cutjoint.model.steps import MOST_STEPS
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import with_settings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from cutjoint.locations import AnyPath
+from cutjoint.package.locations import AnyPath
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.inputs import GivenInput

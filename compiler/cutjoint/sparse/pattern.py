@@ -1,12 +1,14 @@
-"""The places of the entries of a square sparse matrix, known when the compiler runs."""
+"""Patterns of sparse matrices: where entries stand, known when the compiler runs.  A tangent's follows from the lowered program."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cutjoint.program.records import Program, Result
 
 Array = NDArray[np.float64]
 
@@ -64,3 +66,30 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
         if pattern.symmetric:
             matrix[j, i] = value
     return matrix
+
+
+#: How the results that are entries of a tangent are named: row and column follow.
+PREFIX = "tangent:"
+
+
+def settle_entries(program: Program, size: int, *, symmetric: bool) -> tuple[Program, Pattern]:
+    """The pattern of the entries ``tangent:row,column``, and the program without those that are always zero."""
+    functions = tuple(replace(f, results=tuple(r for r in f.results if not _is_absent(program, r))) for f in program.functions)
+    entries = (_entry(r.target) for f in functions for r in f.results if r.target.startswith(PREFIX))
+    pattern = make_pattern(size, entries, symmetric=symmetric)
+    return replace(program, functions=functions), pattern
+
+
+def _entry(target: str) -> tuple[int, int]:
+    """Row and column of a result."""
+    row, column = target.removeprefix(PREFIX).split(",")
+    return int(row), int(column)
+
+
+def places(pattern: Pattern) -> dict[str, int]:
+    """The places of the results that are entries, by their names."""
+    return {f"{PREFIX}{i},{j}": k for k, (i, j) in enumerate(pattern.entries())}
+
+
+def _is_absent(program: Program, result: Result) -> bool:
+    return result.target.startswith(PREFIX) and program.graph.value(result.scalar) == 0.0

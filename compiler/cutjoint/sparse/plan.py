@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from cutjoint.sparse.ordering import order_columns, order_symmetric
 from cutjoint.sparse.pattern import Array, Pattern
 from cutjoint.sparse.pivoting import LIKENESSES, NoPivotError, pivot_by_columns, pivot_by_likeness, pivot_by_markowitz, scale_samples
-from cutjoint.sparse.storage import Storage, store
 from cutjoint.sparse.symbolic import Elimination, eliminate, multiply_adds
-from cutjoint.sparse.tiles import Tiling, make_tiles, operations
+from cutjoint.sparse.tiles import Storage, Tiling, make_tiles, operations, store
 
 
 @dataclass(frozen=True, kw_only=True)

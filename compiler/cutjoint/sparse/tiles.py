@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.sparse.symbolic import Elimination, fill, postorder, renumber
@@ -115,3 +115,30 @@ def _by_level(tiling: Tiling) -> Tiling:
 
     elimination = renumber(tiling.elimination, [k for tile in order for k in tiling.pivots(tile)])
     return Tiling(elimination=elimination, first=tuple(first), lower=moved(tiling.lower), upper=moved(tiling.upper))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Storage:
+    """The places of the blocks in an array of ``length`` numbers; ``upper`` and ``lower`` by (tile, other tile)."""
+
+    length: int
+    diagonal: tuple[int, ...]
+    upper: Mapping[tuple[int, int], int]
+    lower: Mapping[tuple[int, int], int]
+
+
+def store(tiling: Tiling) -> Storage:
+    """The places of a tiling's blocks."""
+    place = -(-tiling.first[-1] // WIDTH) * WIDTH
+    diagonal: list[int] = []
+    upper: dict[tuple[int, int], int] = {}
+    lower: dict[tuple[int, int], int] = {}
+    for tile in range(len(tiling)):
+        block = WIDTH * tiling.size(tile)
+        diagonal.append(place)
+        place += block
+        for blocks, others in ((upper, tiling.upper[tile]), (lower, tiling.lower[tile])):
+            for other in others:
+                blocks[tile, other] = place
+                place += block
+    return Storage(length=place, diagonal=tuple(diagonal), upper=upper, lower=lower)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.folders import Standalone, lanes_break_even
 from cutjoint.emit.source import environment
-from cutjoint.standalone import Standalone, lanes_break_even
 from cutjoint.stepping.values import Array
 
 #: Places of an array, and the values that simulations have there, (simulations, places).

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
-from cutjoint.locations import AnyPath
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import generate
+from cutjoint.package.locations import AnyPath
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
-from cutjoint.standalone import make_standalone
 from cutjoint.stepping.lanes import Lanes, with_rollout
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.simulation import Simulation

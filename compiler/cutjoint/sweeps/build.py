@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from cutjoint.compile.folders import Standalone, lanes_break_even, make_standalone
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.classes import LANES
 from cutjoint.formulate.inputs import input_parameters
 from cutjoint.model.records import Scene
-from cutjoint.pipeline import generate
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.standalone import Standalone, lanes_break_even, make_standalone
 from cutjoint.sweeps.code import with_runs
-from cutjoint.sweeps.kernel import Kernel
+from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Study
-from cutjoint.sweeps.target import find_target
 
 
 def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, ...]:

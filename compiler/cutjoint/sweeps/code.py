@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
+from cutjoint.compile.folders import Standalone
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.records import Column
-from cutjoint.model.attitudes import UNIT_BOUND
 from cutjoint.model.expressions import variable
 from cutjoint.model.records import Model, Scalar, Scene, Tyre
+from cutjoint.model.starts import UNIT_BOUND
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import changing
-from cutjoint.standalone import Standalone
 from cutjoint.sweeps.expressions import symbol_of
 from cutjoint.sweeps.records import Kind, Study, Variable
 

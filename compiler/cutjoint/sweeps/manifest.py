@@ -8,10 +8,10 @@ from hashlib import sha256
 from importlib.metadata import version
 from typing import Any
 
+from cutjoint.package.version import __version__
 from cutjoint.run.settings import StepSettings
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.records import Study
-from cutjoint.version import __version__
 
 #: The form of tables; another number where columns or their meaning change.
 FORMAT = 2

@@ -11,8 +11,8 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.locations import templates_folder
-from cutjoint.sweeps.masses import Masses
+from cutjoint.package.locations import templates_folder
+from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.records import Array, Kind, Objective, Study
 from cutjoint.sweeps.run import Sweep
 from cutjoint.view.page import as_data, script_hash

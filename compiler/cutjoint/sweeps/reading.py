@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.locations import AnyPath
 from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.operations import ExpressionError
 from cutjoint.model.ranges import fault_of_setting
@@ -21,6 +20,7 @@ from cutjoint.model.shape import check_part
 from cutjoint.model.source import Path as Keys
 from cutjoint.model.source import Source, parse_yaml, read_text
 from cutjoint.model.units import TIME
+from cutjoint.package.locations import AnyPath
 from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.settings import with_options

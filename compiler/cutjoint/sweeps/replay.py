@@ -9,12 +9,12 @@ from pathlib import Path
 
 import sympy
 
-from cutjoint.pipeline import compile_scene
+from cutjoint.compile.folders import choose_steps
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import naming_output
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.standalone import choose_steps
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.topology.reading import read_model
 from cutjoint.view.views import show_run, write_shown

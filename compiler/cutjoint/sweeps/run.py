@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.locations import AnyPath
+from cutjoint.package.locations import AnyPath
 from cutjoint.run.errors import RunError
 from cutjoint.run.settings import require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.local import Threads, Workers, processors
 from cutjoint.sweeps.manifest import make_manifest
-from cutjoint.sweeps.masses import Masses
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study

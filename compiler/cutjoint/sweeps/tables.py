@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.model.numbers import read_number
+from cutjoint.model.text import read_number
 from cutjoint.sweeps.records import Array
 
 #: Notes what is wrong, and what to do.

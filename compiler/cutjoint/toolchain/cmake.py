@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cutjoint.locations import runtime_folder
+from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
 from cutjoint.toolchain.errors import ToolchainError

@@ -7,7 +7,7 @@ from collections.abc import Sequence, Set
 from functools import cache
 from pathlib import Path
 
-from cutjoint.locations import runtime_folder
+from cutjoint.package.locations import runtime_folder
 
 #: Parts of the runtime that only one kind of simulator has: batches, and the interpreter.
 _PARTS = ("batch", "interpreter")

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutjoint.locations import templates_folder
+from cutjoint.package.locations import templates_folder
 from cutjoint.toolchain.cache import cache_folder, fetch, is_sound, store
 from cutjoint.toolchain.compiler import Compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest

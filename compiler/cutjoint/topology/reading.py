@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from cutjoint.locations import AnyPath
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Model
+from cutjoint.package.locations import AnyPath
 from cutjoint.topology.search import span
 from cutjoint.topology.spanning_tree import TopologyError
 

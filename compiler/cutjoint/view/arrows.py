@@ -10,10 +10,10 @@ import numpy as np
 from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, PointSpring, Reaction, Tyre
 from cutjoint.view import meshes
 from cutjoint.view.colours import FORCE, REACTION
+from cutjoint.view.motions import along
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Node, Part
 from cutjoint.view.sizes import point_of
-from cutjoint.view.turns import along
 
 #: The longest arrow of all, as a share of the mechanism's extent.
 _LONGEST = 0.3

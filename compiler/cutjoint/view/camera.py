@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.model.records import Model, Tyre
+from cutjoint.view.motions import rotation_to, turned
 from cutjoint.view.page import Camera
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Drawing, Node
 from cutjoint.view.sizes import Sizes, point_of
-from cutjoint.view.turns import rotation_to, turned
 
 #: A body that goes further than this many extents of the mechanism is followed; what turns about a pivot goes two at most.
 _FAR = 3.0

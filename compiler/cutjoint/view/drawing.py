@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Model
 from cutjoint.view.arrows import Arrows
 from cutjoint.view.bodies import BodyParts
 from cutjoint.view.failure import mark
 from cutjoint.view.forces import ForceNodes
+from cutjoint.view.motions import quaternions_of
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
 from cutjoint.view.sizes import point_of
-from cutjoint.view.turns import quaternions_of
 
 
 def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[str, str], Array] | None = None) -> Drawing:

@@ -12,10 +12,10 @@ from cutjoint.model.records import AxialForce, Bushing, PointSpring, Tyre
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.colours import JOINT, ROAD, RUBBER, STEEL
+from cutjoint.view.motions import along, one_side, product, quaternions_of, rotation_to
 from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array, Mesh, Node, Part
 from cutjoint.view.sizes import point_of
-from cutjoint.view.turns import along, one_side, product, quaternions_of, rotation_to
 
 #: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
 _LARGEST_TURN = 2.0

@@ -15,8 +15,8 @@ import numpy as np
 
 from cutjoint.run.errors import RunError
 from cutjoint.view.glb import TRIANGLES, Glb, GltfNode, Primitive, read_glb
+from cutjoint.view.motions import turned
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
-from cutjoint.view.turns import turned
 
 #: Bytes of a page: more than any that is written.
 _LARGEST = 60_000_000

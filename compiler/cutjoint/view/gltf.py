@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.version import __version__
+from cutjoint.package.version import __version__
+from cutjoint.view.motions import shortest
 from cutjoint.view.records import Array, Colour, Drawing, Mesh, Node, Part
-from cutjoint.view.turns import shortest
 
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963

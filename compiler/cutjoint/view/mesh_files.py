@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.printing import printable
 from cutjoint.model.records import Body, Model, Visual
+from cutjoint.model.text import printable
 from cutjoint.view.glb import GlbError, read_glb
 from cutjoint.view.records import Array, Mesh
 from cutjoint.view.sizes import point_of

@@ -9,8 +9,8 @@ from math import pi, tau
 
 import numpy as np
 
+from cutjoint.view.motions import rotation_to
 from cutjoint.view.records import Array, Faces, Mesh
-from cutjoint.view.turns import rotation_to
 
 _AROUND = 20
 

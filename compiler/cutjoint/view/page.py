@@ -14,7 +14,7 @@ from zlib import crc32
 import jinja2
 import numpy as np
 
-from cutjoint.locations import templates_folder
+from cutjoint.package.locations import templates_folder
 from cutjoint.view.failure import Failure
 from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf

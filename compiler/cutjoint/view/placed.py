@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutjoint.analysis.body_poses import BodyPose
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.model.records import Model, Scene, Vector
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import Sizes, point_of

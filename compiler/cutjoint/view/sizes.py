@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import AxialForce, Bushing, Force, Model, PointSpring, Scene, Shape, ShapeKind, Tyre, Vector
 from cutjoint.view.records import Array

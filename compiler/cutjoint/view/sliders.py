@@ -11,17 +11,16 @@ import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.analysis.closing import design_coordinates, make_inputs
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.poses import derive_poses
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import GROUND, AxialForce, Bushing, Model, PointSpring, Scene, Tyre, Vector
 from cutjoint.view.javascript import print_function
-from cutjoint.view.motions import Mover
+from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, point_of
-from cutjoint.view.turns import quaternions_of
 
 #: How far an angle (rad) goes either way, and a displacement as a share of the mechanism's extent.
 _TURN, _SLIDE = pi, 0.5

@@ -16,7 +16,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.report.modes import mode_figures, participants
 from cutjoint.run.results import MechanismState
-from cutjoint.states import find_resting_coordinates
+from cutjoint.tasks.states import find_resting_coordinates
 from cutjoint.view.columns import bodies_of
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times

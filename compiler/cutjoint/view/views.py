@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_poses
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.export.start import find_start
 from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.poses import derive_poses
-from cutjoint.locations import AnyPath
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
+from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs

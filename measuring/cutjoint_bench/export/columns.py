@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.export.numbers import Numbers
+from cutjoint.export.laws import Numbers
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Body, Marker, Model, Output

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from cutjoint.elements.force import AxisForce, Compliance, LineForce, OnCoordinate, Point, RoadContact, Wrench
-from cutjoint.export.numbers import Numbers, Triple
+from cutjoint.export.laws import Numbers, Triple
 from cutjoint.export.start import Array
 from cutjoint.formulate.forces import LENGTH, RATE
 from cutjoint.formulate.inputs import TIME

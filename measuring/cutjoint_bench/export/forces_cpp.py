@@ -10,8 +10,7 @@ import sympy
 
 from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, RoadContact, Wrench
 from cutjoint.emit.names import unique
-from cutjoint.export.laws import expression
-from cutjoint.export.numbers import Numbers, Triple
+from cutjoint.export.laws import Numbers, Triple, expression
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.records import COORDINATES, GROUND, Force, Scalar, Scene, Vector
 from cutjoint.run.roads import Piece, road_pieces

@@ -10,7 +10,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import choose_independent
-from cutjoint.export.numbers import Triple
+from cutjoint.export.laws import Triple
 from cutjoint.export.start import markers_of
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive

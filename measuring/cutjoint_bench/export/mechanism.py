@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.numbers import Numbers, Triple
+from cutjoint.export.laws import Numbers, Triple
 from cutjoint.export.start import Array, Start, find_start
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME

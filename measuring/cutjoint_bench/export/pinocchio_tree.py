@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.export.numbers import Triple
+from cutjoint.export.laws import Triple
 from cutjoint.export.start import Array
 from cutjoint.model.records import GROUND, JointKind, Model, Scene
 from cutjoint_bench.export.chains import Part, chain, frame, speeds, triple

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
-from cutjoint.export.numbers import Triple
+from cutjoint.export.laws import Triple
 from cutjoint.model.records import Force, JointKind, Scalar, Span
 
 #: Three rows.

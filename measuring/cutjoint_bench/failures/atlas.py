@@ -9,9 +9,9 @@ from functools import partial
 from itertools import product
 from typing import Any
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import parameter_values

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.errors import ModelError
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array

@@ -18,14 +18,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.batch import BatchArtifact, compile_scene_batch, simulate_batch
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint_bench.studies.checkout import MODELS

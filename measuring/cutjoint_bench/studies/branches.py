@@ -16,10 +16,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.provenance import provenance

@@ -15,8 +15,8 @@ from time import perf_counter
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.exact.chain import Chain, write_chain

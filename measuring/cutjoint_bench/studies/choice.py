@@ -18,21 +18,20 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import compile_scene
+from cutjoint.package.version import __version__
 from cutjoint.reduce.choose import Candidate, choose, find_step, timed
-from cutjoint.reduce.measure import time_run
+from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import at_step
-from cutjoint.reduce.truth import Truth, find_truth
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
-from cutjoint.version import __version__
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
 

@@ -15,13 +15,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.formulate.jumps import jump_times
-from cutjoint.interpreted import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import STEP, Model, Scene
-from cutjoint.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.mobility import Mobility, find_mobility
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.pipeline import compile_model
+from cutjoint.package.version import __version__
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.simulation import simulate
-from cutjoint.states import find_equilibrium
+from cutjoint.tasks.states import find_equilibrium
 from cutjoint.toolchain.machine import machine
-from cutjoint.version import __version__
 from cutjoint_bench.studies.checkout import DATA, MODELS
 from cutjoint_bench.twin.artifact import compile_generic_model
 from cutjoint_bench.twin.build import twin_digest

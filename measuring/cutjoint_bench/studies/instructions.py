@@ -19,12 +19,12 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS, Formulation
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.options import Options
 from cutjoint.run.simulator_run import SimulatorRun
-from cutjoint.standalone import make_standalone
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance
 

@@ -14,8 +14,8 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import DEFAULT_SOLVER, METHODS, SOLVERS, names_of
-from cutjoint.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file

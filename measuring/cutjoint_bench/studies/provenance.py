@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cutjoint.package.version import __version__
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.machine import machine
-from cutjoint.version import __version__
 
 
 def provenance(flags: Sequence[str] = FLAGS) -> str:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.pipeline import compile_model
-from cutjoint.realtime import run_in_real_time
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.distance import distance
 from cutjoint_bench.studies.provenance import provenance

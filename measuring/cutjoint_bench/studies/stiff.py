@@ -17,8 +17,8 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from cutjoint.analysis.closing import design_coordinates, make_inputs
+from cutjoint.compile.pipeline import compile_model, derive
 from cutjoint.model.read import read_model
-from cutjoint.pipeline import compile_model, derive
 from cutjoint.program.interpret import Array, interpret_blocks
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.checkout import MODELS

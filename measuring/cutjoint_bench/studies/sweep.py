@@ -26,7 +26,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.batch import compile_scene_batch, simulate_batch
 from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.local import processors
 from cutjoint.sweeps.manifest import make_manifest
@@ -37,6 +36,7 @@ from cutjoint.sweeps.run import Sweep, perform_study
 from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.table import Layout
 from cutjoint.sweeps.work import Chunk, Work
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.clusters import QUIET, local_cluster, process_cluster
 from cutjoint_bench.studies.provenance import provenance

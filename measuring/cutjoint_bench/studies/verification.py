@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
-from cutjoint.pipeline import compile_model
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate

@@ -54,10 +54,10 @@ def note(name):
 import sympy
 note("import SymPy")
 from cutjoint.commands import simulate
-from cutjoint import pipeline
+from cutjoint.compile import pipeline
 from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.model.read import read_model
-from cutjoint.systems import schedule_system
+from cutjoint.compile.systems import schedule_system
 from cutjoint.toolchain.build import write_source
 note("other imports")
 model = read_model(Path(sys.argv[1]))

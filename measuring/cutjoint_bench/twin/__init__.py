@@ -1,1 +1,9 @@
 """The generic twin: the runtime's other mechanism, which interprets a description of the model in place of code made for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+#: The modules of the twin, and its C++, which includes the product's.
+FOLDER = Path(__file__).resolve().parent
+RUNTIME = FOLDER.parent / "runtime"

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutjoint.extensions import Backend
+from cutjoint.package.extensions import Backend
+from cutjoint_bench.twin import FOLDER, RUNTIME
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
     from cutjoint.run.artifact import Artifact
-
-_HERE = Path(__file__).resolve().parent
-
-#: The C++ of the twin, which includes the product's.
-RUNTIME = _HERE.parent / "runtime"
 
 
 def _compile(model: Model, scene: Scene, method: str) -> Artifact:
@@ -23,4 +18,4 @@ def _compile(model: Model, scene: Scene, method: str) -> Artifact:
     return compile_generic(model, scene, method=method)
 
 
-BACKEND = Backend(name="generic", compile=_compile, code=(_HERE, RUNTIME))
+BACKEND = Backend(name="generic", compile=_compile, code=(FOLDER, RUNTIME))

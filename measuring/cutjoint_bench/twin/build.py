@@ -11,7 +11,7 @@ from cutjoint.toolchain.cache import cache_folder, find_or_make
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
-from cutjoint_bench.twin.backend import RUNTIME
+from cutjoint_bench.twin import RUNTIME
 
 
 @cache

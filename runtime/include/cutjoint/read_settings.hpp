@@ -177,7 +177,7 @@ RunSettings read_settings(const Json& file, const Abilities& abilities) {
   return SettingsReader<Real>(file, abilities).read();
 }
 
-/// The steps of a run and how many of them belong to a row of its table; cutjoint/model/steps.py has the same.
+/// The steps of a run and how many of them belong to a row of its table; cutjoint/model/ranges.py has the same.
 struct Steps {
   long number;
   long stride;

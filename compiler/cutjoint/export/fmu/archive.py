@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
+from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
 from cutjoint.export.fmu.functions import missing_functions
@@ -18,9 +20,7 @@ from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or, names_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.pipeline import derive, generate
 from cutjoint.run.errors import RunError
-from cutjoint.standalone import Standalone, make_standalone
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology

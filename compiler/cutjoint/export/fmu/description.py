@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from cutjoint.export.fmu.units import Unit, describe_unit
 from cutjoint.export.fmu.variables import Interface, Variable
-from cutjoint.version import __version__
+from cutjoint.package.version import __version__
 
 _ANGLE = "rad"
 

@@ -17,17 +17,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
-from cutjoint.formulate.energy import energy_slots
-from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.implicit.closures import Closed, close, penalty_tangent, weights
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
 from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
 from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
 from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.formulate.implicit.wrenches import SharedForces, ways, wrench_tangent
+from cutjoint.formulate.implicit.wrenches import Closed, SharedForces, close, penalty_tangent, ways, weights, wrench_tangent
 from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.energy import derive_energy
@@ -35,15 +31,14 @@ from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guar
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
-from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
-from cutjoint.formulate.recursive.reactions import Reactions
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, given_accelerations
 from cutjoint.formulate.scene_inputs import derive_scene_inputs
-from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
+from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
+from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, energy_slots, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder
-from cutjoint.program.domains import find_domains
-from cutjoint.program.switches import find_switches
+from cutjoint.program.switches import find_domains, find_switches
 
 
 def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -> ImplicitEquations:

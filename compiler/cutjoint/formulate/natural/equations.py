@@ -13,12 +13,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
-from cutjoint.formulate.energy import energy_results, energy_slots
-from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import chart_slots, column_slots, make_translator, open_parameters, report_columns
-from cutjoint.formulate.jumps import guides_jump
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
 from cutjoint.formulate.natural.forces import Element, ForceMaker
@@ -28,18 +24,26 @@ from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.needs import require_coordinates
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, record
 from cutjoint.formulate.natural.outputs import NaturalReporter
+from cutjoint.formulate.natural.poses import place_nodes
 from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.formulate.natural.start import place_nodes
 from cutjoint.formulate.records import Column, RecursiveEquations, Slot
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.scene_inputs import derive_scene_inputs
-from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, system_functions
+from cutjoint.formulate.switches import (
+    describe_domains,
+    describe_switches,
+    domain_slots,
+    domains_function,
+    events_function,
+    guides_jump,
+    value_slots,
+)
+from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, energy_results, energy_slots, system_functions
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
-from cutjoint.program.domains import find_domains
-from cutjoint.program.switches import find_switches
+from cutjoint.program.switches import find_domains, find_switches
 
 
 def formulate_lagrangian(

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from cutjoint.formulate.energy import energy_results
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
-from cutjoint.formulate.recursive.reactions import Reactions
+from cutjoint.formulate.recursive.outputs import Reactions
+from cutjoint.formulate.system import energy_results
 from cutjoint.program.blocks import Block
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from cutjoint.formulate.domains import describe_domains, domain_slots, domains_function
-from cutjoint.formulate.energy import energy_slots
-from cutjoint.formulate.events import describe_switches, events_function, value_slots
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
@@ -21,17 +18,17 @@ from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guar
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
-from cutjoint.formulate.recursive.outputs import Reporter, given_accelerations
-from cutjoint.formulate.recursive.reactions import Reactions
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.formulate.scene_inputs import derive_scene_inputs
+from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
+from cutjoint.formulate.system import energy_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.domains import find_domains
-from cutjoint.program.switches import find_switches
+from cutjoint.program.switches import find_domains, find_switches
 from cutjoint.topology.records import Topology
 
 _STATE = ("const Real* q", "const Real* v")

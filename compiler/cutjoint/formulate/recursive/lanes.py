@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cutjoint.formulate.correspondence import find_corresponding
-from cutjoint.formulate.energy import CHECKS
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.system import CHECKS
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule

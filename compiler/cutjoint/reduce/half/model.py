@@ -17,10 +17,10 @@ from cutjoint.model.records import (
     RodForce,
     Scene,
 )  # fmt: skip
-from cutjoint.reduce.half.halves import halve_body
 from cutjoint.reduce.half.images import Images
 from cutjoint.reduce.half.in_plane import InPlane, restrict
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
+from cutjoint.reduce.half.sides import halve_body
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cutjoint.elements.force import Point
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import Force, Joint, Scalar, Vector
+from cutjoint.model.records import Body, Force, Joint, Scalar, Vector
 from cutjoint.reduce.half.images import Images
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import AsymmetryError, Plane
+
+
+def halve_body(body: Body) -> Body:
+    """A body with half its mass and inertia."""
+    xx, yy, zz, xy, xz, yz = (i / 2 for i in body.inertia)
+    return replace(body, mass=body.mass / 2, inertia=(xx, yy, zz, xy, xz, yz))
 
 
 def join_sides(pairs: Pairs) -> tuple[frozenset[str], ...]:

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from cutjoint.formulate.inputs import reference_point
 from cutjoint.model.records import Body, Model, Scalar, Vector
-from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import Symbols, column, latex, matrix, parameter_symbols, place, text
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 from cutjoint.topology.records import Topology
 
 _LAW = (

@@ -10,11 +10,10 @@ from cutjoint.kernels import closures
 from cutjoint.kernels.closures import ClosureKernel, Matrix, derive_closure
 from cutjoint.methods import METHODS, START, Closure
 from cutjoint.model.records import Joint, Model, Numerics, Scalar
-from cutjoint.report.explain.gears import explain_gears
-from cutjoint.report.explain.groups import Counterparts, group
+from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import number, parameter_symbols, place, without_noise
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 from cutjoint.topology.records import Topology
 
 _RATES = r"\dot \Phi = A Z, \quad Z = Z_f - Z_b, \quad \gamma = \dot A Z - A (Z_b \times Z), \quad \sigma = \gamma"

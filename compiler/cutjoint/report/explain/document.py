@@ -12,14 +12,12 @@ from cutjoint.report.explain.bodies import explain_bodies
 from cutjoint.report.explain.closures import explain_closures
 from cutjoint.report.explain.forces import explain_forces
 from cutjoint.report.explain.graph import class_entries, cut_table, elimination, loop_table, summarise, tree_lines
-from cutjoint.report.explain.groups import find_counterparts
 from cutjoint.report.explain.joints import explain_joints
 from cutjoint.report.explain.natural.document import explain_natural
 from cutjoint.report.explain.newton import explain_newton
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
 from cutjoint.report.explain.reduced import explain_reduction
-from cutjoint.report.explain.render import Explanation, render
-from cutjoint.report.explain.views import Chapter, Entry, Table
+from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, find_counterparts, render
 from cutjoint.topology.build import build_topology
 
 

@@ -21,7 +21,7 @@ from cutjoint.elements.force import (
     Wrench,
 )
 from cutjoint.model.records import BodyLoad, Force, JointForce, LawForce, Model, Tyre
-from cutjoint.report.explain import tyre
+from cutjoint.report.explain import laws as tyre
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import place, text
 from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_law, law_symbols

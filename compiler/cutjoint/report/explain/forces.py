@@ -1,16 +1,18 @@
-"""Every force's law, its partial derivatives, and how it acts."""
+"""Every force's law, its partial derivatives, and how it acts; every gear's equation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from cutjoint.elements.gear import NAMES, TEXT
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import Equations
-from cutjoint.model.records import Force, Model
+from cutjoint.model.records import Force, Gear, JointCoordinate, Model
 from cutjoint.report.explain.force_descriptions import ForceDescription, describe
-from cutjoint.report.explain.groups import Counterparts, group
-from cutjoint.report.explain.latex import variants
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.latex import text, variants
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+
+# Forces
 
 
 def explain_forces(
@@ -45,3 +47,25 @@ def _entry(forces: Sequence[Force], descriptions: Sequence[ForceDescription]) ->
         title=f"{first.title}: {with_others(names)}", notes=(*first.notes, *notes),
         formulas=(*first.actions, *variants(names, [m.laws for m in descriptions])), table=make_table(headings, rows),
     )  # fmt: skip
+
+
+# Gears
+
+
+def explain_gears(model: Model) -> tuple[Entry, ...]:
+    """One entry for all gears, none where there is no gear."""
+    return (_gear_entry(model.gears, model),) if model.gears else ()
+
+
+def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
+    rows = [(code(g.name), g.span.place, _coordinate(g.first), _coordinate(g.second), text(g.ratio, model)) for g in gears]
+    return Entry(
+        title=f"Gears: {with_others([g.name for g in gears])}",
+        notes=(f"{TEXT.capitalize()}, with all turns. Equations: {code(NAMES)}.",),
+        formulas=(r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b",),
+        table=make_table(("gear", "line", "$q_a$", "$q_b$", "ratio $r$"), rows),
+    )
+
+
+def _coordinate(end: JointCoordinate) -> str:
+    return code(f"{end.joint}.{end.name}")

@@ -11,9 +11,8 @@ from cutjoint.model.records import GROUND, Binding, Joint, Model
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
-from cutjoint.report.explain.groups import Counterparts
-from cutjoint.report.explain.views import Entry, Table, code, make_table, plural
-from cutjoint.report.names import closing_equations
+from cutjoint.report.explain.views import Counterparts, Entry, Table, code, make_table, plural
+from cutjoint.report.tasks import closing_equations
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint
 

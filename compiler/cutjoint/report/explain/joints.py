@@ -12,10 +12,9 @@ from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.kernels.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
-from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import latex, parameter_symbols, place, text, variants, without_noise
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 from cutjoint.topology.records import TreeJoint
 
 _LAW = (

@@ -1,13 +1,21 @@
-"""Force laws for reading: polynomials written out, partial derivatives case by case."""
+"""Force laws for reading: polynomials written out, partial derivatives case by case.
+
+The tyre's law stands in steps, each with its partial derivatives (Frik, Leister, Schwartz 1993).
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import sympy
 
 from cutjoint.formulate.inputs import TIME
+from cutjoint.formulate.tyre import STANDING
 from cutjoint.model.operations import choice
 from cutjoint.model.records import Model, Scalar
-from cutjoint.report.explain.latex import parameter_symbols, sum_lines
+from cutjoint.report.explain.latex import latex, lines, parameter_symbols, sum_lines
+
+# Laws
 
 RATE = sympy.Symbol("rate", real=True)
 
@@ -49,3 +57,80 @@ def _is_horner(e: Scalar) -> bool:
         return False
     products = [p for p in sympy.preorder_traversal(e) if not isinstance(p, sympy.Add | sympy.Symbol | sympy.Number)]
     return all(isinstance(p, sympy.Mul) and sum(isinstance(a, sympy.Add) for a in p.args) < 2 for p in products)
+
+
+# The tyre
+
+
+def _real(names: str) -> list[Scalar]:
+    return list(sympy.symbols(names, real=True))
+
+
+Fz, ALPHA, GAMMA, A, FY = _real("Fz alpha gamma a Fy")
+A0, A1, A2, A3, A4, B1, B3, B4, SN, AF1, AF2 = _real("A0:5 B1 B3 B4 SN AF1:3")
+CAPPED, CORNERING, CAMBER, LIMIT = _real("capped cornering camber limit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One intermediate quantity of the model, over earlier ones."""
+
+    symbol: Scalar
+    value: Scalar
+
+
+#: Lateral force and aligning moment, as cutjoint.formulate.tyre.calspan computes them for a load Fz > 0 with a limit > 0.
+CALSPAN = (
+    Step(symbol=CAPPED, value=sympy.Min(Fz, A2)),
+    Step(symbol=CORNERING, value=A0 + A1 * CAPPED * (A2 - CAPPED) / A2),
+    Step(symbol=CAMBER, value=A3 * (A4 - CAPPED) * CAPPED / A4),
+    Step(symbol=LIMIT, value=(B1 * Fz + B3 + B4 * Fz**2) * SN * Fz),
+    Step(symbol=A, value=-(CORNERING * ALPHA + CAMBER * GAMMA) / LIMIT),
+    Step(symbol=FY, value=LIMIT * sympy.Piecewise((A - A * sympy.Abs(A) / 3 + A**3 / 27, sympy.Abs(A) < 3), (sympy.sign(A), True))),
+)
+MOMENT = (AF1 * Fz + AF2 * sympy.Abs(FY)) * FY
+
+_SYMBOLS = {
+    Fz: "F_z", ALPHA: r"\alpha", GAMMA: r"\gamma", A: "a", FY: "F_y", CAPPED: "F_c", CORNERING: r"C_\alpha", CAMBER: r"C_\gamma",
+    LIMIT: r"F_{lim}", **{s: f"{s.name.rstrip('0123456789')}_{{{s.name[-1]}}}" for s in (A0, A1, A2, A3, A4, B1, B3, B4)},
+    SN: r"\text{ SN }", AF1: r"\text{ AF1 }", AF2: r"\text{ AF2 }",
+}  # fmt: skip
+
+CONTACT = (
+    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
+    r" e_y = n \times e_x, \quad e_z = e_x \times y",
+    r"\delta = R - (z - h), \quad F_z = k \delta n_z \text{ where } \delta \gt 0 \text{, else } 0",
+    r"\alpha = \text{atan} (e_y \cdot v / e_x \cdot v), \quad \gamma = \text{atan} (n \cdot y / n \cdot e_z)",
+)
+
+ACTION = (
+    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n + h \times \omega \end{bmatrix},"
+    r" \quad F = F_z n + F_y e_y, \quad h = I \frac{v \cdot e_x}{R} y"
+)
+
+NOTES = (
+    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it; the "
+    "force acts at $p$, where the wheel plane's $e_z$ from the centre meets the road. Without load there is no force at all.",
+    f"Below {STANDING} m/s along $e_x$ the wheel counts as standing: no lateral force, no moment, contact along $n$. Where the size of $a$ "
+    "is 3 or more the wheel slides, and the derivatives by slip and camber are zero.",
+)
+
+
+def partials() -> tuple[tuple[str, Scalar, Scalar, Scalar], ...]:
+    """Name, quantity, variable and derivative of what matters to the motion, below the limit."""
+    inside = A - A * sympy.Abs(A) / 3 + A**3 / 27
+    slope = LIMIT * sympy.diff(inside, A).subs(A * sympy.sign(A), sympy.Abs(A))
+    (demand,) = (step.value for step in CALSPAN if step.symbol == A)
+    moment = sympy.diff(MOMENT, FY).subs(FY * sympy.sign(FY), sympy.Abs(FY))
+    return (
+        (r"\partial F_y / \partial \alpha", FY, ALPHA, slope * sympy.diff(demand, ALPHA)),
+        (r"\partial F_y / \partial \gamma", FY, GAMMA, slope * sympy.diff(demand, GAMMA)),
+        (r"\partial M_z / \partial F_y", MOMENT, FY, moment),
+    )
+
+
+def explain_calspan() -> tuple[str, ...]:
+    """The steps, and the derivatives."""
+    steps = lines(f"{_SYMBOLS[step.symbol]} &= {latex(step.value, _SYMBOLS)}" for step in CALSPAN)
+    derivatives = (f"{name} = {latex(derivative, _SYMBOLS)}" for name, _, _, derivative in partials())
+    return steps, f"M_z = {latex(MOMENT, _SYMBOLS)}", r"\partial F_z / \partial \delta = k n_z", *derivatives

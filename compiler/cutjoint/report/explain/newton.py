@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.views import Chapter, Entry, make_table
-from cutjoint.systems import formulate_system
 
 _ABOUT = {
     "dynamic_residual": r"$f$ and $\Phi$",

@@ -1,9 +1,47 @@
-"""The records that the template of the explanation prints, decided here."""
+"""Views of an explanation: groups of elements explained together, the records that the template prints, and the printing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
+
+from cutjoint.emit.source import environment
+from cutjoint.package.version import __version__
+from cutjoint.report.explain.latex import DIGITS
+from cutjoint.topology.records import SubtreeClass
+
+#: Names of elements that play the same part, one for each member of a class.
+Counterparts: TypeAlias = tuple[str, ...]
+
+
+def find_counterparts(subtree_class: SubtreeClass) -> tuple[Counterparts, ...]:
+    """The elements of a class' members side by side: bodies, tree joints, cut joints, gears, forces.
+
+    An element that belongs to two members of the class is named with the first only.
+    """
+    rows, known = [], set[str]()
+    for row in zip(*subtree_class.members, strict=True):
+        fresh = tuple(name for name in dict.fromkeys(row) if name not in known)
+        known.update(fresh)
+        if fresh:
+            rows.append(fresh)
+    return tuple(rows)
+
+
+def group(
+    names: Sequence[str], counterparts: Iterable[Counterparts], kind: Callable[[str], Hashable], form: Callable[[str], Hashable]
+) -> tuple[tuple[str, ...], ...]:
+    """The names in groups of one kind: counterparts together, and groups whose first elements have the same form."""
+    first = {name: row[0] for row in counterparts for name in row}
+    by_first: dict[Hashable, list[str]] = {}
+    for name in names:
+        by_first.setdefault((kind(name), first.get(name, name)), []).append(name)
+    by_form: dict[Hashable, list[str]] = {}
+    for members in by_first.values():
+        by_form.setdefault((kind(members[0]), form(members[0])), []).extend(members)
+    return tuple(tuple(members) for members in by_form.values())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,3 +97,21 @@ def with_others(names: Sequence[str]) -> str:
 def plural(count: int, noun: str, many: str = "") -> str:
     """A number and its noun."""
     return f"{count} {noun if count == 1 else many or noun + 's'}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """The head of every explanation."""
+
+    model: str
+    scene: str
+    method: str
+    summary: Table
+    version: str = __version__
+    digits: int = DIGITS
+
+
+def render(template: str, explanation: Explanation) -> str:
+    """The text of an explanation, without runs of empty lines."""
+    text = environment().get_template(template).render(e=explanation)
+    return re.sub(r"\n{3,}", "\n\n", text).rstrip("\n") + "\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutjoint.analysis.natural import closed_states, dependent_equations
+from cutjoint.compile.systems import plan_system
 from cutjoint.formulate.natural.equations import formulate_lagrangian, without
 from cutjoint.formulate.natural.layout import Group
 from cutjoint.formulate.natural.records import LagrangianEquations
@@ -13,7 +14,6 @@ from cutjoint.methods import METHODS
 from cutjoint.model.records import Body, Model, Scene
 from cutjoint.program.records import Program
 from cutjoint.sparse.plan import Plan
-from cutjoint.systems import plan_system
 from cutjoint.topology.build import build_topology
 
 

@@ -6,20 +6,74 @@ from dataclasses import dataclass
 
 from cutjoint.model.records import Model, Scene
 from cutjoint.report.explain.forces import explain_forces
-from cutjoint.report.explain.groups import find_counterparts
+from cutjoint.report.explain.graph import count_bodies, given_rows, operation_rows
 from cutjoint.report.explain.natural import force_descriptions
-from cutjoint.report.explain.natural.dependence import explain_dependence
-from cutjoint.report.explain.natural.derivation import derive_natural
+from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
 from cutjoint.report.explain.natural.joints import explain_joint_constraints
-from cutjoint.report.explain.natural.layout import explain_layout
-from cutjoint.report.explain.natural.masses import explain_masses
+from cutjoint.report.explain.natural.layout import explain_layout, kinds
 from cutjoint.report.explain.natural.method import explain_method
+from cutjoint.report.explain.natural.nodes import explain_masses, saving, sharing_table
 from cutjoint.report.explain.natural.shapes import explain_shapes
-from cutjoint.report.explain.natural.sharing import saving, sharing_table
-from cutjoint.report.explain.natural.summary import summarise_natural
 from cutjoint.report.explain.operations import count_operations, operations_table
-from cutjoint.report.explain.render import Explanation, render
-from cutjoint.report.explain.views import Chapter, Table
+from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, make_table, plural, render
+from cutjoint.sparse.pattern import Pattern
+from cutjoint.sparse.plan import Plan
+
+_FATE = {
+    "augmented": "They are held like all others: the penalty makes the tangent regular whatever their rank.",
+    "classical": "They are left out: with them the tangent would be singular.",
+}
+
+
+def explain_dependence(d: Derivation) -> Chapter:
+    """The equations that others imply in every pose; the last of those that depend on each other."""
+    spans = d.model.constraint_spans
+    owners = {f"{c.element}.{name}": c.element for c in d.full.constraints for name in c.names}
+    rows = [(code(name), spans[owners[name]].place) for name in d.dependent]
+    if not rows:
+        return Chapter(title="Dependent equations", notes=("None.",), formulas=(), entries=())
+    notes = ("In every pose that the compiler tries these follow from the equations before them.", _FATE[d.full.method])
+    entry = Entry(title=plural(len(rows), "equation"), notes=(), formulas=(), table=make_table(("equation", "line"), rows))
+    return Chapter(title="Dependent equations", notes=notes, formulas=(), entries=(entry,))
+
+
+def summarise_natural(d: Derivation) -> Table:
+    """The counts."""
+    model, layout = d.model, d.full.layout
+    coordinates = len(d.full.coordinate_names)
+    return make_table(("what", "count"), [
+        ("bodies", count_bodies(model)),
+        ("joints", f"{len(model.joints)}, {sum(1 for j in model.joints if j.guide is not None)} of them guided"),
+        *given_rows(d.full),
+        ("coordinates", f"{coordinates}, of {kinds(layout.coordinates)}"),
+        ("constraint equations", f"{len(d.full.equation_names)}, {d.rank} of them independent{_left_out(d)}"),
+        ("degrees of freedom", str(coordinates - d.rank)),
+        ("entries of the tangent", tangent_entries(d.plan.pattern)),
+        *factorisation_rows(d.plan),
+        *operation_rows(d.program),
+    ])  # fmt: skip
+
+
+def _left_out(d: Derivation) -> str:
+    n = len(d.full.equation_names) - len(d.equations.equation_names)
+    return f", {n} left out" if n else ""
+
+
+def tangent_entries(pattern: Pattern) -> str:
+    """The number of entries of the tangent beside its size, in words."""
+    n, size = len(pattern.row), pattern.size
+    return f"{n} of {size * (size + 1) // 2} of the lower triangle" if pattern.symmetric else f"{n} of {size**2}"
+
+
+def factorisation_rows(plan: Plan) -> list[tuple[str, str]]:
+    """The cost of solving with the tangent: the order in use and the other tried ones, by their predicted operations in four lanes."""
+    used, *others = (f"{code(trial.name)} with {trial.operations}" for trial in plan.trials)
+    rejected = f"; {', '.join(others)}" if others else ""
+    return [
+        ("order of elimination", f"{used} operations in four lanes{rejected}"),
+        ("multiply-adds of a factorisation and a solution", str(plan.multiply_adds)),
+    ]
+
 
 #: The parts of a linearisation, in their order.
 _STAGES = ("inputs", "body", "joint", "inertia", "constraint", "force", "tangent")

@@ -8,7 +8,7 @@ from typing import Any
 
 from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.model.records import BodyLoad, Force, JointForce, Model
-from cutjoint.report.explain import tyre
+from cutjoint.report.explain import laws as tyre
 from cutjoint.report.explain.force_descriptions import ForceDescription, describe
 
 NOTES = (

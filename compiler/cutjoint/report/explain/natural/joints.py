@@ -14,14 +14,13 @@ from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Vector
-from cutjoint.report.explain.gears import explain_gears
-from cutjoint.report.explain.groups import Counterparts, group
+from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.joints import coordinate_symbol, explain_guide
 from cutjoint.report.explain.latex import matrix, text, variants
 from cutjoint.report.explain.natural.derivation import Derivation
 from cutjoint.report.explain.natural.forms import clean_place
 from cutjoint.report.explain.natural.shapes import left_out_note
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 
 _NOTES = (
     "Bodies that share nodes need no equation for these. What a joint asks for beyond that are products of nodes or combinations, over "

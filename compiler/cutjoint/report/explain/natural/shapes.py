@@ -11,11 +11,10 @@ from cutjoint.formulate.natural.constraints import Constraint
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.model.records import Scalar
-from cutjoint.report.explain.groups import Counterparts, group
 from cutjoint.report.explain.latex import text
 from cutjoint.report.explain.natural.derivation import Derivation
 from cutjoint.report.explain.natural.forms import clean, form_text
-from cutjoint.report.explain.views import Chapter, Entry, code, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 
 _LAW = (
     r"u_k = e_k - e_0 \text{ of a point}, \quad u_k = e_k \text{ of a direction}, \quad l_k = \lVert u_k \rVert \text{ and }"

@@ -1,0 +1,268 @@
+"""Mechanisms behind a C interface: folders that stand alone, libraries, and the files of ``compile --out``.
+
+Program -> files -> simulator or library
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.emit.classes import SimulationCode, System
+from cutjoint.emit.library import emit_library
+from cutjoint.emit.source import Source
+from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
+from cutjoint.formulate.records import Equations, SystemEquations
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.methods import (
+    DEFAULT_INTEGRATOR,
+    DEFAULT_METHOD,
+    DEFAULT_PRECISION,
+    METHODS,
+    Events,
+    Formulation,
+    Implementation,
+    join_or,
+    names_of,
+)
+from cutjoint.model.records import Scene
+from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.program.records import Program
+from cutjoint.run.errors import RunError
+from cutjoint.run.options import Options
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_files, write_whole
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance
+from cutjoint.sparse.pattern import settle_entries
+from cutjoint.sparse.plan import plan_definite
+from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
+
+# Folders and libraries
+
+#: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
+_COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
+
+#: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
+_SAVED = 30e-9
+
+
+def lanes_break_even(operations: int, steps: float) -> bool:
+    """Return whether lanes save more than they take to compile.
+
+    ``steps`` are those of all simulations, ``operations`` those of an evaluation.  Workers do not count, so that results are the same for
+    any number.  The figures are measured: docs/sweep.md.
+    """
+    return steps * _SAVED * sqrt(operations) > _COMPILING + _COMPILING_AN_OPERATION * operations
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standalone:
+    """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` what both are made of,
+    ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` what the
+    library has behind its interface."""
+
+    name: str
+    digest: str
+    parts: SimulationCode
+    integrator: str
+    run_file: Mapping[str, Any]
+    code: str = ""
+
+    @property
+    def method(self) -> str:
+        """The name of the method."""
+        return self.parts.method
+
+    @property
+    def steps(self) -> Steps:
+        """The properties of the integrator."""
+        return STEPS[self.method][self.integrator]
+
+    @property
+    def fits_lanes(self) -> bool:
+        """Return whether its simulations can go side by side: lanes have no impacts of guides."""
+        return self.steps.in_lanes and not self.parts.guides_jump
+
+    @property
+    def size(self) -> int:
+        """The bytes that a simulation takes at most."""
+        return simulation_size(self.parts, self.steps)
+
+    @property
+    def lanes(self) -> int:
+        """The number of simulations that its code can take side by side; 0: none."""
+        return self.parts.lanes
+
+    @property
+    def freedoms(self) -> int | None:
+        """The degrees of freedom where it has minimal coordinates and derivatives."""
+        return self.parts.freedoms
+
+    @property
+    def simulator(self) -> str:
+        """The name of the program that reads a run file and prints a table."""
+        return simulator_of(self.name)
+
+    @cached_property
+    def files(self) -> Mapping[str, str]:
+        """The files of the folder by name."""
+        return emit_standalone(self.parts, self.run_file, self.digest)
+
+    @cached_property
+    def library(self) -> Source:
+        """The source of the shared library with the same interface."""
+        return emit_library(self.parts, self.run_file, self.digest, self.code)
+
+    @property
+    def settings(self) -> StepSettings:
+        """Its steps until a host changes them."""
+        return StepSettings.of(self.run_file)
+
+    def with_code(self, text: str) -> Standalone:
+        """Copy the folder with more code in its library."""
+        return replace(self, code=self.code + text)
+
+    def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
+        """That program; errors as of `toolchain.build.build_folder`."""
+        return build_folder(self.name, self.files, self.digest, flags)
+
+    def build_library(self, flags: Sequence[str] = FLAGS) -> Path:
+        """The shared library; errors as of `toolchain.build.build`."""
+        return build(self.library, flags=flags).path
+
+
+def make_standalone(
+    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, equal_steps: bool = False,
+    lanes: bool = True, linearise: bool = False, side_by_side: bool = False,
+) -> Standalone:  # fmt: skip
+    """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
+
+    The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
+    side.  With ``linearise`` it has minimal coordinates and derivatives too.  With ``side_by_side`` it also has the class of
+    several instances, if its steps can be taken in lanes.
+
+    Raises:
+        RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
+            coordinates, which have no derivatives, or the scene has a setting or a start without a finite value.
+    """
+    _require_unknowns(equations)
+    if linearise:
+        _require_relative(equations)
+    freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
+    parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
+    options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
+    chosen = str(options.integrator)
+    run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
+    alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
+    if not (side_by_side and alone.fits_lanes):
+        return alone
+    return replace(alone, parts=replace(parts, side_by_side=schedule_recursive(parts.mechanism, lanes=False)))
+
+
+def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_steps: bool = False) -> Options:
+    """The integrator, tolerance and events of a host that takes steps of a scene by a method, where none is named those of `simulate`.
+
+    With ``equal_steps`` a scene that names no integrator has the trapezoidal rule.  So has one whose integrator the core has not for the
+    method.
+
+    Raises:
+        RunError: the core has not the integrator.
+    """
+    known = STEPS[method]
+    if integrator is not None and integrator not in known:
+        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
+    wanted = integrator or (scene.numerics.integrator if equal_steps else _simulated(scene, method))
+    chosen = DEFAULT_INTEGRATOR if wanted is None or wanted not in known else wanted
+    tolerance = None if integrator or equal_steps else find_tolerance(scene, method, chosen)
+    return Options(integrator=chosen, tolerance=tolerance, events=None if known[chosen].finds_events else Events.CROSSED)
+
+
+def _simulated(scene: Scene, method: str) -> str:
+    """The integrator of a run of the command line."""
+    return find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
+
+
+def _require_unknowns(equations: Equations) -> None:
+    """Check that Newton's iteration, where the method has one, has something to solve for."""
+    if isinstance(equations, SystemEquations) and not equations.unknowns:
+        model = equations.topology.model
+        raise RunError(f"{model.span.file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
+
+
+def _require_relative(equations: Equations) -> None:
+    """Check that the state has relative coordinates, from which minimal ones are chosen."""
+    if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
+        raise RunError(f"linearise: the state of method '{equations.method}' has natural coordinates; use {join_or(linearised_methods())}")
+
+
+def linearised_methods() -> tuple[str, ...]:
+    """The methods whose folders can have derivatives."""
+    return names_of(METHODS, lambda m: m.stands_alone and m.formulation is not Formulation.NATURAL)
+
+
+def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:
+    """The code of a simulation; the plan of a factorisation follows from the pattern."""
+    start = equations.mechanism
+    if not isinstance(equations, SystemEquations):
+        return SimulationCode(mechanism=start, program=program, system=None)
+    _, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
+    system = System(equations=equations, program=program, plan=plan_definite(pattern))
+    return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
+
+
+# Files of compile --out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delivery:
+    """The ``files`` of a folder by name, the name of its ``program``, and what that is made from where it stands alone."""
+
+    folder: Path
+    files: Mapping[str, str]
+    program: str
+    alone: Standalone | None
+
+    def write(self, simulator: Path, flags: Sequence[str]) -> None:
+        """Write all files; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
+
+        Raises:
+            ToolchainError: the C++ compiler failed.
+            OutputError: a file cannot be written.
+        """
+        built = simulator if self.alone is None else self.alone.build_simulator(flags)
+        write_files(self.folder, self.files)
+        os.chmod(write_whole(self.folder / self.program, built.read_bytes()), built.stat().st_mode & 0o777)
+
+
+def plan_delivery(
+    out: AnyPath | None, generated: tuple[Equations, Program, Source], *, method: str, precision: str, integrator: str | None, lanes: bool,
+    linearise: bool,
+) -> Delivery | None:  # fmt: skip
+    """Plan a folder for the results of `pipeline.generate`; None if there is no ``out``.
+
+    Raises:
+        RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) of a folder that has none.
+        OutputError: one of the files is the model.
+    """
+    folder, (equations, program, source) = path_of(out), generated
+    if folder is None or not METHODS[method].stands_alone or precision != DEFAULT_PRECISION:
+        if integrator is not None:
+            raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
+        if linearise:
+            able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
+            raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
+        delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
+    else:
+        alone = make_standalone(equations, program, source, integrator=integrator, equal_steps=True, lanes=lanes, linearise=linearise)
+        delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
+    if delivery is not None:
+        model, names = Path(equations.topology.model.span.file), (*delivery.files, delivery.program)
+        require_apart({"the model": model}, documents=[(f"--out {folder}: file", delivery.folder / name) for name in names])
+    return delivery

@@ -1,0 +1,170 @@
+"""The cache of prepared runs: a second run of a scene derives nothing, and imports no module that derives.
+
+The key covers everything that determines a run: the text of the model and the name of its file, which messages have, the request, the
+sources of the compiler and the runtime, the versions of the packages that it imports, the C++ compiler, its flags and the processor that
+they mean.  The cache has plain data (JSON), and a simulator by its name in the cache.
+"""
+
+from __future__ import annotations
+
+import codecs
+import json
+import re
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import Any
+
+from cutjoint.methods import DEFAULT_PRECISION, Implementation
+from cutjoint.package.extensions import IMPLEMENTATIONS, MissingPackageError
+from cutjoint.package.locations import code_folders
+from cutjoint.run.options import Options
+from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
+from cutjoint.toolchain.build import FLAGS
+from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
+from cutjoint.toolchain.compiler import find_compiler, resolve
+from cutjoint.toolchain.errors import ToolchainError
+
+#: Bytes that are read of a model file: more than a model may have, so that a truncated file cannot match a cached one.
+_LARGEST = 8_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """The options of `cutjoint simulate` but for parameters; None for values of the scene.
+
+    ``opened`` are patterns of the names of numbers that become parameters.
+    """
+
+    model: Path
+    scene: str | None = None
+    method: str | None = None
+    closure: str | None = None
+    opened: tuple[str, ...] = ()
+    implementation: str = Implementation.GENERATED
+    precision: str = DEFAULT_PRECISION
+    options: Options = field(default_factory=Options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedRun:
+    """A compiled model's run, and the facts that reports need.
+
+    ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
+    file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters.
+    """
+
+    model: str
+    counts: tuple[tuple[str, str], ...]
+    places: Mapping[str, str]
+    compilation: Compilation
+    following: tuple[str, ...]
+    inputs: tuple[str, ...]
+    units: Mapping[str, str]
+    run: SimulatorRun
+
+    def takes(self, parameters: Mapping[str, float]) -> bool:
+        """Return whether parameters can be changed, and inputs held, without the model."""
+        if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
+            return False
+        changed = parameters.keys() - set(self.inputs)
+        return not changed or (not self.following and changed <= self.run.run_file["parameters"].keys())
+
+
+def _has_other_unit(value: float, unit: str) -> bool:
+    if type(value) is float:
+        return False
+    from cutjoint.model.units import fault_of_dimension  # of values that were written with a unit alone: it reads units by pint
+
+    return bool(fault_of_dimension(value, unit))
+
+
+def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
+    """The cached run for this request and the present files, with parameters (SI units) changed; None if there is none."""
+    if not request.model.is_file():
+        return None  # a pipe can be read once
+    try:
+        with request.model.open("rb") as stream:
+            content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
+        record = read_record(_cache_path(request, content))
+        prepared = None if record is None else _from_json(record)
+    except (OSError, ToolchainError, PackageNotFoundError, MissingPackageError, ValueError):
+        return None  # whatever is wrong is an error, with its message, of preparing anew
+    if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
+        return None
+    return replace(prepared, run=prepared.run.with_parameters(parameters))
+
+
+def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
+    """Cache what was prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
+    with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
+        write_record(_cache_path(request, text.encode()), _as_json(prepared))
+
+
+def _cache_path(request: Request, content: bytes) -> Path:
+    asked = {**asdict(request), "model": str(request.model)}
+    about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
+    return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
+
+
+def _made_beside(request: Request) -> tuple[str, ...]:
+    """Digests of all that the run follows from besides the product.
+
+    Raises:
+        MissingPackageError: it is not installed.
+    """
+    name = request.implementation
+    return (code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()
+
+
+def made_with() -> tuple[Any, ...]:
+    """The origin of cached runs besides the model: sources, versions, the C++ compiler, its flags and the processor that they mean.
+
+    Raises:
+        ToolchainError: a tool is missing.
+        PackageNotFoundError: a package is installed without its version.
+    """
+    compiler = find_compiler()
+    return code_digest(code_folders()), versions(), compiler.command, compiler.key, resolve(FLAGS)
+
+
+@cache
+def code_digest(folders: tuple[Path, ...]) -> str:
+    """Of the sources in folders, as they were when it was first asked for."""
+    code = sha256()
+    for folder in folders:
+        for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and p.is_file()):
+            content = path.read_bytes()
+            code.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode() + content)
+    return code.hexdigest()
+
+
+@cache
+def versions() -> tuple[str, ...]:
+    """Of Python, of this package and of what it requires."""
+    required = [re.split(r"[^\w.-]", line)[0] for line in requires("cutjoint") or () if "extra ==" not in line]
+    return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))
+
+
+def _as_json(prepared: PreparedRun) -> dict[str, Any]:
+    found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
+    run = {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}
+    return {**asdict(replace(prepared, compilation=found)), "run": run}
+
+
+def _from_json(data: Mapping[str, Any]) -> PreparedRun:
+    run, compilation = data["run"], data["compilation"]
+    if not re.fullmatch(r"[\w-]+", run["simulator"]):
+        raise ValueError("a simulator has a name in the cache, not a path")
+    return PreparedRun(
+        model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
+        compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
+        following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"],
+        run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
+    )  # fmt: skip

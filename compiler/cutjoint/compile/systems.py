@@ -1,0 +1,153 @@
+"""The pipeline's branch for methods with Newton's iteration: the equations of a system, and the plan of its factorisation.
+
+    Equations of the start -> Equations -> Program, Plan -> Source
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
+from cutjoint.emit.factorisation import STRAIGHT_LINE
+from cutjoint.emit.interpreted import emit_interpreted_system
+from cutjoint.emit.source import Source
+from cutjoint.emit.system import emit_system
+from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.formulate.natural.equations import formulate_lagrangian, without
+from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.system import CHECKS
+from cutjoint.methods import METHODS, Formulation
+from cutjoint.model.records import Output
+from cutjoint.program.fold import fold
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
+from cutjoint.run.errors import RunError
+from cutjoint.sparse.pattern import Pattern, places, settle_entries
+from cutjoint.sparse.pivoting import NoPivotError, SingularError
+from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
+
+#: What is called once a run, or only where a run is checked, so that lanes are not worth while for it.
+_ONCE = frozenset({"initial_coordinates", *CHECKS})
+
+E = TypeVar("E", bound=SystemEquations)
+
+
+def schedule_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], *, lanes: bool
+) -> tuple[SystemEquations, Program]:  # fmt: skip
+    """Derive the equations and the program of a method with Newton's iteration; ``start`` finds the beginning of a run.
+
+    Raises:
+        RunError, MissingLibraryError: as of `plan_system`.
+    """
+    # Topology -> Equations
+    equations, states = formulate_system(start, method, outputs)
+    # Equations -> Program, Plan
+    return plan_system(equations, states, lanes=lanes)
+
+
+def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool, packed: bool) -> Source:
+    """The C++ of what was scheduled.  Lanes and straight-line factorisations are for number types of which several fit a register."""
+    mechanism, straight_line = schedule_recursive(equations.start, lanes=lanes), STRAIGHT_LINE if packed else 0
+    assert equations.plan is not None
+    return emit_system(mechanism, program, equations, equations.plan, straight_line=straight_line)
+
+
+def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[Source, dict[str, Any]]:
+    """The source and the data for the interpreter of a scheduled system."""
+    assert equations.plan is not None
+    return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, equations.plan)
+
+
+def formulate_system(
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
+) -> tuple[SystemEquations, list[NaturalState]]:
+    """The equations, and the states where the pivots of a saddle point are tried."""
+    if METHODS[method].formulation is Formulation.IMPLICIT:
+        return formulate_implicit(start, outputs), []
+    equations = formulate_lagrangian(start, method, outputs)
+    if not METHODS[method].saddle_point:
+        return equations, []
+    states = closed_states(equations)
+    return without(equations, dependent_equations(equations, states)), states
+
+
+def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:
+    """The program of a system; ``states`` are where the pivots of a saddle point are tried.
+
+    The equations returned know where the entries of their tangent stand, and the plan of its factorisation.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states.
+        MissingLibraryError: a library that orders matrices is not installed.
+    """
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
+    functions = [
+        (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
+    ]
+    program, pattern = settle_entries(
+        schedule(equations.builder, functions, lanes=lanes, last=CHECKS), len(equations.row_names),
+        symmetric=METHODS[equations.method].symmetric,
+    )  # fmt: skip
+    equations = equations.with_tangent(places(pattern))
+    if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point:
+        return replace(equations, plan=_plan_with_pivots(equations, pattern, states)), program
+    return replace(equations, plan=plan_definite(pattern)), program
+
+
+def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: Sequence[NaturalState]) -> Plan:
+    """The factorisation of a saddle point, with pivots that hold in all states in which the laws have values.
+
+    Raises:
+        RunError: the equations depend on each other in one of the states, or some law has no value in any of them.
+    """
+    dt = equations.scene.numerics.of_method(equations.method).step
+    samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
+    if not samples:
+        raise RunError("\n".join(_without_value(equations, states[0])))
+    try:
+        return plan_unsymmetric(pattern, samples)
+    except NoPivotError as error:
+        words = "no order of elimination is safe in all poses near the design position"
+        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_INSTEAD}") from error
+    except SingularError as error:
+        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row) for row in error.rows))) from error
+
+
+def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
+    """Messages about laws without a value, or without a derivative, in the design position and near it."""
+    words = "no finite value or derivative in the design position and near it, where classical chooses its pivots"
+    cure = "give it one there, or use --method recursive"
+    if not equations.domains:  # numbers grow without bound
+        return [f"{equations.topology.model.span.file}: a law has {words}; {cure}"]
+    results = evaluate_results(equations, equations.function("domains").results, {"q": state.q, "v": state.v})
+    left = [place for place, margin in zip(equations.domains, results.values(), strict=True) if not (margin > 0).all()]
+    return [
+        f"{place.place}: '{place.element}': its law has {words}: {place.function} leaves its domain there; {cure}"
+        for place in left or equations.domains
+    ]  # fmt: skip
+
+
+_INSTEAD = "use --method augmented or recursive"
+
+
+def _dependent(equations: LagrangianEquations, row: int) -> str:
+    """The message about a coordinate or an equation that has no pivot of its own near the design position."""
+    model, name = equations.topology.model, equations.row_names[row]
+    element = (*equations.coordinate_elements, *equations.equation_elements)[row]
+    rest = name.removeprefix(f"{element}.").split("*")
+    joints = [f"'{joint.name}'" for joint in model.joints if joint.name in rest and joint.name != element]
+    what = f"body '{element}'" if any(body.name == element for body in model.bodies) else f"'{element}'"
+    at = f" at {' and '.join(joints)}" if joints else ""
+    if row < equations.unknowns:
+        words = f"neither mass nor an equation determines its motion{at} in the design position or near it"
+    else:
+        words = f"what holds it{at} follows from what holds other elements in the design position or near it, as where links are in line"
+    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {_INSTEAD}"

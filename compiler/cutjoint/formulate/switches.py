@@ -1,0 +1,105 @@
+"""Changes of formulas and domains of laws, as functions of all formulations.
+
+The function ``events`` has values that change their sign where forces, guides and drives change their formulas.  The function ``domains``
+has a margin for each root, logarithm or quotient of a law; it is called only where a step has failed.  A description says to what each
+belongs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import sympy
+from sympy.core.relational import Relational
+
+from cutjoint.formulate.inputs import TIME, input_functions
+from cutjoint.formulate.records import DomainPlace, Function, Slot, SwitchPlace
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import Model, Scalar, Scene
+from cutjoint.program.blocks import Builder
+from cutjoint.program.switches import Domain, Switch
+
+# Switches
+
+
+def events_function(switches: Sequence[Switch]) -> tuple[Function, ...]:
+    """The function ``events``: q, v -> the values of the switches; none if there are none."""
+    arguments = ("const Real* q", "const Real* v", "Real* value")
+    results = {f"value:{i}": switch.value for i, switch in enumerate(switches)}
+    return (Function(name="events", arguments=arguments, results=results),) if switches else ()
+
+
+def value_slots(switches: Sequence[Switch]) -> dict[str, Slot]:
+    """The places of the values."""
+    return {f"value:{i}": Slot(array="value", offset=i, names=("value",)) for i in range(len(switches))}
+
+
+def describe_switches(b: Builder, switches: Sequence[Switch]) -> tuple[SwitchPlace, ...]:
+    """The element of each switch and its line in the model file."""
+    numbers = {switch.value: i for i, switch in enumerate(switches) if not switch.road}
+    sections = [b.sections[switch.section] for switch in switches]
+    return tuple(
+        SwitchPlace(
+            element=section.element or section.stage, place=section.source, road=switch.road,
+            across=-1 if switch.across is None else numbers.get(switch.across, -1),
+        )
+        for switch, section in zip(switches, sections, strict=True)
+    )  # fmt: skip
+
+
+# Jumps over time
+
+
+def jump_times(model: Model, scene: Scene) -> tuple[float, ...]:
+    """The times (s) at which an input of the scene or a guide goes over to another formula by conditions that are linear in time.
+
+    What jumps there has a value on either side.
+    """
+    laws = [*scene.inputs.values(), *(law for joint in model.joints for law in joint.guide or ())]
+    known = {p.symbol: p.value for p in model.parameters}
+    conditions = {c for law in laws for c in sympy.sympify(law).atoms(Relational)}
+    return tuple(sorted({time for c in conditions for time in _zeros(c.lhs - c.rhs, known)}))
+
+
+def guides_jump(model: Model, scene: Scene) -> bool:
+    """Return whether a guide, or an input that moves one, goes over to another formula in the scene, so that its rate may jump."""
+    laws = [sympy.sympify(law) for joint in model.joints for law in joint.guide or ()]
+    laws += [law for symbol, law in input_functions(model, scene).items() if any(guide.has(symbol) for guide in laws)]
+    return any(law.has(sympy.Piecewise, sympy.Abs, sympy.sign) for law in laws)
+
+
+def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:
+    """The time at which an expression is zero, if it is linear in time and has no other variable."""
+    if not {TIME} <= expression.free_symbols <= {TIME, *known} or not expression.is_polynomial(TIME):
+        return
+    at_zero, at_one, at_two = (evaluate(expression, {**known, TIME: float(t)}) for t in (0, 1, 2))
+    slope = at_one - at_zero
+    if slope and abs(at_two - at_one - slope) <= 1e-12 * abs(slope):
+        yield -at_zero / slope
+
+
+# Domains
+
+
+def domains_function(domains: Sequence[Domain]) -> tuple[Function, ...]:
+    """The function ``domains``: q, v -> the margins; none if there are none."""
+    arguments = ("const Real* q", "const Real* v", "Real* inside")
+    results = {f"inside:{i}": domain.margin for i, domain in enumerate(domains)}
+    return (Function(name="domains", arguments=arguments, results=results),) if domains else ()
+
+
+def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
+    """The places of the margins."""
+    return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
+
+
+def describe_domains(b: Builder, domains: Sequence[Domain]) -> tuple[DomainPlace, ...]:
+    """The function and the element of each margin, and the element's line in the model file."""
+    sections = [b.sections[domain.section] for domain in domains]
+    return tuple(
+        DomainPlace(
+            function="the divisor" if domain.function == "div" else f"the argument of {domain.function.replace('pow', '**')}",
+            element=section.element or section.stage, place=section.source, strict=domain.strict,
+        )
+        for domain, section in zip(domains, sections, strict=True)
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""The installed package: its version, its folders, and additions of other packages."""

@@ -1,0 +1,39 @@
+"""Paths that callers give, and where templates/ and runtime/ are: inside the package in a wheel, beside it in a checkout."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import TypeAlias
+
+#: A path as a caller gives it.
+AnyPath: TypeAlias = str | PathLike[str]
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def path_of(given: AnyPath | None) -> Path | None:
+    """The path that a caller gives, None if there is none."""
+    return None if given is None else Path(given)
+
+
+def templates_folder() -> Path:
+    """The folder of the Jinja2 templates."""
+    return _find("templates")
+
+
+def runtime_folder() -> Path:
+    """The folder of the C++ runtime."""
+    return _find("runtime")
+
+
+def code_folders() -> tuple[Path, ...]:
+    """All that the compiler is made of: its modules, the templates and the runtime."""
+    return _PACKAGE, templates_folder(), runtime_folder()
+
+
+def _find(name: str) -> Path:
+    for candidate in (_PACKAGE / name, _PACKAGE.parent.parent / name):
+        if candidate.is_dir():
+            return candidate
+    raise FileNotFoundError(f"the folder {name}/ of cutjoint is missing; install cutjoint again")

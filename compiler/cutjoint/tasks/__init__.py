@@ -1,0 +1,1 @@
+"""Tasks beside a run: batches, steps against the clock, equilibria."""

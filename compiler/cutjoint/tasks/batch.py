@@ -1,0 +1,264 @@
+"""Batches: many runs of one scene that differ by parameters, several of them side by side in a register."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from cutjoint.compile.pipeline import compile_scene, derive
+from cutjoint.emit.source import emit
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.switches import guides_jump
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
+from cutjoint.model.records import Model, Scene
+from cutjoint.package.locations import AnyPath
+from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
+from cutjoint.run.cases import CaseTable
+from cutjoint.run.errors import RunError
+from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
+from cutjoint.run.inputs import input_entries
+from cutjoint.run.options import Options
+from cutjoint.run.results import Array, Batch, Columns, Trajectory
+from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
+from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance, require_settings
+from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
+from cutjoint.run.simulator_run import SimulatorRun, Start, start
+from cutjoint.run.stopping import stop_requests
+from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.topology.reading import read_model
+
+#: The method whose runs are evaluated side by side.
+METHOD, = names_of(METHODS, lambda m: m.batch)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchArtifact:
+    """A model compiled for batches of one scene; ``alone`` is what makes its runs one by one, None where they go side by side."""
+
+    model: Model
+    scene: Scene
+    equations: RecursiveEquations
+    binary: Binary
+    generate_seconds: float
+    compile_seconds: float
+    alone: Artifact | None = None
+
+    @property
+    def start(self) -> Start:
+        """The origin of the speeds at the start of its runs."""
+        return start_of(self.equations)
+
+    def __repr__(self) -> str:
+        return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
+
+
+def compile_batch(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model file for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
+    model = read_model(path, opened=opened)
+    return compile_scene_batch(model, find_scene(model, scene), flags=flags)
+
+
+def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model for batches of a scene, with the recursive method.
+
+    Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
+    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  So do
+    runs in which rates of guides may jump.
+
+    Raises:
+        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        RunError: the scene has an integrator or events that batches do not have.
+        ToolchainError: the C++ side failed.
+    """
+    _require_batch(scene)
+    if guides_jump(model, scene) or not find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options()).batch:
+        return _compile_alone(model, scene, flags)
+    closure = scene.numerics.closure or PLAIN_CLOSURE
+    scene = with_closure(scene, closure)
+    begin = perf_counter()
+    derived = derive(model, scene, scene.outputs, closure=closure)
+    equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing
+    source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
+    generated = perf_counter()
+    binary = build(source, flags=flags)
+    return BatchArtifact(
+        model=model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated,
+    )  # fmt: skip
+
+
+def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
+    """Steps of runs that are made one by one."""
+    alone = compile_scene(model, scene, method=METHOD, flags=flags)
+    assert isinstance(alone.equations, RecursiveEquations)
+    return BatchArtifact(
+        model=model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,
+        compile_seconds=alone.compile_seconds, alone=alone,
+    )  # fmt: skip
+
+
+def _require_batch(scene: Scene) -> None:
+    """Check that a scene says nothing that batches do not have."""
+    numerics = scene.numerics
+    integrator = INTEGRATORS[numerics.integrator or DEFAULT_INTEGRATOR]
+    faults = (
+        ("integrator", METHOD in integrator.methods and not integrator.batch, names_of(INTEGRATORS, lambda i: i.batch)),
+        ("events", numerics.events == Events.LOCATED, (Events.CROSSED,)),
+    )
+    for name, is_wrong, able in faults:
+        if is_wrong:
+            only = join_or(able)
+            raise RunError(f"{scene.span}: scene '{scene.name}': batches have {name}: {only} only; use --{name} {only}")
+
+
+def simulate_batch(
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], *, dt: float | None = None, end: float | None = None,
+    tolerance: float | None = None, threads: int | None = None, out: AnyPath | None = None, progress: Progress | None = None,
+    check: bool = True,
+) -> Batch:  # fmt: skip
+    """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name;
+    ``threads`` are as many as processors by default.
+
+    ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
+    A run that fails does not stop the others; with ``check`` it is an error once all have ended.
+
+    Raises:
+        RunError: a parameter that cannot be set, settings that no run has, or cases that do not set the same parameters.
+        SimulatorError: the simulator could not begin.
+        OutputError: the table cannot be written.
+        Interrupted, Terminated: a signal has ended the batch.
+        FailedBatchError: some runs failed; it has the batch.
+    """
+    require_settings(threads=threads)
+    if any(case.keys() != cases[0].keys() for case in cases):
+        raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
+    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance)
+    threads = len(os.sched_getaffinity(0)) if threads is None else threads
+    if artifact.alone is None:
+        settings, play = _plan_side_by_side(artifact, cases, asked, threads)
+    else:
+        settings, play = _plan_one_by_one(artifact.alone, cases, asked, threads)
+    units = Columns({c.name: c.unit for c in artifact.equations.columns})
+    results: list[dict[str, Any]] = [{}] * len(cases)
+    with ExitStack() as stack:
+        table = None if out is None else stack.enter_context(CaseTable(Path(out), cases, units))
+
+        def receive(record: Mapping[str, Any]) -> None:
+            first, new = record["first"], record["results"]
+            results[first : first + len(new)] = new
+            if table is not None:
+                table.take(first, new)
+
+        seconds = play(progress, receive)
+        if table is not None:
+            table.finish()
+    elapsed = perf_counter() - begin
+    tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "smallest", "largest")}
+    batch = Batch(
+        cases=tuple(dict(case) for case in cases), **tables, units=units,
+        evaluations=tuple(r.get("evaluations", 0) for r in results),
+        failures=tuple(failure_of(r) for r in results), undetermined=tuple(results[0].get("undetermined", ())) if results else (),
+        seconds=seconds, elapsed=elapsed, settings=settings, side_by_side=artifact.alone is None,
+    )  # fmt: skip
+    if check and (failed := count_failures(batch)):
+        raise FailedBatchError("\n".join([*describe_failures(batch), f"{failed}; the error's batch has all of them"]), batch)
+    return batch
+
+
+#: Makes the runs of a batch, tells of their progress and their results, and returns the seconds of their steps.
+_Play = Callable[[Progress | None, Receive], float]
+
+
+def _plan_side_by_side(
+    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+) -> tuple[StepSettings, _Play]:  # fmt: skip
+    """Steps of a batch whose runs are all made by one simulator, and that simulator."""
+    options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
+    file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
+    file.update(cases=_own_parts(artifact.model, artifact.scene, cases), threads=threads)
+
+    def play(progress: Progress | None, receive: Receive) -> float:
+        return float(call_simulator(artifact.binary.path, file, progress, receive)["seconds"])
+
+    return StepSettings.of(file), play
+
+
+def _plan_one_by_one(
+    alone: Artifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
+) -> tuple[StepSettings, _Play]:  # fmt: skip
+    """Steps of a batch with a simulator for each run."""
+    options = _as_simulated(alone.scene, asked)
+    plans = [make_simulator_run(alone, options, case) for case in cases]
+
+    def play(progress: Progress | None, receive: Receive) -> float:
+        seconds = 0.0
+        for number, run in enumerate(_in_order(plans, threads)):
+            receive({"first": number, "results": [_record(run)]})
+            seconds += run.seconds
+            if progress is not None:
+                progress((number + 1) / len(plans))
+        return seconds
+
+    return StepSettings.of(make_simulator_run(alone, options).run_file), play
+
+
+def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
+    """The runs of plans, some at a time.
+
+    Raises:
+        Interrupted, Terminated: a signal has come; those that were begun have ended.
+    """
+    with stop_requests() as request, ThreadPoolExecutor(threads) as pool:
+        runs = [pool.submit(start, plan) for plan in plans]
+        try:
+            for run in runs:
+                while request.number is None and not wait([run], timeout=0.5).done:
+                    pass
+                if request.number is not None:
+                    raise request.error("interrupted")
+                yield run.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _as_simulated(scene: Scene, asked: Options) -> Options:
+    """Options with the tolerance of steps that are taken once."""
+    if asked.dt is not None or asked.tolerance is not None:
+        return asked
+    integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, asked)
+    return replace(asked, tolerance=find_tolerance(scene, METHOD, integrator.name))
+
+
+def _record(run: Trajectory) -> dict[str, Any]:
+    """The results of a run as a simulator of batches writes them."""
+    failure = {"status": "done"} if run.failure is None else {"status": "failed", **asdict(run.failure)}
+    columns = [run[name] for name in run.columns] if run.t.size else []
+    values = {"end": [c[-1] for c in columns], "smallest": [c.min() for c in columns], "largest": [c.max() for c in columns]}
+    return {**failure, **(values if columns else {}), "evaluations": run.evaluations, "undetermined": run.undetermined}
+
+
+def _own_parts(model: Model, scene: Scene, cases: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
+    """The entries of a run file that parameters change, for each case."""
+    parts = changing(model, scene)
+    values = [parameter_values(model, case) for case in cases]
+    inputs = [input_entries(model, scene, given_inputs(model, case)) for case in cases]
+    return [
+        {"parameters": given, **({"inputs": held} if held else {}), **following(model, scene, given, parts)}
+        for given, held in zip(values, inputs, strict=True)
+    ]  # fmt: skip
+
+
+def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[str]) -> Columns[Array]:
+    missing = [None] * len(names)
+    rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
+    return Columns({name: rows[:, i] for i, name in enumerate(names)})

@@ -1,0 +1,93 @@
+"""Runs against the wall clock: how long each step takes, and which ones miss their deadline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
+from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.errors import RunError
+from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
+from cutjoint.run.options import Options
+from cutjoint.run.result_files import RunTables
+from cutjoint.run.results import FailureReport, read_run_table
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.simulator import call_simulator, failure_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepTimes:
+    """Times of steps that were begun ``period`` (s) apart.
+
+    ``took`` (n,) is how long each lasted and ``late`` (n,) how long after the next one was due it ended, in s; negative where it was in
+    time.  A run that failed has the steps up to then.  ``table`` is the file that has the times, if there is one.
+    """
+
+    period: float
+    took: NDArray[np.float64]
+    late: NDArray[np.float64]
+    failure: FailureReport | None
+    table: Path | None = None
+
+    def __repr__(self) -> str:
+        end = "" if self.failure is None else f"; failed: {self.failure.message}"
+        return f"<StepTimes of {self.took.size} steps each {self.period:g} s: {self.missed} missed{end}>"
+
+    @property
+    def missed(self) -> int:
+        """The number of steps that ended after the next one was due."""
+        return int(np.count_nonzero(self.late > 0))
+
+    def percentile(self, share: float) -> float:
+        """The time (s) in which ``share`` per cent of the steps ended."""
+        return float(np.percentile(self.took, share, method="higher"))
+
+
+class FailedRealTimeError(IncompleteError):
+    """A run against the wall clock that failed."""
+
+    @property
+    def times(self) -> StepTimes:
+        """The steps up to then."""
+        times: StepTimes = self.args[1]
+        return times
+
+
+def run_in_real_time(
+    artifact: Artifact, *, dt: float | None = None, end: float | None = None, iterations: int | None = None,
+    parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
+) -> StepTimes:  # fmt: skip
+    """Run a compiled model by the trapezoidal rule, as fast as the clock on the wall.
+
+    ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
+    same; only the method recursive has that.  A run that fails is an error with ``check``, else it is returned as far as it came.
+
+    Raises:
+        RunError: a parameter that cannot be set, settings that no run has, or steps that cannot be of fixed cost.
+        SimulatorError: the simulator could not begin, or could not write a file.
+        OutputError: a file cannot be written.
+        Interrupted, Terminated: a signal has ended the run.
+        FailedRealTimeError: the run failed; it has the times of the steps up to then.
+    """
+    if artifact.implementation != Implementation.GENERATED:
+        raise RunError("runs against the wall clock take generated code")
+    options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)
+    run_file = make_run_file(
+        artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
+    )
+    with RunTables(None, out=path_of(out)) as tables:
+        summary = call_simulator(artifact.binary.path, {**run_file, **tables.places})
+        _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
+        failure = failure_of(summary)
+        table = tables.finish() if failure is None else tables.leave(str(failure))
+    times = StepTimes(period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table)
+    if check and failure is not None:
+        where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
+        raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)
+    return times

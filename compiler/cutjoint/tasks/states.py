@@ -1,0 +1,169 @@
+"""Studies of a model besides runs: its static equilibrium, and its small motions about a state.
+
+A search takes hundreds of evaluations, so that compiling would take longer than it: programs are interpreted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cutjoint.analysis.linearise import NoMassError
+from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.modes import Modes, find_mode_shapes
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
+from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
+from cutjoint.model.quantities import POSE, Element, quantities, unit_of
+from cutjoint.model.records import Model, Output, Scene
+from cutjoint.package.locations import AnyPath
+from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
+from cutjoint.run.errors import RunError
+from cutjoint.run.failures import describe_failure, is_impossible
+from cutjoint.run.modes import NotReachedError, linearise_at
+from cutjoint.run.options import PLAIN_STEPS
+from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
+from cutjoint.run.run_file import make_run_file
+from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.settings import require_settings
+from cutjoint.run.simulation import simulate
+from cutjoint.run.simulator import Progress, call_simulator, failure_of
+from cutjoint.run.simulator_run import start
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.reading import read_model
+
+_SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
+
+
+class NoEquilibriumError(RuntimeError):
+    """No static equilibrium was found; ``report`` says where the search ended, ``said`` with its place in the model file."""
+
+    def __init__(self, report: FailureReport, said: str) -> None:
+        super().__init__(report, said)  # both, so that the error can be sent to another process
+        self.report = report
+
+    def __str__(self) -> str:
+        return str(self.args[1])
+
+
+def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
+    """The static equilibrium of a model file, of the only scene if none is named; the rest as in `find_scene_equilibrium`."""
+    model = read_model(path)
+    return find_scene_equilibrium(model, find_scene(model, scene), parameters=parameters)
+
+
+def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, among which are those that hold the
+    scene's positions.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        RunError: there is no such scene, or a parameter cannot be set.
+        ToolchainError: the C++ side failed.
+        SimulatorError: the simulator could not begin.
+    """
+    outputs = _everything(model)
+    artifact = compile_interpreted(model, scene, outputs=outputs)
+    run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
+    summary = call_simulator(artifact.binary.path, run_file, description=artifact.description)
+    failure = failure_of(summary)
+    if failure is not None:
+        raise NoEquilibriumError(failure, _said(failure, artifact, parameters))
+    return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
+
+
+def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
+    """The tree's coordinates at the static equilibrium of a scene, (coordinates,); errors as of `find_equilibrium`."""
+    at_rest = with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE)
+    artifact = compile_interpreted(model, at_rest, outputs=[])
+    plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
+    run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
+    assert run.coordinates is not None
+    return np.asarray(run.coordinates[0])
+
+
+def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
+    """The state at the start of a scene: places, attitudes and speeds of all bodies, coordinates and speeds of all joints that are not cut.
+
+    Raises:
+        FailedRunError: the scene has no start; its trajectory has no row.
+        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        RunError: there is no such scene, or a parameter cannot be set.
+        ToolchainError: the C++ side failed.
+        SimulatorError: the simulator could not begin.
+    """
+    model = read_model(path)
+    chosen = with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE)
+    tree = [t.joint for t in build_topology(model).tree]
+    outputs = [*_outputs(model.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
+    artifact = compile_interpreted(model, chosen, outputs=outputs)
+    run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
+    values = Columns({name: float(column[0]) for name, column in run.columns.items()})
+    return MechanismState(values=values, units=run.units, undetermined=run.undetermined)
+
+
+def find_modes(
+    path: AnyPath, *, scene: str | None = None, at: float | None = None, parameters: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Modes:  # fmt: skip
+    """Eigenvalues and mode shapes of a model file, of the only scene if none is named; ``at`` and errors as in `find_scene_modes`."""
+    model = read_model(path)
+    return find_scene_modes(model, find_scene(model, scene), at=at, parameters=parameters, progress=progress)
+
+
+def find_scene_modes(
+    model: Model, scene: Scene, *, at: float | None = None, parameters: Mapping[str, float] | None = None, progress: Progress | None = None
+) -> Modes:  # fmt: skip
+    """Eigenvalues and mode shapes of a model about its static equilibrium, or about its motion ``at`` a time (s) of a scene.
+
+    Raises:
+        NoEquilibriumError: none was found near the design position.
+        RunError: a time or a parameter that cannot be, the run ends before it, a direction moves no mass, or the loops have more freedom
+            there than nearby.
+        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, ToolchainError: as for compile_scene.
+        SimulatorError: the simulator could not begin.
+    """
+    require_settings(at=at)
+    # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
+    artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, method=LINEARISED)
+    equations = formulate_implicit(artifact.mechanism, ())
+    where = f"{scene.span}: scene '{scene.name}'"
+    try:
+        # Binary -> Linearisation -> Modes
+        time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
+        modes = find_mode_shapes(linearised, time)
+    except NotReachedError as error:
+        report = error.report
+        if at is not None:
+            said = _said(report, artifact, parameters) if is_impossible(report) else f"{where}: the run does not reach {at:g} s: {report}"
+            raise RunError(said) from error
+        if not is_impossible(report):
+            report = replace(report, advice=f"{report.advice}, or linearise about a motion with --at")
+        raise NoEquilibriumError(report, _said(report, artifact, parameters)) from error
+    except NoMassError as error:
+        raise RunError(f"{where}: {error}") from error
+    usual = find_mobility(artifact.mechanism).degrees_of_freedom
+    if modes.freedoms != usual:
+        raise RunError(
+            f"{where}: a singular pose: {modes.freedoms} directions are free there and {usual} nearby, so that small motions are not "
+            "those of linear equations; linearise elsewhere"
+        )
+    return modes
+
+
+def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, float] | None) -> str:
+    return describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
+
+
+def _everything(model: Model) -> list[Output]:
+    """The pose of each body and every force."""
+    forces = (*model.forces, *model.reactions)
+    return [*_outputs(model.bodies, POSE), *(o for force in forces for o in _outputs([force], quantities(force)))]
+
+
+def _outputs(elements: Iterable[Element], names: Iterable[str]) -> Iterator[Output]:
+    yield from (Output(element=e.name, quantity=q, span=e.span) for e in elements for q in names)
