@@ -79,7 +79,9 @@ if TYPE_CHECKING:
               help="Of --with: time in s that a call of the FMU may take; 60 s otherwise.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="CSV file; units go beside it.")
 @click.option("--steps", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for iterations and residuals of each step.")
-@click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is; without, steps have one tolerance.")
+@click.option("--error/--no-error", default=True,
+              help="Whether other runs show how wrong this one is: of those that have converged, one in 200 at most is off by more than "
+              "three times as much. Without, steps have one tolerance.")
 @click.option("--plots", type=click.Path(file_okay=False, path_type=Path), help="Folder for plots of the run.")
 @options.view("that replays the run in a browser")
 @click.option("--over", type=click.Path(exists=True, dir_okay=False, path_type=Path),

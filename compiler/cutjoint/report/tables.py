@@ -200,7 +200,8 @@ def error_facts(error: ErrorEstimate) -> Table:
     for name, value in error.largest.items():
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
-    rows = [("converged", "yes" if error.converged else "no: finer steps bring the outputs no nearer, errors may be larger")]
+    promised = "yes: one such run in 200 at most is off by more than three times as much"
+    rows = [("converged", promised if error.converged else "no: finer steps bring the outputs no nearer, errors may be larger")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)

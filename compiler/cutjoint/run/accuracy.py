@@ -14,21 +14,20 @@ from cutjoint.methods import INTEGRATORS
 from cutjoint.model.ranges import count_steps
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.checks import find_imbalance, find_open_gap, open_loops
+from cutjoint.run.differences import all_fall, defect_left, differences, falls, uncertain_jumps
 from cutjoint.run.fallbacks import follow_up
-from cutjoint.run.results import Array, Columns, ErrorEstimate, Trajectory
+from cutjoint.run.results import Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
-#: Differences of runs fall at least by this factor, from steps to finer ones, where the steps are what is wrong with them.
-_FALLING = 1.5
-#: Differences that are this share of what an output reaches are small even where they fall no further.
-_SMALL = 1e-5
-#: Differences below this share of what outputs of the unit reach are rounding, as of what is zero by symmetry.
-_ROUNDING = 1e-8
 #: From one difference to the next no more than this share of the first is believed to have gone: by more, two runs agree by chance.
 _BELIEVED = 6 / 7
 #: The largest share of an error that steps once finer are taken to leave, and the one where nothing is known.
 _LEFT_AT_MOST = 0.6
+#: A difference that is this much smaller than the steps explain is so by chance.
+_FASTER = 1.25
+#: Of a difference so many times the share is left that finer steps leave of the defect of work and energy, and at least the second share.
+_BY_DEFECT, _LEAST_BY_DEFECT = 2.5, 0.3
 #: The tolerance of iterations with steps once shorter, as a share: in a run that tells the error of another, and in one of a row of runs.
 _BESIDE, _IN_ROW = 1e-2, 1e-1
 #: Iterations are not asked for a smaller tolerance in several times, and are no more than so many.
@@ -65,7 +64,7 @@ def run_accurately(
     plan is free, another integrator takes over if it can, unless ``go_over`` is False.  To ``advise`` is to try what may help.  Files and
     errors as of `simulator_run.start`.
     """
-    plan = plan.with_balance() if estimate else plan
+    plan = plan.with_checks() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
     play = partial(_play, begin=begin, estimate=estimate)
     return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
@@ -89,7 +88,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     coarser = _try(plan, change, -1) if last.failure is None else None
     runs = [last] if coarser is None else [coarser, last]
     if coarser is not None:
-        before = _differences(plan.jumps, coarser, last)
+        before = differences(plan.jumps, coarser, last)
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
@@ -98,11 +97,12 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
             return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
-            apart = _differences(plan.jumps, last, run)
-            errors = {name: _left(change, apart[name], None if before is None else before[name]) for name in apart}
-            if before is not None and _keeps(run, errors, goal) and _all_fall(run, before, apart):
+            apart = differences(plan.jumps, last, run)
+            left = defect_left(last, run)
+            errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
+            if before is not None and _keeps(run, errors, goal) and all_fall(run, before, apart):
                 return _estimated(plan, run, errors, converged=True, others=runs)
-            if before is not None and not any(_falls(run[name], before[name], apart[name]) for name in apart):
+            if before is not None and not any(falls(run[name], before[name], apart[name]) for name in apart):
                 return _estimated(plan, run, errors, converged=False, others=runs)
             before = apart
         last = run
@@ -114,14 +114,18 @@ def _change_of(plan: SimulatorRun) -> Change:
     return STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else SHORTER
 
 
-def _left(change: Change, apart: float, before: float | None) -> float:
-    """The error of a run by its distance ``apart`` from a coarser one, and by that one's distance ``before`` from a still coarser one."""
-    if before is None or not before > 0:
-        ratio = _LEFT_AT_MOST
-    else:
-        apart = max(apart, (1 - _BELIEVED) * before)
-        ratio = min(max(apart / before, change.trusted), _LEFT_AT_MOST)
-    return apart * ratio / (1 - ratio)
+def _left(change: Change, apart: float, before: float | None, defect: float) -> float:
+    """The error of a run by its distance ``apart`` from a coarser one, and by that one's distance ``before`` from a still coarser one.
+
+    Where differences fall faster than the order explains, or than tolerances promise, they say nothing themselves.  The defect of work and
+    energy does: ``defect`` is the share that the finer steps leave of it, 1 where nothing shows it.
+    """
+    ratio = _LEFT_AT_MOST if before is None or not before > 0 else apart / before
+    if before is None or ratio * _FASTER >= change.trusted:
+        ratio = min(max(ratio, change.trusted), _LEFT_AT_MOST)
+        return apart * ratio / (1 - ratio)
+    share = min(max(_BY_DEFECT * max(defect, ratio), _LEAST_BY_DEFECT), 1.0)
+    return share * max(apart, min(1 - _BELIEVED, defect) * before)
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
@@ -146,11 +150,13 @@ def _estimated(
 def _judged(
     plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]
 ) -> ErrorEstimate:  # fmt: skip
-    """The errors of a run, with the effect of open loops, and warnings of faults that they do not show."""
+    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings; the last of the others is nearest."""
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
+    jumps = uncertain_jumps(run, others[-1], plan.run_file["jumps_within"]) if others else {}
+    errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
     if gap > 0.0:
         closed = _controlled(plan)
-        apart = {} if closed is None else _differences(plan.jumps, run, closed)
+        apart = {} if closed is None else differences(plan.jumps, run, closed)
         errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
@@ -189,17 +195,17 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     finer = again(1)
     if run.failure is not None or finer is None:
         return Comparison(estimate=ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False), others=())
-    apart = _differences(jumps, run, finer)
+    apart = differences(jumps, run, finer)
     coarser = again(-1)
     if coarser is not None:
-        before, after = _differences(jumps, coarser, run), apart
+        before, after = differences(jumps, coarser, run), apart
     else:
         finest = again(2)
-        before, after = apart, _unknown(run) if finest is None else _differences(jumps, finer, finest)
+        before, after = apart, _unknown(run) if finest is None else differences(jumps, finer, finest)
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=_all_fall(run, before, after))
+    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=all_fall(run, before, after))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
@@ -254,25 +260,3 @@ def _iterated_further(numerics: Mapping[str, Any], times: int, further: float) -
         "tolerance": tolerance, "absolute_tolerance": None if absolute is None else absolute * tolerance / numerics["tolerance"],
         "iterations": max(numerics["iterations"], _ITERATIONS), "fixed_cost": False,
     }  # fmt: skip
-
-
-def _differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> dict[str, float]:
-    """The largest difference of each column over the times that both runs have rows of, but for those at which something jumps."""
-    tick = 1e-6 * float(one.t[-1] - one.t[0]) / one.t.size or 1.0
-    times, here, there = np.intersect1d(np.rint(one.t / tick), np.rint(other.t / tick), return_indices=True)
-    smooth = ~np.isin(times, np.rint(np.asarray(jumps, dtype=float) / tick))
-    gaps = {name: np.abs(one[name][here] - other[name][there])[smooth] for name in one.columns}
-    return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
-
-
-def _all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
-    reach: dict[str, float] = {}
-    for name, values in run.columns.items():
-        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
-    return all(after[c] <= _ROUNDING * reach[run.units[c]] or _falls(run.columns[c], before[c], after[c]) for c in after)
-
-
-def _falls(values: Array, before: float, after: float) -> bool:
-    size = float(np.max(np.abs(values)))
-    return after <= max(before / _FALLING, _SMALL * size)

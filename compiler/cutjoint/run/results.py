@@ -107,6 +107,16 @@ class Impact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NearJump:
+    """A ``column`` that jumps by ``size`` beside the row at a ``time`` (s): so long ``after`` it (s), negative where it jumps before."""
+
+    time: float
+    column: str
+    after: float
+    size: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effort:
     """The effort of a run's steps besides evaluations.
 
@@ -166,8 +176,9 @@ class Trajectory:
     start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
     the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
     there is one.  ``instead`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where
-    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``coordinates`` are the method's own at the
-    times of the rows (rows, coordinates), None where nobody asked for them.
+    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a column
+    jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the method's
+    own at the times of the rows (rows, coordinates), None where nobody asked for them.
     """
 
     t: Array
@@ -181,6 +192,7 @@ class Trajectory:
     indeterminate: tuple[str, ...] = ()
     effort: Effort = Effort()
     energy: EnergyBalance | None = None
+    near_jumps: tuple[NearJump, ...] = field(default=(), repr=False)
     coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
     instead: str = ""
@@ -282,6 +294,11 @@ def read_energy(summary: Mapping[str, Any]) -> EnergyBalance | None:
     """The balance that a simulator's summary reports, if it does."""
     balance = summary.get("energy")
     return None if balance is None else EnergyBalance(**{name: nan if value is None else value for name, value in balance.items()})
+
+
+def read_near_jumps(summary: Mapping[str, Any]) -> tuple[NearJump, ...]:
+    """The jumps beside rows that a simulator's summary reports."""
+    return tuple(NearJump(**each) for each in summary.get("near_jumps", ()))
 
 
 def read_table(path: Path) -> tuple[Array, dict[str, Array]]:

@@ -12,8 +12,11 @@ from typing import Any, BinaryIO, cast
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Columns, Trajectory, read_coordinates, read_effort, read_energy, read_run_table
+from cutjoint.run.results import Columns, Trajectory, read_coordinates, read_effort, read_energy, read_near_jumps, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
+
+#: Jumps are looked for within this share of the time between rows.
+_BESIDE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +48,12 @@ class SimulatorRun:
     jumps: Sequence[float] = ()
     balances: bool = True
 
-    def with_balance(self) -> SimulatorRun:
-        """The run with a balance of work and energy, if its program has one."""
-        if not self.balances or not INTEGRATORS[self.run_file["integrator"]].balances:
-            return self
-        return replace(self, run_file={**self.run_file, "energy": True})
+    def with_checks(self) -> SimulatorRun:
+        """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
+        checks: dict[str, Any] = {"jumps_within": _BESIDE * self.run_file["output_step"]}
+        if self.balances and INTEGRATORS[self.run_file["integrator"]].balances:
+            checks["energy"] = True
+        return replace(self, run_file={**self.run_file, **checks})
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from, and of inputs."""
@@ -109,7 +113,7 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=tuple(run.indeterminate), effort=read_effort(summary), energy=read_energy(summary), table=table,
-        coordinates=coordinates,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates,
     )  # fmt: skip
 
 

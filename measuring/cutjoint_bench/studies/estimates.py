@@ -1,20 +1,25 @@
 """Estimated errors of runs beside true ones: models, methods and integrators.  `make errors`.
 
 Models are those of files, and mechanisms with dead centres, massless rods and friction whose numbers are drawn (`estimate_models`).
+results/estimates keeps what runs have shown, so that an interrupted study goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cache, partial
 from math import isnan, nan
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+import cutjoint
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.switches import jump_times
@@ -22,10 +27,15 @@ from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import STEP, Model, Scene
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.toolchain.digests import digest_of
 from cutjoint_bench.estimate_models import draws
+from cutjoint_bench.progress import Say, progress_bar
+from cutjoint_bench.store import Store
+from cutjoint_bench.studies.checkout import RESULTS
 from cutjoint_bench.studies.provenance import provenance
 
 #: An estimate is near the true error within this factor.
@@ -48,7 +58,7 @@ REFERENCES: tuple[dict[str, float | str], ...] = (
 class Judgement:
     """The estimates of a run: for each output the estimated over the true error, without errors below LEAST and FLOOR."""
 
-    ratios: tuple[float, ...] = ()
+    ratios: Sequence[float] = ()
     largest: float = nan
     converged: bool = False
     failure: str = ""
@@ -108,66 +118,106 @@ def judge(
         if true > max(LEAST * size, FLOOR, 3 * (unknown or {}).get(name, 0.0)):
             ratios.append(estimate[name] / true)
             largest = max(largest, true / size)
-    return Judgement(ratios=tuple(ratios), largest=largest, converged=estimate.converged)
+    return Judgement(ratios=ratios, largest=largest, converged=estimate.converged)
 
 
-def judge_scene(model: Model, scene: Scene) -> Iterator[tuple[str, str, Judgement]]:
-    """Method, settings and judgement of each run of a scene."""
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """The judgement of a run by a method with its settings."""
+
+    method: str
+    settings: str
+    judgement: Judgement
+
+
+def judge_scene(model: Model, scene: Scene) -> Iterator[Row]:
+    """The runs of a scene by all methods."""
     artifact = compile_scene(model, scene)
     runs = (simulate(artifact, error=False, check=False, **how) for how in REFERENCES)  # type: ignore[arg-type]
     reference, jumps = next((run for run in runs if run.failure is None), None), jump_times(model, scene)
     if reference is None:
-        yield "recursive", "", Judgement(failure="no reference reached the end")
+        yield Row(method="recursive", settings="", judgement=Judgement(failure="no reference reached the end"))
         return
     for method in METHODS:
         try:
             artifact = compile_scene(model, scene, method=method)
         except (ModelError, RunError) as error:
-            yield method, "", Judgement(failure=str(error))
+            yield Row(method=method, settings="", judgement=Judgement(failure=str(error)))
             continue
         for name, settings in settings_of(method, scene):
-            yield method, name, judge(simulate(artifact, check=False, **settings), reference, jumps)  # type: ignore[arg-type]
+            run = simulate(artifact, check=False, **settings)  # type: ignore[arg-type]
+            yield Row(method=method, settings=name, judgement=judge(run, reference, jumps))
 
 
-def judge_draws(count: int, seed: int) -> Iterator[tuple[str, str, str, Judgement]]:
-    """Mechanism with law, method, settings and judgement of each run of the mechanisms whose numbers are drawn; nothing is compiled."""
-    for draw in draws(count, seed):
+def judge_parameters(compiled: Callable[[], Mapping[str, Artifact]], scene: Scene, parameters: Mapping[str, float]) -> Iterator[Row]:
+    """The runs of a mechanism with these numbers by all methods; none where friction holds what moves: it has no motion to compare with."""
+    artifacts = compiled()
+    reference, other = (
+        simulate(artifacts["recursive"], parameters=parameters, integrator="dormand-prince", tolerance=x, error=False, check=False)
+        for x in (1e-12, 1e-11)
+    )
+    if reference.failure or other.failure:
+        return
+    unknown = {name: float(np.max(np.abs(reference[name] - other[name]))) for name in reference.columns}
+    for method, artifact in artifacts.items():
+        for name, settings in settings_of(method, scene):
+            run = simulate(artifact, parameters=parameters, check=False, **settings)  # type: ignore[arg-type]
+            yield Row(method=method, settings=name, judgement=judge(run, reference, unknown=unknown))
+
+
+def _interpreted(model: Model, scene: Scene) -> Mapping[str, Artifact]:
+    """The programs of a mechanism by the methods that have it; nothing is compiled."""
+    artifacts = {}
+    for method in METHODS:
+        with suppress(ModelError, RunError):
+            artifacts[method] = compile_interpreted(model, scene, method=method)
+    return artifacts
+
+
+def judge_draws(count: int, seed: int, store: Store, say: Say) -> Iterator[Row]:
+    """All runs of the mechanisms whose numbers are drawn; those that are stored are not taken again."""
+    all_ = list(draws(count, seed))
+    for number, draw in enumerate(all_):
         model = read_model_text(draw.text, f"{draw.name}.yaml")
         (scene,) = model.scenes.values()
-        artifacts = {}
-        for method in METHODS:
-            try:
-                artifacts[method] = compile_interpreted(model, scene, method=method)
-            except (ModelError, RunError):  # methods that have no such mechanism
-                continue
-        for parameters in draw.parameters:
-            reference, other = (
-                simulate(artifacts["recursive"], parameters=parameters, integrator="dormand-prince", tolerance=x, error=False, check=False)
-                for x in (1e-12, 1e-11)
-            )
-            if reference.failure or other.failure:  # friction that holds what moves has no motion to compare with
-                continue
-            unknown = {name: float(np.max(np.abs(reference[name] - other[name]))) for name in reference.columns}
-            for method, artifact in artifacts.items():
-                for name, settings in settings_of(method, scene):
-                    run = simulate(artifact, parameters=parameters, check=False, **settings)  # type: ignore[arg-type]
-                    yield draw.name, method, name, judge(run, reference, unknown=unknown)
+        compiled = cache(partial(_interpreted, model, scene))
+        for i, parameters in enumerate(draw.parameters):
+            say(f"{draw.name}, draw {i + 1}", share=(number + i / count) / len(all_))
+            of = {"model": draw.text, "parameters": parameters}
+            yield from _stored(store, of, partial(judge_parameters, compiled, scene, parameters))
 
 
-def _drawn(count: int, seed: int) -> tuple[Table, list[Judgement]]:
+@cache
+def _code() -> str:
+    """A digest of the compiler, whose rules are judged, and of this file."""
+    files = [*sorted(Path(cutjoint.__file__).parent.rglob("*.py")), Path(__file__)]
+    return digest_of([path.read_text(encoding="utf-8") for path in files])
+
+
+def _stored(store: Store, of: Mapping[str, Any], judge_all: Callable[[], Iterator[Row]]) -> list[Row]:
+    """Results that runs have shown, with this code, compiler and machine."""
+    about = {**of, "made": provenance(()), "code": _code()}
+    record = store.get(about, lambda: {"rows": [asdict(row) for row in judge_all()]})
+    return [Row(**{**row, "judgement": Judgement(**row["judgement"])}) for row in record["rows"]]
+
+
+def _drawn(count: int, rows: Sequence[Row], seed: int) -> Table:
     """A row for each method with its settings, over all mechanisms."""
     found: dict[tuple[str, str], list[Judgement]] = {}
-    for _, method, name, judgement in judge_draws(count, seed):
-        found.setdefault((method, name), []).append(judgement)
-    table = Table("method", "steps", "runs", "failed", "converged", f"within {NEAR:g}", f"a run below {SHORT:.2g}", f"below {FAR:g}",
-                  title=f"dead centres, massless rods, friction: {count} draws each, seed {seed}", box=None)  # fmt: skip
+    for row in rows:
+        found.setdefault((row.method, row.settings), []).append(row.judgement)
+    few = ("method", "steps", "runs", "failed", "converged", f"a run below {SHORT:.2g}", f"below {FAR:g}")
+    headings = (*few, f"within {NEAR:g}", "median", "5 to 95 %")
+    table = Table(*headings, title=f"dead centres, massless rods, friction: {count} draws each, seed {seed}", box=None)
     for (method, name), all_ in found.items():
-        near, judged = sum(j.near for j in all_), sum(len(j.ratios) for j in all_)
+        ratios = [ratio for j in all_ for ratio in j.ratios]
+        low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95]) if ratios else (nan, nan, nan)
         table.add_row(
             method, name, str(len(all_)), str(sum(bool(j.failure) for j in all_)), str(sum(j.converged for j in all_)),
-            f"{near} of {judged}", str(sum(j.is_short for j in all_)), str(sum(j.misleading > 0 for j in all_)),
+            str(sum(j.is_short for j in all_)), str(sum(j.misleading > 0 for j in all_)), f"{sum(j.near for j in all_)} of {len(ratios)}",
+            f"{middle:.2g}", f"{low:.2g} to {high:.2g}",
         )  # fmt: skip
-    return table, [judgement for all_ in found.values() for judgement in all_]
+    return table
 
 
 def _row(judgement: Judgement) -> tuple[str, ...]:
@@ -188,33 +238,41 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
 @click.option("--drawn-only", is_flag=True, help="Leave out the files.")
 def main(models: tuple[Path, ...], scenes: tuple[str, ...], count: int, seed: int, drawn_only: bool) -> None:
     """Judge estimated errors of all methods and integrators on MODELS, by default those of models/, and on mechanisms that are drawn."""
-    console, judgements = Console(highlight=False, width=200), []
+    console, judgements, store = Console(highlight=False, width=200), [], Store(RESULTS / "estimates" / "measurements.jsonl")
     judged = f"of outputs with a true error above {FLOOR:g} and {LEAST:g} of the largest of their unit"
     console.print(f"{provenance(())}; estimated over true errors, {judged}", markup=False)
-    for path in () if drawn_only else models or sorted(Path("models").glob("*.yaml")):
-        model = read_model(path)
-        for scene in model.scenes.values():
-            if scenes and scene.name not in scenes:
-                continue
-            title = f"{model.name}, {scene.name}"
-            table = Table("method", "steps", "largest error", f"within {NEAR:g}", "ratios", "", title=title, box=None)
-            for method, settings, judgement in judge_scene(model, scene):
-                judgements.append(judgement)
-                table.add_row(method, settings, *_row(judgement))
-            console.print(table)
-    if count:
-        table, more = _drawn(count, seed)
-        judgements += more
-        console.print(table)
+    with progress_bar() as say:
+        for path in () if drawn_only else models or sorted(Path("models").glob("*.yaml")):
+            model = read_model(path)
+            for scene in (scene for scene in model.scenes.values() if not scenes or scene.name in scenes):
+                say(title := f"{model.name}, {scene.name}")
+                of = {"model": model.text, "scene": scene.name}
+                rows = _stored(store, of, partial(judge_scene, model, scene))
+                console.print(_of_scene(title, rows))
+                judgements += [row.judgement for row in rows]
+        if count:
+            rows = list(judge_draws(count, seed, store, say))
+            console.print(_drawn(count, rows, seed))
+            judgements += [row.judgement for row in rows]
+    console.print(_summary(judgements), markup=False)
+
+
+def _of_scene(title: str, rows: Sequence[Row]) -> Table:
+    table = Table("method", "steps", "largest error", f"within {NEAR:g}", "ratios", "", title=title, box=None)
+    for row in rows:
+        table.add_row(row.method, row.settings, *_row(row.judgement))
+    return table
+
+
+def _summary(judgements: Sequence[Judgement]) -> str:
     estimates, near = sum(len(j.ratios) for j in judgements), sum(j.near for j in judgements)
     cautious, misleading = sum(j.cautious for j in judgements), sum(j.misleading for j in judgements)
     failed, converged = sum(bool(j.failure) for j in judgements), sum(j.converged for j in judgements)
     short, far = sum(j.is_short for j in judgements), sum(j.misleading > 0 for j in judgements)
-    console.print(
+    return (
         f"{near} of {estimates} estimates within a factor of {NEAR:g}, {cautious} larger; "
         f"{misleading} below {FAR:g} of the true error without the words 'not converged'; {failed} of {len(judgements)} runs failed; "
-        f"of {converged} that have converged, {short} tell less than {SHORT:.2g} of a true error, {far} less than {FAR:g}",
-        markup=False,
+        f"of {converged} that have converged, {short} tell less than {SHORT:.2g} of a true error, {far} less than {FAR:g}"
     )  # fmt: skip
 
 

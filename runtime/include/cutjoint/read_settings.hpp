@@ -76,6 +76,7 @@ class SettingsReader {
         .absolute_tolerance = if_given(numerics, "absolute_tolerance", [&](const char* key) { return positive(numerics, key); }),
         .spectral_radius = if_given(numerics, "spectral_radius", [&](const char* key) { return between(numerics, key, 0.0, 1.0); }),
         .energy = file_.contains("energy") && read_flag(file_, "energy"),
+        .jumps_within = file_.contains("jumps_within") ? std::optional(positive(file_, "jumps_within")) : std::nullopt,
         .stabilisation = stabilisation(),
     };
     require_agreement(settings);
@@ -162,7 +163,7 @@ class SettingsReader {
   static constexpr auto keys_ = std::to_array<std::string_view>(
       {"task", "pose", "end", "output_step", "integrator", "solver", "numerics", "stabilisation", "model", "parameters", "inputs", "positions",
        "rates", "roads", "out", "out_copy", "steps_out", "steps_out_copy", "tangents_out", "coordinates_out", "state", "states", "with_state", "energy",
-       "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
+       "jumps_within", "cases", "threads", "repetitions", "batches", "ends_with_stdin"});
   static constexpr auto numerics_keys_ = std::to_array<std::string_view>(
       {"dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius"});
   static constexpr auto stabilisation_keys_ = std::to_array<std::string_view>({"closure", "penalty", "damping_ratio", "frequency"});

@@ -19,6 +19,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/near_jumps.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
@@ -86,6 +87,9 @@ class Recursive {
   const std::vector<Real>& position() const { return state_.q; }
 
   void report(Real* column) { mechanism_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
+
+  /// What would be reported a time after the row, or before it.
+  void report_moved(Real time, Real* column) { cutjoint::report_moved(mechanism_, state_, time, column); }
 
   static constexpr std::array<std::string_view, 3> step_columns{"iterations", "position", "velocity"};
 

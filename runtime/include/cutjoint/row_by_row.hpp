@@ -14,6 +14,7 @@
 #include "cutjoint/guards.hpp"
 #include "cutjoint/impact_list.hpp"
 #include "cutjoint/json.hpp"
+#include "cutjoint/near_jumps.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
@@ -79,6 +80,9 @@ class RowByRow {
     position_ = x.q;
     subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
   }
+
+  /// What would be reported a time after the row, or before it.
+  void report_moved(Real time, Real* column) { cutjoint::report_moved(subject_, dynamics_.complete(t_, y_), time, column); }
 
   static constexpr std::array<std::string_view, 1> step_columns{"steps"};
 

@@ -16,6 +16,7 @@
 #include "cutjoint/json.hpp"
 #include "cutjoint/initial_state.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/near_jumps.hpp"
 #include "cutjoint/output_file.hpp"
 #include "cutjoint/pace.hpp"
 #include "cutjoint/read_settings.hpp"
@@ -31,6 +32,7 @@ namespace cutjoint {
 /// A method has
 ///
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
+/// - if rows can be looked at for jumps beside them, `report_moved`, the values a time after the last report, or before it,
 /// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
 /// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
@@ -183,6 +185,8 @@ class Run {
     table_.emplace(file_, "out");
     table_->header(std::span(method_.columns()));
     values_.resize(method_.columns().size());
+    if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
+      if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
     if (file_.contains("steps_out")) {
       steps_table_.emplace(file_, "steps_out");
       steps_table_->header(std::span<const std::string_view>(Method::step_columns));
@@ -205,6 +209,8 @@ class Run {
   void write() {
     method_.report(values_.data());
     table_->row(method_.time(), values_);
+    if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
+      if (near_jumps_) near_jumps_->look(method_.time(), values_, [&](Real time, Real* column) { method_.report_moved(time, column); });
     if (coordinates_) coordinates_->row(method_.time(), method_.position());
     written_ = static_cast<double>(method_.time());
     remember();
@@ -254,6 +260,7 @@ class Run {
   Json counts() const {
     Json summary{{"steps", steps_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}};
     method_.summarise(summary);
+    if (near_jumps_) near_jumps_->summarise(summary, method_.columns());
     return summary;
   }
 
@@ -276,6 +283,7 @@ class Run {
   const RunSettings& settings_;
   const Json& file_;
   std::vector<Real> values_;
+  std::optional<NearJumps<Real>> near_jumps_;
   std::optional<Table> table_, steps_table_, coordinates_;
   std::deque<RowEnd> ends_;             ///< of the rows that may have to be taken back, and the one before
   std::optional<OutputFile> tangents_;  ///< a line of JSON a row

@@ -17,7 +17,8 @@ enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, 
 ///
 /// Steps have the length `dt`, those of an adaptive integrator end at its multiples; the table has a row each `output_step`.  `solver` is the
 /// name of a linear solver.  With `fixed_cost` a step has `iterations` iterations, else so many at most.  `events` is whether steps end where
-/// forces change their formulas, `energy` whether work and energy are balanced beside the motion.
+/// forces change their formulas, `energy` whether work and energy are balanced beside the motion.  Columns
+/// that jump within `jumps_within` (s) of a row are looked for, if it is given.
 struct RunSettings {
   Task task;
   Pose pose;
@@ -35,6 +36,7 @@ struct RunSettings {
   std::optional<double> absolute_tolerance;
   std::optional<double> spectral_radius;
   bool energy;
+  std::optional<double> jumps_within;
   StabilisationSettings stabilisation;
 };
 

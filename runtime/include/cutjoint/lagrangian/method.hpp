@@ -18,6 +18,7 @@
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/read_settings.hpp"
+#include "cutjoint/near_jumps.hpp"
 #include "cutjoint/run_file.hpp"
 #include "cutjoint/settings.hpp"
 
@@ -85,6 +86,9 @@ class LagrangianMethod {
   const std::vector<Real>& position() const { return state_.q; }
 
   void report(Real* column) const { system_.report(state_.q.data(), state_.v.data(), state_.vdot.data(), state_.lambda.data(), column); }
+
+  /// What would be reported a time after the row, or before it.
+  void report_moved(Real time, Real* column) const { cutjoint::report_moved(system_, state_, time, column); }
 
   static constexpr std::array<std::string_view, 4> step_columns{"iterations", "position", "velocity", "acceleration"};
 

@@ -1,0 +1,95 @@
+// Rows of a table that stand so close beside a jump of a column that another run may have them on its other side.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
+#include "cutjoint/state.hpp"
+
+namespace cutjoint {
+
+/// Reports the columns of a subject at a state that has moved on for a time, by its speeds and accelerations.  Accelerations and multipliers
+/// stay, and so does what depends on time alone: columns of coordinates and speeds show where they jump.
+template <class Subject>
+void report_moved(Subject& subject, const State<typename Subject::real_type>& state, typename Subject::real_type time,
+                  typename Subject::real_type* column) {
+  using Real = typename Subject::real_type;
+  std::vector<Real> q = state.q, v = state.v, way = state.v;
+  for (std::size_t i = 0; i < v.size(); ++i) {
+    way[i] = time * state.v[i];
+    v[i] += time * state.vdot[i];
+  }
+  const auto& charts = subject.description().charts;
+  if (charts.empty())
+    for (std::size_t i = 0; i < way.size(); ++i) q[i] += way[i];
+  else
+    retract<Real>(charts, state.q.data(), way.data(), q.data());
+  subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
+}
+
+/// Finds the columns that jump within a time of a row.
+template <class Real>
+class NearJumps {
+ public:
+  /// Jumps that are at most `within` (s) before or after a row.
+  NearJumps(double within, std::size_t columns) : within_(within), before_(columns), after_(columns), probe_(columns) {}
+
+  /// Look at a row at time t, whose values are `here`; `report` gives those of a time after it, or before it if that is negative.
+  template <class Report>
+  void look(Real t, const std::vector<Real>& here, Report report) {
+    using std::abs;
+    report(-within_, before_.data());
+    report(within_, after_.data());
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      const Real before = abs(before_[i] - here[i]), after = abs(after_[i] - here[i]);
+      if (std::max(before, after) > std::max(2 * std::min(before, after), Real(rounding) * abs(here[i])))
+        find(t, i, here[i], after > before ? within_ : -within_, std::max(before, after), report);
+    }
+  }
+
+  void summarise(Json& summary, const std::vector<Named>& columns) const {
+    Json found = Json::array();
+    for (const Found& each : found_)
+      found.push_back(Json{{"time", each.time}, {"column", columns[each.column].name}, {"after", each.after}, {"size", each.size}});
+    if (!found_.empty()) summary["near_jumps"] = found;
+  }
+
+ private:
+  static constexpr double rounding = 1e-8;
+  static constexpr int halvings = 24;
+
+  struct Found {
+    double time;
+    std::size_t column;
+    double after, size;
+  };
+
+  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where: what is smooth or steep differs less and less.
+  template <class Report>
+  void find(Real t, std::size_t column, Real here, Real end, Real change, Report report) {
+    using std::abs;
+    Real near(0), far = end, at_near = here, at_far = here;
+    for (int i = 0; i < halvings; ++i) {
+      const Real middle = (near + far) / 2;
+      report(middle, probe_.data());
+      const bool is_far = abs(probe_[column] - here) > change / 2;
+      (is_far ? far : near) = middle;
+      (is_far ? at_far : at_near) = probe_[column];
+    }
+    if (far == end) return;
+    const Real size = abs(at_far - at_near);
+    if (size > change / 2)
+      found_.push_back({static_cast<double>(t), column, static_cast<double>(far), static_cast<double>(size)});
+  }
+
+  Real within_;
+  std::vector<Real> before_, after_, probe_;
+  std::vector<Found> found_;
+};
+
+}  // namespace cutjoint
