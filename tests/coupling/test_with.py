@@ -20,6 +20,7 @@ from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene
 from tests.conftest import ROOT, needs_cpp
 from tests.mechanisms.driven import DRIVEN
+from tests.mechanisms.steered import LAW, steered_text
 
 pytest.importorskip("fmpy")
 pytestmark = needs_cpp
@@ -200,12 +201,29 @@ def test_options_of_an_fmu_need_one(tmp_path: Path) -> None:
     assert "--connect, --communication-step and --call-limit go with --with" in words_of(result)
 
 
-def test_inputs_are_driven_once_and_none_that_moves_a_guide(controller: Path, tmp_path: Path) -> None:
-    path = tmp_path / "driven.yaml"
-    path.write_text(DRIVEN)
-    unitless = changed(controller, tmp_path, ('<Real unit="N"/>', "<Real/>"))
-    result = simulate(path, unitless, tmp_path / "out.csv", "--scene", "free", "--connect", "force=lift")
-    assert "input 'lift' moves the guide of joint 'shoulder'" in words_of(result)
+@pytest.mark.parametrize("rows", [1e-3, 2e-3, 0.01])
+def test_a_controller_steers_a_guide_as_a_law_does(rows: float, tmp_path: Path) -> None:
+    """A swinging mass steers the rack, a step of communication late; rows between exchanges change nothing."""
+    hanging, steered, fmu, step = tmp_path / "hanging.yaml", tmp_path / "steered.yaml", tmp_path / "hanging.fmu", 2e-3
+    hanging.write_text(HANGING.replace("rates: {rail.displacement_rate: 1.0}", "positions: {rail.displacement: 0.01 m}"))
+    late = f"0.01*cos({np.sqrt(50)}*max(t - {step}, 0))"
+    steered.write_text(steered_text().replace(LAW, late).replace("end: 1, output_step: 0.01", f"end: 0.4, output_step: {rows}"))
+    model = read_model_text(hanging.read_text(), "hanging.yaml")
+    made = make_fmu(model, find_scene(model, None), version=2, integrator="rk4")
+    fmu.write_bytes(made.pack(sources=False, binary=True, picture=b"", target="baseline"))
+    out = tmp_path / "out.csv"
+    words = ("--connect", "mass.x=rack", "--communication-step", step, "--dt", 1e-3, "--no-error", "--scene", "free")
+    result = simulate(steered, fmu, out, *words)
+    assert result.exit_code == 0, result.output
+    _, columns = read_table(out)
+    lawful = cutjoint.load(steered, scene="lawful", integrator="dormand-prince").reset()
+    lawful.advance(0.4)
+    assert abs(lawful.outputs["rail.displacement"]) > 1e-3
+    for name in ("rail.displacement", "pivot.angle", "cart.y"):
+        assert columns[name][-1] == pytest.approx(lawful.outputs[name], abs=5e-6), name
+
+
+def test_inputs_are_driven_once(controller: Path, tmp_path: Path) -> None:
     twice = ('causality="input" variability="continuous"><Real unit="m" start="0"/>', 'causality="output" variability="continuous"><Real/>')
     both = changed(controller, tmp_path, twice, ('<Unknown index="3" dependencies=""/>', '<Unknown index="1"/><Unknown index="3"/>'))
     result = simulate(POLE, both, tmp_path / "out.csv", "--connect", "force=push", "--connect", "position=push")

@@ -24,8 +24,8 @@ WAYS = (("recursive", ""), ("recursive", ", closure: proximal"), ("recursive-new
 DT = 1e-3
 #: How far a guide may be from its course, m, and how far loops may open.
 _COURSE, _GAP = 1e-9, 1e-4
-#: How far the rack goes, m: a call of several steps may refuse a jump of more with a status.
-_FURTHEST = 0.03
+#: How far the rack goes, m: beyond, jumps are made at once, off the course.
+_FURTHEST = 0.05
 
 
 @cache

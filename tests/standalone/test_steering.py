@@ -133,6 +133,65 @@ def test_a_loop_that_tears_slowly_is_a_fault_that_names_it(tmp_path: Path) -> No
     assert equation.startswith("outer.")
 
 
+#: A rack that goes on at a rate, m/s, to where the rod cannot follow.
+RATES = (0.05, 0.3, -0.3, 2.0)
+
+
+@ways
+def test_a_ramp_to_where_the_loop_cannot_close_tears_it(tmp_path: Path, method: str, integrator: str, more: str) -> None:
+    """Steps fail a little earlier, where the wheel would turn without bound."""
+    for rate in RATES:
+        sim = begin(load(tmp_path, "free", method, integrator, more))
+
+        before = sim.coordinates.array.copy()
+
+        def creep(sim: Simulation = sim, before: np.ndarray = before, rate: float = rate) -> None:
+            for k in range(round(0.2 / abs(rate) / DT)):
+                sim.inputs["rack"] = rate * DT * k
+                before[:] = sim.coordinates.array
+                sim.step()
+
+        with pytest.raises(cutjoint.SimulationError, match=r"torn.*'(outer|wheel|rod)") as caught:
+            creep()
+        assert caught.value.status == 29
+        assert np.array_equal(sim.coordinates.array, before)
+
+
+@pytest.mark.parametrize("method", ALONE)
+def test_another_fault_blames_no_loop(tmp_path: Path, method: str) -> None:
+    """A force without a number stops steps beside a guide that is well."""
+    sim = begin(load(tmp_path, method=method))
+    sim.inputs["rack"] = 0.001
+    sim.inputs["push"] = 1e308
+    with pytest.raises(cutjoint.SimulationError) as caught:
+        sim.play(20)
+    assert caught.value.status not in {0, 29}
+
+
+#: Jumps, m, the time of the call, in steps, what the next one adds, m, and its steps.
+JUMPS = ((0.049, 0.5, 1e-6, 7), (-0.047, 0.5, -1e-6, 3), (0.04, 0.7, 1e-5, 1), (0.03, 0.3, -1e-6, 5), (0.049, 0.5, 0.0, 2))
+
+
+@ways
+def test_a_jump_in_short_steps_ends_where_it_was_to_end(tmp_path: Path, method: str, integrator: str, more: str) -> None:
+    """Nothing goes beyond, however long the next call is and whatever it is given."""
+    for jump, length, further, steps in JUMPS:
+        sim = begin(load(tmp_path, "free", method, integrator, more))
+        sim.inputs["rack"] = jump
+        sim.advance(length * DT)
+        sim.inputs["rack"] = jump + further
+        end, places = sim.time + steps * DT, []
+        while sim.time < end - 1e-9:
+            other = sim.copy()
+            other.advance(end)
+            places.append(other.outputs["rail.displacement"])
+            sim.inputs["rack"] = jump + further
+            sim.advance(min(end, sim.time + DT / 4))
+            places.append(sim.outputs["rail.displacement"])
+        assert max(np.abs(places)) < abs(jump) * 1.001
+        assert sim.outputs["rail.displacement"] == pytest.approx(jump, abs=2e-5)
+
+
 @pytest.mark.parametrize("method", ALONE)
 def test_a_reset_forgets_derivatives(tmp_path: Path, method: str) -> None:
     sim, fresh = begin(load(tmp_path, method=method)), load(tmp_path, method=method)
@@ -168,10 +227,22 @@ def test_simulations_in_lanes_follow_as_one_alone(tmp_path: Path, monkeypatch: p
     for k in range(20):
         sim.inputs["rack"] = 2e-5 * k
         sim.step()
-    racks = [0.02, 2e-5 * 20, -0.01, 0.7]
+    racks = [0.02, 0.12, -0.01, 0.7, 0.03, -0.11]
     rows = cutjoint.rollout(sim, 15, inputs={"rack": racks})
-    for rack, found in zip(racks[:3], rows, strict=False):
+    for rack, found in zip(racks, rows, strict=True):
         one = sim.copy()
         one.inputs["rack"] = rack
-        np.testing.assert_allclose(found, one.play(15), rtol=1e-8, atol=1e-9)
-    assert np.isnan(rows[3]).all()
+        if rack == 0.7:
+            assert np.isnan(found).all()
+        else:
+            np.testing.assert_allclose(found, one.play(15), rtol=1e-8, atol=1e-9)
+
+
+def test_lanes_that_go_alone_change_no_bit_of_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(standalone, "_COMPILING", -1e9)
+    sim = begin(load(tmp_path))
+    sim.play(5)
+    alone = cutjoint.rollout(sim, 15, inputs={"rack": [0.02, 0.12]})
+    beside = cutjoint.rollout(sim, 15, inputs={"rack": [0.7, 0.12, 0.02, -0.11]})
+    assert np.array_equal(alone[0], beside[2])
+    assert np.array_equal(alone[1], beside[1])

@@ -20,11 +20,13 @@ class Connections:
     """Ports of an FMU by the model's names.
 
     ``driven`` has the output that drives each input of the model, ``read`` pairs of an output of the model and the input of the FMU that
-    takes it.  ``left`` are inputs of the model that follow the scene, ``held`` inputs of the FMU that stay at their start.
+    takes it.  ``steering`` are driven inputs that move guides, ``left`` inputs of the model that follow the scene, ``held``
+    inputs of the FMU that stay at their start.
     """
 
     driven: Mapping[str, Port]
     read: tuple[tuple[str, Port], ...]
+    steering: frozenset[str]
     left: tuple[str, ...]
     held: tuple[str, ...]
 
@@ -33,8 +35,8 @@ def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, 
     """Connect ports with what has their name in the model, or the name that ``named`` has for them.
 
     Raises:
-        RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources or moves a guide, or
-            nothing is connected.
+        RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources, or nothing is
+            connected.
     """
     inputs = {p.name: p.unit for p in input_parameters(model)}
     outputs = {o.column: unit_of(model, o) for o in scene.outputs}
@@ -44,7 +46,6 @@ def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, 
     for port, name in _matched(fmu, "output", inputs, named, f"input of model '{model.name}'"):
         if name in driven:
             raise RunError(f"{fmu.path}: both '{driven[name].name}' and '{port.name}' would drive input '{name}'; connect one of them")
-        _require_no_guide(fmu.path, model, name)
         driven[name] = port
     read = tuple((name, port) for port, name in _matched(fmu, "input", outputs, named, f"output of scene '{scene.name}'"))
     if not driven and not read:
@@ -56,6 +57,7 @@ def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, 
     taken = {port.name for _, port in read}
     return Connections(
         driven=driven, read=read, left=tuple(name for name in inputs if name not in driven),
+        steering=frozenset(p.name for p in input_parameters(model) if p.name in driven and guided_by(model, p) is not None),
         held=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
     )  # fmt: skip
 
@@ -83,12 +85,3 @@ def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
 def _powers(unit: str) -> tuple[object, ...]:
     """Of kg, m, s, A, K, mol, cd."""
     return tuple(measure(1.0, unit).dimension.exponents) if unit else (0,) * 7
-
-
-def _require_no_guide(path: Path, model: Model, name: str) -> None:
-    joint = guided_by(model, next(p for p in input_parameters(model) if p.name == name))
-    if joint is not None:
-        raise RunError(
-            f"{joint.span}: input '{name}' moves the guide of joint '{joint.name}'; {path} gives it no rate, so that the joint would "
-            "jump between communication points; let a force with a spring and a damper move it"
-        )

@@ -185,7 +185,7 @@ class _Exchange:
 
     def __init__(self, simulation: Simulation, controller: Controller, plan: Plan) -> None:
         self._simulation, self._controller = simulation, controller
-        self._path, self._connections = plan.fmu.path, plan.connections
+        self._path, self._connections, self._step = plan.fmu.path, plan.connections, plan.step
         self.given: list[float] = []
 
     def give(self) -> None:
@@ -196,11 +196,15 @@ class _Exchange:
             self._controller.set([port for _, port in read], [port.from_si(values[name]) for name, port in read])
 
     def take(self) -> None:
-        """The controller's outputs to the model's inputs, which hold them."""
-        driven = self._connections.driven
+        """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
+        driven, before = self._connections.driven, self.given
         ports = list(driven.values())
         self.given = [port.to_si(value) for port, value in zip(ports, self._controller.get(ports) if ports else [], strict=True)]
-        for (name, port), value in zip(driven.items(), self.given, strict=True):
+        goes_on = self._simulation.time > 0
+        for (name, port), value, last in zip(driven.items(), self.given, before or self.given, strict=True):
             if not isfinite(value):
                 raise ControllerError(f"{self._path}: at {self._simulation.time:.6g} s its output '{port.name}' is {value}")
-            self._simulation.set_input(name, value)
+            if goes_on and name in self._connections.steering:
+                self._simulation.set_input(name, last, (value - last) / self._step)
+            else:
+                self._simulation.set_input(name, value)

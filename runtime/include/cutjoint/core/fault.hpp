@@ -34,7 +34,7 @@ enum class Cause : int {
   start_open = 26,                ///< the start does not satisfy the equations of the loops
   stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
   stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
-  loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size
+  loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size, or guides go where it cannot close
   stands_still = 30,              ///< steps are so short that the rest of the run would have no end
 };
 
@@ -58,6 +58,9 @@ struct Fault {
 
   explicit operator bool() const { return cause != Cause::none; }
 };
+
+/// Whether a fault is of what a step has led to, not of the step.
+constexpr bool has_made_step(const Fault& fault) { return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_torn; }
 
 /// What to say of a cause.
 constexpr const char* text_of(Cause cause) {
@@ -91,7 +94,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::start_open: return "the start does not satisfy an equation";
     case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
-    case Cause::loops_torn: return "a loop is torn: its gap is beyond a hundredth of the mechanism's size, or of a radian";
+    case Cause::loops_torn: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
     case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
@@ -142,7 +145,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::start_not_converged: return "look for a force without bound; not tried: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
-    case Cause::loops_torn: return "a guide may be where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
+    case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
     case Cause::stands_still:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); not tried: "
              "a larger tolerance";

@@ -97,7 +97,7 @@ struct HostInputs {
 ///
 /// An input that is held has a rate too: that of its last change over the time of the call, or over that of the call before if this is smaller;
 /// none where these have other signs, so that nothing goes beyond a value to which it jumps.  With such a rate it is at the held value at
-/// the end of the call, and without it at rest there after two steps.
+/// the end of the call, and without it at rest there after two steps.  A jump that is being made comes to its end first, so that nothing goes beyond then either.
 template <class Real, std::size_t n, int... guiding>
 class FollowedInputs {
  public:
@@ -145,6 +145,16 @@ class FollowedInputs {
       due = due || (course.part != 0 && !(t < course.end - rounding)) || ((course.slope != Real(0) || course.last != Real(0)) && t != planned_);
     });
     return due;
+  }
+
+  /// Be where the host goes, so much time ahead of what it gives.
+  void look_ahead(Real t, Real time) {
+    each([&](const Course& course, std::size_t i) {
+      if (!heard_.is_given(i)) return;
+      Real there[numbers_per_input];
+      heard_.at(i, t + time, there);
+      used_.put(i, t, there[0] + (heard_.is_held(i) ? time * course.slope : Real(0)), Real(0), Real(0));
+    });
   }
 
   /// Whether a guide catches up with a jump, which may leave loops open: they are straight for the integrator, but not for the joints.
@@ -198,9 +208,9 @@ class FollowedInputs {
 
  private:
   /// What comes after the present part: where and how the second one begins, and when both end; `again` is the length of the parts of another course that
-  /// comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one.
+  /// comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
   struct Course {
-    Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0};
+    Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0}, arrival{0};
     long part = 0;   ///< 1 or 2; 0: as the host or the scene has it
     long jumps = 0;  ///< whether the host is farther away than it goes in a step
   };
@@ -239,21 +249,23 @@ class FollowedInputs {
     heard_.take(i, given);
     Real now[numbers_per_input], wanted[numbers_per_input];
     read(used_, i, t, scene, now);
-    const bool is_long = course.slope != Real(0) && length > Real(1.5) * dt;
-    const Real whole = Real(static_cast<long>(length / dt / 2 + Real(0.25))) * dt, one = length < dt ? length : dt;
-    const Real first = is_long ? whole : one, second = is_long ? length - whole : given.is_going(i) ? one / 2 : one;
-    course.again = given.is_going(i) ? one : Real(0);
-    if (!is_held) {
+    if (is_held) {
+      if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
+      wanted[0] = given.values[i] - course.slope * length;
+      wanted[1] = course.slope;
+    } else {
       read(given, i, t, scene, wanted);
       if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(course, i), wanted[2] != now[2];
-      course.jumps = is_jump(now, wanted[0], wanted[1], one);
-      read(given, i, t + (first + second), scene, wanted);
-    } else {
-      if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
-      wanted[0] = given.values[i] + course.slope * (first + second - length);
-      wanted[1] = course.slope;
-      course.jumps = is_jump(now, given.values[i] - course.slope * length, course.slope, one);
     }
+    const bool is_long = course.slope != Real(0) && length > Real(1.5) * dt;
+    const Real whole = Real(static_cast<long>(length / dt / 2 + Real(0.25))) * dt, one = length < dt ? length : dt;
+    const Real longest = is_long ? whole : one, left = course.arrival - t;
+    const Real first = course.part != 0 && left > Real(1e-9) * dt && left < longest * (1 - Real(1e-9)) ? left : longest;
+    const Real last_part = given.is_going(i) ? one / 2 : one, second = is_long && length - first > last_part ? length - first : last_part;
+    course.again = given.is_going(i) ? one : Real(0);
+    course.jumps = is_jump(now, wanted[0], wanted[1], one);
+    if (is_held) wanted[0] += course.slope * (first + second);
+    else read(given, i, t + (first + second), scene, wanted);
     go(course, i, t, now, first, second, wanted);
     return true;
   }
@@ -279,6 +291,7 @@ class FollowedInputs {
     course.value = now[0] + first * (now[1] + between) / 2;
     course.rate = between;
     course.acceleration = (wanted[1] - between) / second;
+    course.arrival = std::abs(between - wanted[1]) < Real(0.1) * std::abs(now[1] - wanted[1]) ? course.end : course.last_end;
     course.part = 1;
   }
 

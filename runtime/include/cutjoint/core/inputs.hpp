@@ -6,9 +6,10 @@ namespace cutjoint {
 /// Of an input in turn: its value, its rate and its acceleration.  Laws read the value; guides need all three.
 inline constexpr int numbers_per_input = 3;
 
-/// What inputs do where a step begins: whether accelerations jump, and whether a guide that jumps may leave loops open.
+/// What inputs do where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the course of one
+/// has parts within the step.
 struct StepBegin {
-  bool jumps = false, opens = false;
+  bool jumps = false, opens = false, parts = false;
 };
 
 /// A source of inputs.  `fill` receives the array of a step, which has three numbers for each input in the order of the description and

@@ -29,6 +29,9 @@ class LaneFollowed {
     dt_ = dt;
   }
 
+  /// Where it is when a step begins, and once more if that step is tried again.
+  const Followed& followed() const { return followed_; }
+
   /// A source that gives these.
   InputSource<double> source() {
     InputSource<double> source = followed_.used().source();
@@ -43,7 +46,7 @@ class LaneFollowed {
     LaneFollowed& own = *static_cast<LaneFollowed*>(host);
     const auto no_scene = [](std::size_t, double, double*) {};  // who follows the host already needs none
     const bool jumps = own.followed_.go_on(own.given_, t, until, own.dt_, no_scene);
-    return {jumps, own.followed_.is_catching_up()};
+    return {jumps, own.followed_.is_catching_up(), own.followed_.next_end() < until - 1e-9 * own.dt_};
   }
 
   typename Followed::Inputs given_;
@@ -52,7 +55,8 @@ class LaneFollowed {
 };
 
 /// Simulations by the trapezoidal rule, side by side in M, their mechanism with reals that are numbers of several.  They start one by one, as `Sim`,
-/// and are taken over.
+/// and are taken over.  Where a host may move guides a simulation goes on alone to the end of the call if its step fails, by what it does where a jump is too
+/// large for steps, or if the course of a guide has parts within it; then in its lane again, or it has the fault that it has alone.
 template <class Sim, Sized M>
 class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
  public:
@@ -74,24 +78,62 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   /// Have a simulation search its start in the instances, before their steps.
   void lend_to(Sim& sim) { sim.mechanism().lend(probes_); }
 
+  void step() {
+    call([this] { LaneSteps<M>::step(); }, [](Sim& alone) { return alone.step(); });
+  }
+
+  void advance(double until) {
+    call([this, until] { LaneSteps<M>::advance(until); }, [until](Sim& alone) { return alone.advance(until); });
+  }
+
   /// Go on from `settled` simulations with the same settings; where there is none its lane stands still.
   void take_over(const std::array<Sim*, width>& sims) {
     this->clear();
+    sims_ = sims;
     const Sim* first = nullptr;
     for (std::size_t k = 0; k < sims.size(); ++k) {
       if (!sims[k]) continue;
       const auto memory = sims[k]->memory();
       inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
-      this->put(static_cast<int>(k), LaneStart<decltype(memory.state)>{
-                                         .state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(),
-                                         .roads = sims[k]->roads(), .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number,
-                                         .unmeasured = memory.unmeasured});
+      this->put(static_cast<int>(k), start_from(k, memory));
       if (!first) first = sims[k];
     }
     if (first) this->begin(first->memory().settings, first->watches_gaps() ? first->gap_limits() : nullptr);
   }
 
  private:
+  using Memory = typename Sim::Memory;
+
+  LaneStart<decltype(Memory::state)> start_from(std::size_t k, const Memory& memory) {
+    return {.state = memory.state, .parameters = memory.parameters.data(), .penalties = memory.penalties.data(), .roads = sims_[k]->roads(),
+            .inputs = inputs_[k].source(), .origin = memory.origin, .number = memory.number, .unmeasured = memory.unmeasured};
+  }
+
+  /// A call of all together; those that stop go on alone.
+  template <class Together, class Alone>
+  void call(Together together, Alone alone) {
+    const auto going = this->going();
+    together();
+    if constexpr (Sim::Followed::any)
+      for (int k = 0; k < width; ++k)
+        if (going[k] && !this->goes(k) && !has_made_step(this->fault(k))) go_alone(k, alone);
+  }
+
+  template <class Alone>
+  void go_alone(int k, Alone go_on) {
+    const auto place = static_cast<std::size_t>(k);
+    Sim& alone = *sims_[place];
+    Memory memory = alone.memory();
+    this->leave(k, memory);
+    memory.followed = inputs_[place].followed();
+    alone.restore(memory);
+    const Fault fault = go_on(alone);
+    memory = alone.memory();
+    inputs_[place].begin(memory.inputs, memory.followed, memory.settings.dt);
+    this->go_on_from(k, start_from(place, memory), fault);
+  }
+
+  std::array<Sim*, width> sims_{};
   Probes<M> probes_;
   std::array<LaneFollowed<typename Sim::Followed>, width> inputs_;
 };

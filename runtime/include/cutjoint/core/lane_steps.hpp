@@ -75,7 +75,7 @@ class LaneSteps {
 
   explicit LaneSteps(M& mechanism)
       : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
-        state_(blank(mechanism)), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
+        state_(blank(mechanism)), from_(state_), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
         margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations),
         rate_(correction_.size()) {}
 
@@ -121,7 +121,7 @@ class LaneSteps {
   /// A step of the settings' length.
   void step() {
     integrate(Real(settings_.dt), origin_ + (number_ + Real(1)) * Real(settings_.dt));
-    number_ = number_ + Real(1);
+    number_ = where(going_, number_ + Real(1), number_);
   }
 
   /// Steps of all, which have the same time, to another, the last one shorter where they do not end there.
@@ -135,8 +135,8 @@ class LaneSteps {
         continue;
       }
       integrate(Real(left), Real(until));
-      origin_ = state_.t;
-      number_ = Real(0);
+      origin_ = where(going_, state_.t, origin_);
+      number_ = where(going_, Real(0), number_);
     }
   }
 
@@ -165,6 +165,26 @@ class LaneSteps {
   /// Those of one.
   void columns(int k, double* columns) const { take_lane(k, columns_, columns); }
 
+ protected:
+  /// What the instance in a lane that stopped would go on from, but for the memory of its sources.
+  template <class Memory>
+  void leave(int k, Memory& memory) const {
+    take_lane(k, state_, memory.state);
+    memory.origin = origin_[k];
+    memory.number = static_cast<long>(number_[k]);
+    memory.unmeasured = at(unmeasured_, k);
+  }
+
+  /// The instance in a lane goes on from elsewhere; with a fault it stops there.
+  template <class StateOfOne>
+  void go_on_from(int k, const LaneStart<StateOfOne>& start, const Fault& fault) {
+    fill(k, start);
+    going_[k] = -1;
+    if (fault) stop(k, fault);
+    evaluated_.v[k] = start.state.t;
+    mechanism_.begin_step(evaluated_, Real(1));
+  }
+
  private:
   static constexpr Sizes sizes = static_sizes<M>();
 
@@ -191,7 +211,7 @@ class LaneSteps {
     return 0.0;
   }
 
-  /// Tell sources of a step; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.  Returns those whose
+  /// Tell sources of a step, before which those stop whose inputs have parts within it; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.  Returns those whose
   /// loops may be left open.
   Mask begin_inputs(Real until) {
     Mask jump = Instances::all_if(false), opens = jump;
@@ -201,6 +221,7 @@ class LaneSteps {
       const StepBegin begin = source.begin(source.host, state_.t[k], until[k]);
       if (begin.jumps) jump[k] = -1;
       if (begin.opens) opens[k] = -1;
+      if (begin.parts) stop(k, {});
     }
     if (!Instances::any(jump)) return opens;
     mechanism_.begin_step(state_.t, Real(1));
@@ -225,7 +246,10 @@ class LaneSteps {
   void integrate(Real h, Real until) {
     Mask opens = Instances::all_if(false);
     if constexpr (!Sized<M> || sizes.inputs > 0) opens = begin_inputs(until);
+    opens = Instances::both(opens, going_);
+    if (!any_goes()) return;
     const Real begun = state_.t;
+    if (gap_limits_ && Instances::any(opens)) from_ = state_;
     steps_.set_step(h);
     Mask failed = steps_.step_of(state_, going_);
     for (int k = 0; k < width; ++k)
@@ -235,11 +259,20 @@ class LaneSteps {
       opens = close_behind_jumps(opens);
       for (int k = 0; k < width; ++k)
         if (Instances::has(opens, k)) stop(k, steps_.projection().fault(k, static_cast<long>(number_[k]) + 1));
+      keep_before(opens);
+      failed = Instances::either(failed, opens);
     }
-    if (Instances::any(failed)) mechanism_.begin_step(where(failed, begun, begun + h), Real(1));
+    evaluated_ = where(failed, begun, begun + h);
+    if (Instances::any(failed)) mechanism_.begin_step(evaluated_, Real(1));
     state_.t = where(going_, until, state_.t);
     if (gap_limits_) watch_gaps();
     watch(number_ + Real(1));
+  }
+
+  /// Some are as they were before the step.
+  void keep_before(Mask which) {
+    Instances::take_all(which, from_.q, state_.q), Instances::take_all(which, from_.v, state_.v);
+    Instances::take_all(which, from_.vdot, state_.vdot), Instances::take_all(which, from_.lambda, state_.lambda);
   }
 
   /// Stop those of which a loop is torn, as a simulation alone does.
@@ -266,7 +299,8 @@ class LaneSteps {
   Array<M, sizes.roads, Road<Real>> roads_;
   Array<M, sizes.parameters> parameters_;
   Cuts<M> penalties_;
-  StateOf<M> state_;
+  StateOf<M> state_, from_;
+  Real evaluated_{0};           ///< the times at which the mechanism is
   Real origin_{0}, number_{0};  ///< of whole steps since the origin
   std::array<InputSource<double>, width> inputs_;
   LaneInputs<M> sources_;

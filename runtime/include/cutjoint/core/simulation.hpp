@@ -440,26 +440,53 @@ class Simulation {
   /// A call that goes on to a time.  One that gets nowhere leaves what guides follow as it was.
   template <class Go>
   Fault call(Real until, Go go_on) {
-    if (!Followed::any || !(until - state_.t > rounding()) || !followed_.is_due(inputs_, state_.t, rounding())) {
+    if constexpr (!Followed::any) {
       heed_changes();
       return go_on();
+    } else {
+      const auto before = followed_;
+      const StateOf<Subject> from = state_;
+      if (until - state_.t > rounding() && followed_.is_due(inputs_, state_.t, rounding())) follow(until);
+      else heed_changes();
+      Fault fault = go_on();
+      if (fault && !has_made_step(fault)) fault = followed_.is_catching_up() ? jump(go_on) : fault;
+      if (fault && !has_made_step(fault)) fault = blame_torn_loop(fault);
+      if (fault && state_.t == from.t) go_back(from, before);
+      return fault;
     }
+  }
+
+  /// Make a jump that is too large for steps: the loops are closed where the host has the guide.
+  template <class Go>
+  Fault jump(Go go_on) {
     const auto before = followed_;
     const StateOf<Subject> from = state_;
-    follow(until);
-    Fault fault = go_on();
-    if (!fault || state_.t != from.t) return fault;
-    const bool jumps = followed_.is_catching_up();
-    go_back(from, before);
-    if (!jumps) return fault;
-    followed_.begin(inputs_);  // a jump that is too large for steps: the loops are closed where the host has the guide
-    fault = steps_->close(state_);
+    followed_.begin(inputs_);
+    Fault fault = steps_->close(state_);
     if (!fault) {
       steps_->heed_inputs(state_);
       fault = go_on();
     }
     if (fault && state_.t == from.t) go_back(from, before);
     return fault;
+  }
+
+  /// The fault of a step, or that of a loop which cannot close where guides go within a few steps.
+  Fault blame_torn_loop(const Fault& fault) {
+    constexpr int ahead[] = {0, 1, 4};
+    const auto before = followed_;
+    const StateOf<Subject> from = state_;
+    Fault blamed = fault;
+    for (const int steps : ahead) {
+      followed_.look_ahead(state_.t, Real(steps * settings_.dt));
+      const Fault open = steps_->close(state_);
+      go_back(from, before);
+      if (open.cause != Cause::loops_open) continue;
+      blamed = {.cause = Cause::loops_torn, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
+                .size = gap_limits_[open.index]};
+      break;
+    }
+    return blamed;
   }
 
   /// Be at a state and on courses as before a step that failed.
