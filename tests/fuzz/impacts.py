@@ -1,6 +1,6 @@
 """Mechanisms whose guide begins to move, or turns, at once: by every method they move as behind guides that take ever less time for it.
 
-They are interpreted, so that nothing is compiled for them.
+They are interpreted, so that nothing is compiled for them, but for a host of half of them, whose rows are those of a run.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.load import load_scene
+from cutjoint.stepping.simulation import Simulation, SimulationError
 
 from . import mechanisms
 
@@ -28,6 +31,8 @@ Node = dict[str, Any]
 LONG = 2e-3
 #: By how much a run with steps of 1 ms, or a tolerance of 1e-8, may differ from the smooth guides' limit, m.
 ALLOWED = 1e-4
+#: By how much rows of a host may differ from those of a run by the same rule, m: rounding, and tolerances where steps follow from these.
+NEAR = 1e-5
 #: The most that is believed of the limit, m, and the least work of an impact that is looked for, J.
 UNCERTAIN, LEAST = 2e-5, 1e-6
 
@@ -40,10 +45,15 @@ _INTEGRATORS: Node = {
     "augmented": ({},),
     "classical": ({},),
 }
+#: Methods of hosts, with numbers of integrators above.
+_HOSTS = (
+    ("recursive", 0), ("recursive", 1), ("recursive", 2), ("recursive-newton", 0), ("recursive-newton", 1), ("recursive-newton", 2),
+    ("augmented", 0),
+)  # fmt: skip
 
 
 def make(rng: random.Random) -> str:
-    """A model, the joint that is guided, and when (s) its rate jumps from one to another (1/s or m/s)."""
+    """A model, the joint that is guided, when (s) its rate jumps from one to another (1/s or m/s), and how a host goes on."""
     model: Node = {
         "cutjoint": 1, "name": "fuzzed", "gravity": [0, 0, -9.81], "points": {}, "bodies": {}, "joints": {}, "forces": {}, "outputs": [],
         "scenes": {"run": {"end": 0.3, "output_step": 0.02, "numerics": {"dt": 0.001}}},
@@ -56,6 +66,7 @@ def make(rng: random.Random) -> str:
     model = {name: part for name, part in model.items() if part or name == "outputs"}
     at, before = rng.choice((0.1, round(rng.uniform(0.05, 0.15), 5))), rng.choice((0, round(rng.uniform(-1, 1), 3)))
     case = {"model": model, "guided": guided, "at": at, "before": before, "after": round(rng.uniform(-2, 2), 3)}
+    case["host"] = rng.choice(_HOSTS) if rng.random() < 0.5 else None
     return json.dumps(case, indent=1)
 
 
@@ -76,7 +87,7 @@ def check(text: str) -> tuple[str, ...]:
     doubt = max(float(np.abs(limit[name] - smooth[1][name])[early | late].max()) for name in limit)
     if doubt > UNCERTAIN:
         return (f"no limit: smooth guides differ by {doubt:.1e} m",)
-    return tuple(_compare(case, limit, early | late))
+    return (*_compare(case, limit, early | late), *_compare_host(case))
 
 
 def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
@@ -103,11 +114,43 @@ def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
         raise AssertionError(f"works differ: {works}")
 
 
+def _compare_host(case: Node) -> Iterator[str]:
+    """What failed; else a compiled simulation has the rows of a run by its rule."""
+    if not case.get("host"):
+        return
+    method, number = case["host"]
+    how = _INTEGRATORS[method][number]
+    integrator = how.get("integrator", "trapezoidal")
+    read = _model(case, 0.0)
+    try:
+        run = _run(case, 0.0, method=method, error=False, **how)
+        sim = load_scene(read, read.scenes["run"], method=method, integrator=integrator).reset(tolerance=how.get("tolerance"))
+        rows = [_row(sim, float(t)) for t in run.t]
+    except (RunError, SimulationError) as error:
+        yield f"host of {method} {integrator}: {str(error).splitlines()[0]}"
+        return
+    if run.failure is not None:
+        yield f"host of {method} {integrator}: {run.failure.message}"
+        return
+    apart = max(float(np.abs(run[name] - [row[i] for row in rows]).max()) for i, name in enumerate(run.columns))
+    assert apart <= NEAR, f"a host of {method} {integrator} is {apart:.1e} m from a run"
+
+
+def _row(sim: Simulation, t: float) -> Any:
+    sim.advance(t)
+    return sim.outputs.array.copy()
+
+
 def _run(case: Node, length: float, *, method: str = "recursive", **how: Any) -> Trajectory:
+    read = _model(case, length)
+    return simulate(compile_interpreted(read, read.scenes["run"], method=method), check=False, **how)
+
+
+def _model(case: Node, length: float) -> Model:
+    """The model whose guide goes over from one rate to another within a length of time."""
     model = json.loads(json.dumps(case["model"]))
     model["joints"][case["guided"]]["guide"] = law_of(case["at"], case["before"], case["after"], length)
-    read = read_model_text(json.dumps(model), "fuzzed.yaml")
-    return simulate(compile_interpreted(read, read.scenes["run"], method=method), check=False, **how)
+    return read_model_text(json.dumps(model), "fuzzed.yaml")
 
 
 def law_of(at: float, before: float, after: float, length: float) -> str:

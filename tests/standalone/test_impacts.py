@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -38,6 +39,8 @@ RULES = [
     ("recursive-newton", "trapezoidal", "crossed"), ("recursive-newton", "sdirk4-fixed", "located"),
     ("recursive-newton", "sdirk4", "located"), ("augmented", "trapezoidal", "crossed"),
 ]  # fmt: skip
+#: Those whose steps are as long as a tolerance allows.
+ADAPTIVE = ("dormand-prince", "sdirk4")
 every_rule = pytest.mark.parametrize(("method", "integrator", "events"), RULES)
 
 #: A four-bar whose crank a guide turns, at once by RATE; a weight hangs on its rocker.
@@ -107,19 +110,26 @@ def _fmu(text: str, begin: float, version: int, method: str, integrator: str) ->
     return make_fmu(model, find_scene(model, None), version=version, method=method, integrator=integrator)
 
 
-def _run(text: str, begin: float, method: str, integrator: str, events: str, **parameters: float) -> Trajectory:
-    return cutjoint.simulate(_compiled(text, begin, method), integrator=integrator, events=events, error=False, parameters=parameters)
+def _run(
+    text: str, begin: float, method: str, integrator: str, events: str, parameters: Mapping[str, float] | None = None
+) -> Trajectory:  # fmt: skip
+    return cutjoint.simulate(_compiled(text, begin, method), integrator=integrator, events=events, error=False, parameters=parameters or {})
 
 
 @every_rule
 @pytest.mark.parametrize("begin", [BETWEEN, AT_A_STEP])
 @pytest.mark.parametrize("text", [CART, FOUR_BAR], ids=["cart", "four_bar"])
-def test_steps_are_those_of_the_command_line_bit_by_bit(text: str, begin: float, method: str, integrator: str, events: str) -> None:
+def test_steps_are_those_of_the_command_line(text: str, begin: float, method: str, integrator: str, events: str) -> None:
+    """Bit by bit, but for steps as long as a tolerance allows, which hosts end at rows."""
     run, sim = _run(text, begin, method, integrator, events), _loaded(text, begin, method, integrator).reset()
     assert len(run.effort.impacts) == 1
     for i, t in enumerate(run.t):
         sim.advance(float(t))
-        assert list(sim.outputs.array) == [run[name][i] for name in run.columns], t
+        row = [run[name][i] for name in run.columns]
+        if integrator in ADAPTIVE:
+            np.testing.assert_allclose(sim.outputs.array, row, rtol=1e-6, atol=1e-6)
+        else:
+            assert list(sim.outputs.array) == row, t
 
 
 @every_rule
@@ -179,21 +189,22 @@ def test_an_fmu_has_the_rows_of_a_run(version: int, method: str, integrator: str
     for i in range(1, len(run.t)):
         (now,) = slave.get("time")
         assert slave.step(now, float(run.t[i]) - now) == OK, slave.log
-        np.testing.assert_allclose(slave.get(*run.columns), [run[name][i] for name in run.columns], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(slave.get(*run.columns), [run[name][i] for name in run.columns], rtol=1e-6, atol=1e-7)
 
 
 def test_an_event_of_an_fmu_is_the_impact() -> None:
     slave = started(_fmu(CART, BETWEEN, 3, "recursive", "dormand-prince"), events=True, early=True)
     assert slave.call("EnterStepMode") == OK
     assert slave.step(0.0, 0.4) == OK
-    assert (slave.event, slave.early, slave.last) == (True, True, pytest.approx(BETWEEN, abs=1e-9))
+    assert slave.event
+    assert slave.early
+    assert slave.last == pytest.approx(BETWEEN, abs=1e-9)
     assert slave.get("pin.angle_rate") == [pytest.approx(2.5, rel=1e-9)]
 
 
 def test_a_loaded_simulation_tells_of_the_event() -> None:
     sim = _loaded(CART, BETWEEN, "recursive", "dormand-prince").reset()
-    event = sim.advance_to_event(0.4)
-    assert event is not None
+    assert sim.advance_to_event(0.4) == "rail"
     assert sim.time == pytest.approx(BETWEEN, abs=1e-9)
     assert sim.outputs["pin.angle_rate"] == pytest.approx(2.5, rel=1e-9)
 
@@ -213,7 +224,7 @@ def test_a_sweep_has_the_rows_of_single_runs(integrator: str, events: str, tmp_p
     assert done.manifest["lanes"] == {"run": 1}
     assert done.manifest["integrator"] == {"run": integrator}
     for i, begin in enumerate(BEGINS):
-        run = _run(FOUR_BAR, BETWEEN, "recursive", integrator, events, begin=begin)
+        run = _run(FOUR_BAR, BETWEEN, "recursive", integrator, events, {"begin": begin})
         assert [impact.time for impact in run.effort.impacts] == [pytest.approx(begin, abs=1e-9)]
         for name in outputs:
             np.testing.assert_allclose(done[f"{name}(t)"][i], run[name], rtol=1e-6, atol=1e-6)
@@ -226,7 +237,7 @@ def test_a_batch_and_a_rollout_have_the_ends_of_single_runs() -> None:
     sim = _loaded(FOUR_BAR, BETWEEN, "recursive", "trapezoidal").reset()
     many = cutjoint.rollout(sim, 200, parameters={"begin": BEGINS})
     for i, begin in enumerate(BEGINS):
-        run = _run(FOUR_BAR, BETWEEN, "recursive", "trapezoidal", "crossed", begin=begin)
+        run = _run(FOUR_BAR, BETWEEN, "recursive", "trapezoidal", "crossed", {"begin": begin})
         assert done.end["weight.vx"][i] == pytest.approx(run["weight.vx"][-1], rel=1e-9)
         assert many[i, -1, list(sim.outputs).index("weight.vx")] == pytest.approx(run["weight.vx"][-1], rel=1e-9)
 

@@ -72,8 +72,8 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     """Compile a model for batches of a scene, with the recursive method.
 
     Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
-    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  So do
-    runs in which rates of guides may jump.
+    would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  They also go one by one
+    where the rates of guides may jump.
 
     Raises:
         ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.

@@ -231,7 +231,7 @@ class Impacts {
   template <class Scheme, class Watch>
   void meet(Scheme& scheme, std::size_t which, Real since, Watch watch) {
     if (!possible()) return;
-    const Real after = scheme.time(), before = since <= after ? std::max(after - width(after), since) : after - width(after);
+    const Real after = scheme.time(), before = std::max(after - width(after), since);
     std::copy_n(scheme.pose(), state_.q.size(), state_.q.begin());
     if (!jumps(state_.q, before, after)) return;
     scheme.read_struck(before, state_);

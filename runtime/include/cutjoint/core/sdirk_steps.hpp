@@ -43,8 +43,9 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>,
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<S>& state, Starter<M>&) {
+    const Fault fault = stages_.go_on(state);
     stepper_.go_on();
-    return stages_.go_on(state);
+    return fault;
   }
 
   /// Close the loops of a state by moving the masses least.

@@ -29,13 +29,17 @@ struct Attempt {
   bool found = true;  ///< whether all stages were found
 };
 
+/// A time before any.
+template <class Real>
+constexpr Real before_all = -std::numeric_limits<Real>::infinity();
+
 /// Where a stepper stands: `limit`, beyond which no step goes, the length of the next step, events and the switches behind them, the row's number.
 template <class Real>
 struct Progress {
   Real limit{0}, h{0}, last_event{-1};
   std::size_t latest = 0;    ///< the switch by which a regime was left last
   std::size_t switched = 0;  ///< that of the last event
-  Real since{-std::numeric_limits<Real>::infinity()};  ///< when that was
+  Real since{before_all<Real>};  ///< when that was
   long number = 0, events_in_a_row = 0;
   bool begun = false;
 };
@@ -91,11 +95,14 @@ class Stepper {
   /// Go on from another y at t, with steps as long as before.
   void go_to(Real t, const Vector& y) {
     scheme_.go_to(t, y);
-    control_.restart();
+    go_on();
   }
 
   /// The same where the scheme has been given its state.
-  void go_on() { control_.restart(); }
+  void go_on() {
+    control_.restart();
+    if (time() < now_.since) now_.since = before_all<Real>;
+  }
 
   /// No step goes beyond from now on.
   void limit(Real limit) { now_.limit = limit; }
