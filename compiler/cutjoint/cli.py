@@ -38,7 +38,7 @@ class _Commands(click.Group):
         return sorted({*_COMMANDS, *COMMANDS.installed()})
 
     def invoke(self, ctx: click.Context) -> object:
-        """Call a command; a signal that ends it is no error, and its message says what there is of the results."""
+        """Call a command; a signal that ends it is no error, and its message names the partial results."""
         gc.set_threshold(_COLLECTION)
         try:
             with ended_by_signals(), _plain_errors():

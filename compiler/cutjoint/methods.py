@@ -99,11 +99,11 @@ class Method:
 class Integrator:
     """A rule of steps.
 
-    ``methods`` are those whose equations it takes, ``closures`` those it can hold; ``twin`` is whether generic twins have it.
-    ``events`` is what its steps do unless asked otherwise, None where they cannot end at events.  An ``adaptive`` one takes steps as long
-    as the tolerance allows.  ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are
-    those that it reads besides the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.
-    ``in_files`` is whether scenes and commands can ask for it, ``balances`` whether it balances work and energy beside the motion.
+    ``methods`` are those whose equations it takes, ``closures`` those it can hold; ``twin`` is whether generic twins have it.  ``events``
+    is the default of its steps, None where they cannot end at events.  An ``adaptive`` one takes steps as long as the tolerance allows.
+    ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are those that it reads besides
+    the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``in_files`` is whether scenes and commands
+    can ask for it, ``balances`` whether it balances work and energy beside the motion.
     """
 
     name: str

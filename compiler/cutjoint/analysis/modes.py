@@ -51,7 +51,7 @@ class Mode:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping as a share of the critical one: one of what decays without oscillating, negative of what grows."""
+        """Damping as a share of the critical one: one of a decay without oscillation, negative of a growth."""
         return 0.0 - self.eigenvalue.real / abs(self.eigenvalue)
 
     @property

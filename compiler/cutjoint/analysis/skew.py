@@ -108,7 +108,7 @@ def _turned(joint: Joint, skew: SkewAxis) -> Joint:
 
 
 def _find_skew(model: Model, loops: Loops) -> Iterator[SkewAxis]:
-    """The axes of loops that are slightly off: parallel ones from what most of them are, then those across from square to these."""
+    """The axes of loops that are slightly off: parallel ones from the direction of most of them, then axes across from square to it."""
     joints = {joint.name: joint for cut, tree in loops for joint in (cut, *(t.joint for t in tree)) if len(joint.axes) == 1}
     ordered = sorted(joints.values(), key=lambda joint: joint.span)
     axes = {joint.name: evaluate(model, joint.axes[0]) for joint in ordered}

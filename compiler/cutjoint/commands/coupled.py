@@ -127,7 +127,7 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
 
 
 def _require_free(model: Model, parameters: Mapping[str, float], connections: Connections, path: Path) -> None:
-    """Check that what --set names can be set."""
+    """Check that the names of --set can be set."""
     known = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
     for name, value in parameters.items():
         if name not in known:

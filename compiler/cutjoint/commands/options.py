@@ -74,7 +74,7 @@ class WholeRange(click.IntRange):
 
 
 class _PlainConsole(Console):
-    """Prints texts with their control characters escaped, so that names of files and of what is asked for do not move a terminal."""
+    """Prints texts with their control characters escaped, so that names in files and arguments do not move a terminal."""
 
     def print(self, *objects: Any, **how: Any) -> None:
         super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
@@ -102,7 +102,7 @@ links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
 
 
 def view(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The option for a file that shows ``what`` on screen."""
+    """The option for a file with a view of ``what``."""
     file, words = click.Path(dir_okay=False, path_type=Path), f"Page (.html) {what}, or its animation as glTF (.glb)."
     return click.option("--view", type=file, help=words)
 
@@ -186,7 +186,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
 
 class _Remaining(TimeRemainingColumn):
-    """The time that is left: by a forecast where there is one, else by what has passed."""
+    """The time that is left: by a forecast where there is one, else by the time until now."""
 
     def render(self, task: Task) -> Text:
         """As minutes and seconds."""
@@ -197,7 +197,8 @@ class _Remaining(TimeRemainingColumn):
 
 
 def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str, float]:
-    """The values of NAME=VALUE by their names: numbers in SI units, and what else a model file takes, `Quantity` where it has a unit.
+    """The values of NAME=VALUE by their names: numbers in SI units, and all other notations of model files, `Quantity` where there is a
+    unit.
 
     Raises:
         RunError: that is not what is written, a value is not finite, or a name has two.

@@ -1,4 +1,4 @@
-"""`cutjoint simulate` with method auto, which measures what it picks from; imported only where it is asked for."""
+"""`cutjoint simulate` with method auto, which measures its candidates; imported only where it is asked for."""
 
 from __future__ import annotations
 

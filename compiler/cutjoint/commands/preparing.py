@@ -1,4 +1,4 @@
-"""From a model file to a prepared run and its trajectory: what `cutjoint simulate` does where none is cached."""
+"""From a model file to a prepared run and its trajectory: the way of `cutjoint simulate` where none is cached."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from cutjoint.view.views import PAGE, require_view, show_run, write_shown
 def require_replay(
     request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None, batch: Path | None
 ) -> None:  # fmt: skip
-    """Check that what is asked for can be shown.
+    """Check that the wanted view can be shown.
 
     Raises:
         ModelError: the model is wrong, or a mesh of it.

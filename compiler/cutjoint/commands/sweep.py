@@ -68,7 +68,7 @@ def command(
 
 
 def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: int) -> None:
-    """The page of a sweep, and before it those of its worst runs, to which it leads."""
+    """The page of a sweep, and before it the pages of its worst runs, to which it leads."""
     from cutjoint.sweeps.page import make_page, worst_runs
     from cutjoint.sweeps.replay import replay_runs
 
@@ -124,7 +124,7 @@ def _report(study: Study, done: Sweep) -> None:
 
 
 def _alike(failures: Sequence[str | None]) -> list[list[int]]:
-    """The runs that failed, those together whose reasons differ by numbers alone."""
+    """The failed runs, in groups whose reasons differ by numbers alone."""
     found: dict[str, list[int]] = {}
     for run, failure in enumerate(failures):
         if failure is not None:

@@ -64,9 +64,9 @@ def lanes_break_even(operations: int, steps: float) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Standalone:
-    """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` what both are made of,
-    ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` what the
-    library has behind its interface."""
+    """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` the code of both,
+    ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` the
+    library's text behind its interface."""
 
     name: str
     digest: str
@@ -222,7 +222,7 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """The ``files`` of a folder by name, the name of its ``program``, and what that is made from where it stands alone."""
+    """The ``files`` of a folder by name, the name of its ``program``, and the code behind them, ``alone``, if the folder stands alone."""
 
     folder: Path
     files: Mapping[str, str]

@@ -102,7 +102,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
 
 
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
-    """Cache what was prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
+    """Cache a run prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
     with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
         write_record(_cache_path(request, text.encode()), _as_json(prepared))
 

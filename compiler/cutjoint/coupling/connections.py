@@ -32,7 +32,7 @@ class Connections:
 
 
 def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, str]) -> Connections:
-    """Connect ports with what has their name in the model, or the name that ``named`` has for them.
+    """Connect each port with the input or output of its name in the model, or of its name in ``named``.
 
     Raises:
         RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources, or nothing is

@@ -105,7 +105,7 @@ class SlaveProcess:
         self._connection.settimeout(self._seconds)
 
     def _listen(self, printed: Any) -> None:
-        """Keep the last of what the FMU prints, however much that is."""
+        """Keep the end of the FMU's output, however long that is."""
         with printed:
             while some := printed.read1():
                 self._printed = (self._printed + some)[-_KEPT:]

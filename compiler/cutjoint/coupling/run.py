@@ -33,8 +33,8 @@ _ROUNDING = 1e-6
 class Plan:
     """A run of a ``simulation``, which has not begun, with an FMU to ``end``, rows ``output_step`` and communication ``step`` apart (s).
 
-    ``dt`` (s) and ``tolerance`` are those of the integrator's steps, which follow from the latter where it has one; ``iterations`` of each,
-    None for as many as it takes.  ``parameters`` and constant inputs among them are in SI units.
+    ``dt`` (s) and ``tolerance`` set the integrator's steps, the tolerance alone where the integrator has one.  A step has ``iterations``
+    iterations, None for as many as it takes.  ``parameters`` and constant inputs among them are in SI units.
     """
 
     simulation: Simulation

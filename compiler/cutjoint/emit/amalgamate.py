@@ -14,7 +14,7 @@ _STANDARD = re.compile(r"#include <([^>]+)>\n")
 
 @dataclass(frozen=True, kw_only=True)
 class Amalgamation:
-    """Headers of the standard library by name, ``top``, what stands outside of namespaces, and ``body``, what stands inside."""
+    """Headers of the standard library by name, ``top``, the text outside of namespaces, and ``body``, the text inside."""
 
     standard: tuple[str, ...]
     top: str

@@ -65,7 +65,7 @@ class SimulationCode:
 
     @property
     def stepped(self) -> RecursiveEquations | SystemEquations:
-        """The equations of what is stepped, which have parameters, inputs and outputs."""
+        """The equations to step, which have parameters, inputs and outputs."""
         return self.mechanism if self.system is None else self.system.equations
 
     @property

@@ -61,7 +61,7 @@ def make_tables(plan: Plan, names: Sequence[str]) -> list[Table]:
 
 
 def table_items(plan: Plan) -> dict[str, list[list[Item]]]:
-    """The items of each table, those of a tile together, of entries those of a column."""
+    """The items of each table, together by tile, entries together by column."""
     tiling = plan.tiling
     tiles = range(len(tiling))
     sweeps = [_sweeps(plan, tile) for tile in tiles]
@@ -93,7 +93,7 @@ def _step(plan: Plan, tile: int, sweeps: int) -> tuple[int, ...]:
 
 
 def _sweeps(plan: Plan, tile: int) -> list[_Sweep]:
-    """All that a tile changes.  Of a symmetric matrix these are blocks of U alone, which are those of L before scaling."""
+    """All that a tile changes.  Of a symmetric matrix these are blocks of U alone; they are the blocks of L before scaling."""
     storage = plan.storage
     if plan.pattern.symmetric:
         return _sweep_below(plan, tile, storage.upper, storage.lower)

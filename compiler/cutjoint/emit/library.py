@@ -46,8 +46,8 @@ _OF_SYSTEM_DERIVATIVES = _Number(
 
 @dataclass(frozen=True, kw_only=True)
 class _Placed:
-    """A class of the library: where its ``header`` is, without the ending, what files of its functions begin with, its namespace within
-    that of generated classes, the target of the project that compiles it, and for which number types."""
+    """A class of the library: the place of its ``header``, without the ending, the beginning of its functions' files, its namespace within
+    that of generated classes, the target of the project that compiles it, and its number types."""
 
     made: CppClass
     header: str

@@ -1,4 +1,4 @@
-"""Loops of a function -> the names of what they keep, and C++ texts of what their bodies read."""
+"""Loops of a function -> the names of their kept scalars, and C++ texts of their bodies' arguments."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def write_loops(rolled: Rolled, names: Mapping[int, str], prefixes: Sequence[str
 
 
 def _heading(loop: Loop) -> tuple[str, ...]:
-    """The line that opens a loop; with lanes the last iterations may overlap those before, which have the same values."""
+    """The line that opens a loop; with lanes the last iterations may repeat some before, with the same values."""
     if not loop.lanes:
         return (f"for (int k = 0; k < {loop.count}; ++k) {{",)
     last = loop.count - loop.lanes

@@ -40,7 +40,7 @@ class SectionView:
 class FunctionView:
     """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision.
 
-    ``arrays`` declares what its loops keep, ``calls`` are the functions of namespace std that it calls.
+    ``arrays`` declares the arrays of its loops, ``calls`` are the functions of namespace std that it calls.
     """
 
     signature: str
@@ -244,7 +244,7 @@ class Viewer:
         return f"{array}[{index}]"
 
     def _note(self, result: Result) -> str:
-        """The comment that names what an element of a result is."""
+        """The comment with the meaning of a result's element."""
         slot, element = self._equations.slots.get(result.target), result.target.partition(":")[2]
         name = slot.names[result.index] if slot else ""
         if name == result.target:  # an entry of a matrix, by row and column

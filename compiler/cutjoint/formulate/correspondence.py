@@ -13,7 +13,7 @@ from cutjoint.topology.records import Topology
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:
     """A family for every quantity of a class's first member that has a counterpart in all others.
 
-    Only classes whose members touch nothing but what carries them all have lanes: a chain's members follow from each other.
+    Only classes whose members touch nothing but their common carrier have lanes: a chain's members follow from each other.
     """
     families = []
     for members in (group for found in topology.classes for group in found.lanes):

@@ -106,10 +106,9 @@ class Function:
 class Equations:
     """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name.
 
-    ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables,
-    ``columns`` the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` what the generated
-    ``load`` takes.  ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that
-    ``scene_inputs`` fills.
+    ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables, ``columns``
+    the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` the arguments of the generated ``load``.
+    ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills.
     """
 
     topology: Topology

@@ -1,7 +1,7 @@
 """The model's inputs in a scene: its laws with their first and second derivatives, as a function of their own.
 
 The function ``scene_inputs`` fills the array that a step reads: three numbers of each input, then the values at whose changes of sign laws
-change their formulas, then the margins of what must lie in the domains of laws.  All other functions read the array alone.
+change their formulas, then the margins of the laws' domains.  All other functions read the array alone.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SceneInputs:
 
 
 def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterable[Block], *, events: bool = True) -> SceneInputs:
-    """The scene's inputs; ``results`` are those of the equations of motion, which decide what counts as a switch or a domain.
+    """The scene's inputs; ``results`` are those of the equations of motion, in which a switch or a domain counts.
 
     Switches are left out without ``events``.
     """

@@ -1,1 +1,1 @@
-"""Joint kernels, derived by SymPy: what tree joints free, what cut joints hold, and the directions that these need."""
+"""Joint kernels, derived by SymPy: the freedoms of tree joints, the conditions of cut joints, and the directions of both."""

@@ -1,9 +1,9 @@
 """Cut-joint kernels, derived by SymPy: residual, Jacobian and velocity-dependent acceleration of a loop closure.
 
-A residual is written over what is fixed in the base body (its point ``p0`` and directions ``b``) and what is fixed in the
-follower (its point ``p`` and directions ``f``).  Seen from the base, only the latter move, with the relative twist
-Z = Z_follower - Z_base: p' = V + W x p, f' = W x f.  So Phi' = A Z with one A for both bodies, A_follower = A and A_base = -A, exactly.
-Residuals are frame-invariant scalars, or vectors resolved in common axes whose three components carry one penalty.
+A residual is written over a point and directions fixed in the base body (``p0`` and ``b``) and in the follower (``p`` and ``f``).  Seen
+from the base, only the latter move, with the relative twist Z = Z_follower - Z_base: p' = V + W x p, f' = W x f.  So Phi' = A Z with one A
+for both bodies, A_follower = A and A_base = -A, exactly.  Residuals are frame-invariant scalars, or vectors resolved in common axes whose
+three components carry one penalty.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ MAX_COMPARED = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing wrong in a model file: where, in which element, what, and what to write instead."""
+    """One thing wrong in a model file: its place, its element, a message, and a hint of something better."""
 
     span: Span
     element: str

@@ -19,7 +19,7 @@ _AXES = "xyz"
 
 @dataclass
 class Opening:
-    """Opens the numbers whose names match one of the ``patterns``, in which * stands for any text; those of all names are remembered."""
+    """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all."""
 
     patterns: list[str] = field(default_factory=list)
     parameters: dict[str, Parameter] = field(default_factory=dict)

@@ -21,7 +21,7 @@ from cutjoint.model.units import NONE, Dimension, Measure, UnitError, described,
 
 @dataclass(frozen=True)
 class Parameters:
-    """The parameters of a model: those with numbers, those that follow from them, and each one's term by its name in the file's order."""
+    """The parameters of a model: given ones, derived ones, and each one's term by its name in the file's order."""
 
     given: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
@@ -37,7 +37,7 @@ class Parameters:
 
 
 def read_parameters(scope: Scope, model: document.Document, lost: frozenset[str]) -> Parameters:
-    """All parameters, whichever stands first in the file; those that are ``lost`` have no value, and nothing is said of what uses them."""
+    """All parameters, whichever stands first in the file; ``lost`` ones have no value, and their uses are not judged."""
     parts = {name: entry if isinstance(entry, document.Parameter) else document.Parameter(value=entry)
              for name, entry in model.parameters.items()}  # fmt: skip
     used = {name: symbols_of(part.value) & parts.keys() for name, part in parts.items()}

@@ -107,10 +107,9 @@ class Visual:
 class Body:
     """A rigid body; one without mass may have inertia, as a shaft's about its axis, and its centre is the origin unless given.
 
-    ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes,
-    kg m2; the last three are elements of the inertia matrix (products of inertia with their sign reversed).  ``shapes`` are those that
-    mass, centre and inertia come from; none where the file gives these as numbers.  ``visuals`` are what is drawn instead, of welded
-    bodies those of all.
+    ``inertia`` is (Ixx, Iyy, Izz, Ixy, Ixz, Iyz) about the body's own centre of mass in global design axes, kg m2; the last three are
+    elements of the inertia matrix (products of inertia with their sign reversed).  ``shapes`` are those that mass, centre and inertia come
+    from; none where the file gives these as numbers.  ``visuals`` are drawn in place of shapes; a body welded of several has those of all.
     """
 
     name: str
@@ -199,11 +198,11 @@ class Gear:
 
 @dataclass(frozen=True, kw_only=True)
 class Guard:
-    """A force that was taken out of the model, and what must hold for that.
+    """A force that was taken out of the model, and the condition for that.
 
-    ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is
-    the force's place among all forces.  Of a tyre only the lateral force was taken out, and it has no index; its margins are expressions
-    over ``side``, what that force would be.
+    ``margins`` are expressions over the variables of the force's law: while none of them is negative, the law is zero.  ``index`` is the
+    force's place among all forces.  Of a tyre only the lateral force was taken out, and it has no index; its margins are expressions over
+    ``side``, the value of the lateral force.
     """
 
     force: Force
@@ -359,14 +358,13 @@ class Numerics:
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
-    ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and
-    speeds by ``joint.coordinate``, an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to
-    those of the base, of length one but for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given
-    keeps its parameter's value); ``switches`` turns forces on and off by their full names.  ``method`` is the
-    formulation that the scene wants ("" for the default) or "auto", which picks model, formulation and step so
-    that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as real time.
-    ``on_violation`` says what follows when the guard of a force is violated that a reduced model leaves out:
-    "stop", or "restart" with the full model.  ``entries`` are the places of positions and rates by "section.joint.coordinate".
+    ``pose`` is "design" or "equilibrium".  ``positions`` and ``rates`` give initial joint coordinates and speeds by ``joint.coordinate``,
+    an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one but
+    for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
+    turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
+    picks model, formulation and step so that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as
+    real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
+    ``entries`` are the places of positions and rates by "section.joint.coordinate".
     """
 
     name: str

@@ -1,6 +1,6 @@
 """Checks a document's shape with pydantic, and words what is wrong for the user.
 
-Elements of the wrong shape are left out, and what refers to them is not judged, so that the problems of the others come in the same go.
+Elements of the wrong shape are left out, and references to them are not judged, so that the problems of the others come in the same go.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The shapes of values in a model file: numbers, points, directions, inertia, laws.
 
-Only shapes are checked here; names, numbers and units are resolved later.  Members of unions are distinguished by their
-form, so that what is wrong is reported once and in the user's words.
+Only shapes are checked here; names, numbers and units are resolved later.  Members of unions are distinguished by their form, so that a
+fault is reported once and in the user's words.
 """
 
 from __future__ import annotations

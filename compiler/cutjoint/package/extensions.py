@@ -51,7 +51,7 @@ class Backend:
     """An implementation of models beside generated code and its interpreter.
 
     ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
-    product: cached runs follow from them.  It is imported for cached runs too, and so imports what compiles when that is called.
+    product: cached runs follow from them.  It is imported for cached runs too, and so imports modules that compile at their first use.
     """
 
     name: str
@@ -61,7 +61,8 @@ class Backend:
 
 @dataclass(frozen=True, kw_only=True)
 class Door(Generic[C]):
-    """A kind of additions: its ``group`` of entry points, ``what`` each is in a message, and the package of each addition that is known."""
+    """A kind of additions: its ``group`` of entry points, the word ``what`` for each in a message, and the package of each known
+    addition."""
 
     group: str
     what: str

@@ -24,10 +24,10 @@ Grammar (shapes in parentheses, a scalar is a (1, 1) block)::
            | lane(k; a)                     what lane k of a has
            | lane_sum(a)                    the sum of all lanes
 
-A block is uniform or has lanes: as many values of its shape side by side, one for each member of a class of equal parts.  An operation
-on a block with lanes has lanes; its uniform arguments count for all of them.
-Equal expressions are one object, so that comparing them is comparing identities.  A block carries whether it is symmetric by
-construction, the binding time of what it depends on, and the section (a body, joint or force) that introduced it.
+A block is uniform or has lanes: as many values of its shape side by side, one for each member of a class of equal parts.  An operation on a
+block with lanes has lanes; its uniform arguments count for all of them.  Equal expressions are one object, so that comparing them is
+comparing identities.  A block carries its symmetry by construction, the latest binding time of its arguments, and the section (a body,
+joint or force) that introduced it.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class Builder:
         self, block: Block, symbol: str, *parts: str, which: tuple[str, ...] = (), rows: tuple[str, ...] = (),
         columns: tuple[str, ...] = (),
     ) -> Block:  # fmt: skip
-        """Say what a block is, and label it with that."""
+        """Give a block its meaning and its label."""
         text = "_".join((symbol, *parts, *which)).replace(".", "_")
         return self.label(self.record(block, symbol, *parts, which=which), text, rows=rows, columns=columns)
 

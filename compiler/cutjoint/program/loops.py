@@ -3,9 +3,9 @@
 A function's statements come section by section (a body, a joint, a force).  Where sections of the same shape follow each other again and
 again, one of them, or a period of several, is the body of a loop.  What an iteration reads from outside is the same in all, or lies in
 step: inputs at regular places, values of this loop or of another some iterations away, or in the opposite direction; or it is read from a
-table, if it is known before the loop.  Values that are read outside their own iteration are stored in arrays; what the first
-iteration has where the others have the one before is copied to the same array, in front.  The order of evaluation stays, and with it
-every rounding.
+table, if it is known before the loop.  Values that are read outside their own iteration are stored in arrays; the first iteration's
+argument in place of a predecessor's value is copied to the same array, in front.  The order of evaluation stays, and with it every
+rounding.
 
 Where no iteration reads what another has stored, several are computed side by side, if the program may have lanes.
 """
@@ -399,7 +399,7 @@ class _Rolling:
         return column[0] if len(set(column)) == 1 else body[self._where[column[0]][1]]
 
     def _joint_section(self, sections: Sequence[Section]) -> Section:
-        """The section of a body: what those of its iterations have in common, and the first and last of them."""
+        """The section of a loop's body: that of its iterations, named by the elements of the first and the last."""
         first, last = sections[0], sections[-1]
         return replace(first, element=f"{first.element}{TO}{last.element}") if first.element else first
 

@@ -15,7 +15,7 @@ def schedule(
 ) -> Program:
     """Lower the functions onto one graph; with ``lanes``, their loops may have some, too.
 
-    Those named in ``last`` come after the others, whose code does not change for them.
+    Results in ``last`` come after the others, whose code does not change for them.
 
     Work that depends on parameters or on time alone leaves the functions for the two earlier stages.
 

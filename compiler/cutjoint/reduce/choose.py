@@ -1,8 +1,8 @@
 """`method: auto`: the cheapest model, formulation and step that keep a scene's tolerance, found by calibration runs.
 
-The truth is the full model at steps that are halved until nothing changes any more.  The reduced models of the first method that takes
-the model, and what of these is cheapest for the others, are then tried with steps that are whole fractions or multiples of the distance
-of the scene's rows, and timed at the longest that keeps the tolerance.
+The truth is the full model at steps that are halved until nothing changes any more.  The reduced models of the first method that takes the
+model, and the cheapest of these for each other method, are then tried with steps that divide or multiply the distance of the scene's rows,
+and timed at the longest step within the tolerance.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class Choice:
 
 
 class _ReducedModels:
-    """The reduced models that are tried: of the first method that takes the model those of its own reduction sequence, of the others what
-    is cheapest of these."""
+    """The reduced models that are tried: of the first method that takes the model its own reduction sequence, of the others the cheapest of
+    these."""
 
     def __init__(self, model: Model, scene: Scene) -> None:
         self._model, self._scene = model, scene
@@ -217,7 +217,7 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
 def _find_steps(
     reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
-    """The candidates, which are not timed, and the runs of those that keep the tolerance, whose code is being compiled.
+    """The candidates, not yet timed, and the runs of those within the tolerance, whose code is being compiled.
 
     The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  A saddle
     point is begun last, since it takes longest to prepare.

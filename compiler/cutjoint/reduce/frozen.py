@@ -1,4 +1,4 @@
-"""Joints that are frozen together: what their bodies become parts of, where these are, and what stands in the way."""
+"""Joints that are frozen together: the carriers of their bodies, the places of these, and obstacles."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _need(model: Model, scene: Scene, joint: Joint) -> str:
 
 
 def _fixed_in(element: Any, inner: Collection[str]) -> set[str]:
-    """The bodies in which an element that stays has what cannot be moved in one of them alone."""
+    """The bodies in which an element that stays has parts that cannot be moved in one of them alone."""
     match element:
         case Joint():
             return set() if element.name in inner else bodies_of(element)

@@ -38,7 +38,7 @@ def guardable(model: Model, scene: Scene) -> tuple[str, ...]:
 def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = None) -> Outcome:
     """Take the named forces, or all that can be, out of the model and put guards in their place.
 
-    Forces, stiffnesses and dampings of what was taken out are reported as zero, where its parts are as in the full model.
+    Forces, stiffnesses and dampings of a guarded force are reported as zero, the places of its parts as in the full model.
     """
     asked = guardable(model, scene) if names is None else names
     reasons = {f.name: _reason(f, scene) for f in model.forces if f.name in asked}
@@ -60,7 +60,7 @@ def guard_forces(model: Model, scene: Scene, names: Collection[str] | None = Non
 
 
 def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> tuple[Outcome, R]:
-    """Run without the forces that can be guarded, and again with those whose guards were violated, until none is.
+    """Run without the forces that can be guarded, and again with the forces of violated guards, until none is violated.
 
     A run without them that fails otherwise is repeated in full.  Returns the last run and the model that it ran.
     """
@@ -74,7 +74,7 @@ def speculate(model: Model, scene: Scene, run: Callable[[Model, Scene], R]) -> t
 
 
 def guard_idle(model: Model, scene: Scene) -> Outcome:
-    """The pass: the forces that do not act in the scene at its step, found by runs that put back what does."""
+    """The pass: the forces without action in the scene at its step, found by runs that put the acting ones back."""
     if not guardable(model, scene):
         return Outcome(model=model, scene=scene)
     outcome, run = speculate(model, scene, run_scene)

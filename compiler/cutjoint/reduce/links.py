@@ -145,7 +145,8 @@ def _moved_marker(marker: Marker, link: _Link) -> Marker:
 def _told(reaction: Reaction | RodForce, link: _Link, rods: Sequence[Joint], forces: Sequence[Force]) -> Reaction | RodForce:
     """The force in the link's cut joint, from those in the rods.
 
-    The link has no weight: what its cut joint gives to it is what the rods give to the other end, less what acts on the link there.
+    The link has no weight: its cut joint gives it the force that the rods give to the other end, less the force that acts on the link
+    there.
     """
     if isinstance(reaction, RodForce) or reaction.joint not in (link.cut.name, link.tree.name):
         _require_other(reaction, link)

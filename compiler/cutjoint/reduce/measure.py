@@ -151,7 +151,7 @@ def _finished(run: Trajectory, variant: ReducedModel) -> Trajectory:
 
 
 def time_run(artifact: Artifact, dt: float | None, parameters: Mapping[str, float] | None = None) -> Cost:
-    """The fastest of several runs, of which those without a given step keep the scene's tolerance."""
+    """The fastest of several runs; without a given step they keep the scene's tolerance."""
     runs = [simulate(artifact, dt=dt, parameters=parameters, error=dt is None, check=False) for _ in range(REPETITIONS)]
     failure = next((str(run.failure) for run in runs if run.failure is not None), "")
     return Cost(seconds=min(run.seconds for run in runs), error=inf, failure=failure)

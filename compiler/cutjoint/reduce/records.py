@@ -21,7 +21,7 @@ class Note:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The model and scene after a pass: ``done`` says what it changed, ``left`` what it would have changed but for the reason given.
+    """The model and scene after a pass: ``done`` has notes of its changes, ``left`` of changes that it did not make, each with the reason.
 
     The columns that the scene asks for keep their names.
     """
@@ -37,7 +37,7 @@ Pass: TypeAlias = Callable[[Model, Scene], Outcome]
 
 
 def hand_over(model: Model, body: str, to: str) -> Model:
-    """The model without a body; what stands on it stands on another that moves with it."""
+    """The model without a body; its elements stand on another that moves with it."""
     return replace(
         model,
         bodies=tuple(b for b in model.bodies if b.name != body),

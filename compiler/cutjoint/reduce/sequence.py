@@ -72,7 +72,8 @@ ROLLING = Step(name="rolling", reduce=roll_straight, motion="approximate")
 class ReducedModel:
     """A model of the reduction sequence.
 
-    ``name`` is that of the last pass that changed it; ``done`` is what the passes up to that one did, ``left`` what they found and left.
+    ``name`` is that of the last pass that changed it; ``done`` has the changes of the passes up to that one, ``left`` the elements that
+    they left.
 
     ``motion`` is one of MOTIONS; ``operations`` are those of an evaluation, ``unknowns`` and ``equations`` the numbers of coordinates and
     of the cut joints' equations; ``scheduled`` are the equations and the program that these were counted in.

@@ -26,8 +26,7 @@ _INTERPRETING = 4e-9
 
 
 class Trials:
-    """Runs of a model by a method whose steps are given, and which keep no tolerance; ``scheduled`` is what `pipeline.schedule_method` made
-    of it."""
+    """Runs of a model by a method with given steps and without a tolerance; ``scheduled`` is what `pipeline.schedule_method` made of it."""
 
     def __init__(self, model: Model, scene: Scene, method: str, *, scheduled: tuple[Equations, Program] | None = None) -> None:
         self._model, self._scene, self._method = model, scene, method
@@ -80,7 +79,7 @@ class Trials:
         return run
 
     def instructions(self, run: Trajectory) -> float:
-        """The instructions of a run's evaluations, less those that solve linear systems: what it takes at least, on whatever machine."""
+        """The instructions of a run's evaluations, less those that solve linear systems: a lower bound for all machines."""
         return count_instructions(self._interpreted.program, self._method, run)
 
     @property

@@ -21,7 +21,7 @@ def _table(title: str, headings: Sequence[str], left: int) -> Table:
 
 
 def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Table:
-    """One row a model: what is left of the model, what it costs, and how far it is from the full one."""
+    """One row a model: the rest of the model, its cost, and its distance from the full one."""
     full = variants[0]
     headings = ("model", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
     table = _table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)

@@ -187,8 +187,8 @@ class Comparison:
 def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left: float, jumps: Sequence[float] = ()) -> Comparison:
     """The error of each output of a run; ``again(n)`` is the run with steps n times finer, coarser for n < 0, None if it fails.
 
-    Of a run's error ``left`` is left with steps once finer.  What the run differs by from that one is its error, but for the smaller error
-    of that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
+    Of a run's error ``left`` is left with steps once finer.  The run's difference from that one is its error, but for the smaller error of
+    that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
     motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of
     integrators explain, two runs agree by chance, and a share of the third's difference is the error.
     """

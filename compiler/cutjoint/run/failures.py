@@ -1,4 +1,4 @@
-"""Runs that do not reach their end: what is said of them, and the errors that hand over what there is of them."""
+"""Runs that do not reach their end: their descriptions, and the errors that hand over their partial results."""
 
 from __future__ import annotations
 

@@ -77,9 +77,8 @@ def make_run_file(
     ``changes`` are values (SI units) of open parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
     time.  Inputs that neither names follow the scene.  "steps_out" may be added, where iterations and residuals of each step go,
     "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row do, and
-    "states", of which "evaluate" evaluates; a batch needs
-    "cases", what each run has of its own, and "threads".  "numerics" are the settings of steps, "stabilisation" those of the cut joints
-    of the recursive equations, which start every run.
+    "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".  "numerics" are the
+    settings of steps, "stabilisation" the settings of cut joints in the recursive equations, which start every run.
 
     Raises:
         RunError: a change names neither an open parameter nor an input, has no finite value, or leaves the start or a road

@@ -1,4 +1,4 @@
-"""The scene of a run: which one, and with which settings."""
+"""The scene of a run: its choice and its settings."""
 
 from __future__ import annotations
 

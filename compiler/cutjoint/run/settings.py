@@ -136,7 +136,7 @@ def _fitting(scene: Scene, dt: float | None) -> float | None:
 
 
 def find_settings(scene: Scene, method: Method, implementation: Implementation, options: Options) -> Settings:
-    """The settings of a run of a scene (`with_options`) by a method; what the caller asks for comes before what the scene says.
+    """The settings of a run of a scene (`with_options`) by a method; settings of the caller come before settings of the scene.
 
     Raises:
         RunError: what is asked for does not go together, or a setting is out of its range.

@@ -21,11 +21,11 @@ _BESIDE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorRun:
-    """A program and what it reads, but for where results go: plain data.
+    """A program and its inputs, but for the places of results: plain data.
 
-    ``simulator`` is the program, ``run_file`` what it reads, ``description`` what it reads of the model besides (None for
-    generated code), ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that
-    steps are to keep, None where steps are given.
+    ``simulator`` is the program, ``run_file`` its input, ``description`` the model's data for an interpreter (None for generated code),
+    ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that steps are to keep,
+    None where steps are given.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
@@ -92,7 +92,7 @@ def start(
     run: SimulatorRun, *, out: Path | None = None, steps: Path | None = None, tangents: Path | None = None,
     progress: Progress | None = None, seconds: float | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are the files that receive what `simulation.simulate` says.
+    """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are files for results, as in `simulation.simulate`.
 
     Raises:
         SimulatorError: the simulator could not begin, could not write a file, or took more than ``seconds``.

@@ -107,7 +107,8 @@ def stop_requests() -> Iterator[StopRequest]:
 
 @contextmanager
 def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """While this lasts, signals are handled for which that is done which is ``usual``; Python has signals in its main thread alone."""
+    """While this lasts, ``handle`` takes all signals that have their ``usual`` handling now; Python has signals in its main thread
+    alone."""
     in_main = threading.current_thread() is threading.main_thread()
     taken = {s: found for s, found in usual.items() if in_main and signal.getsignal(s) == found}
     for s in taken:

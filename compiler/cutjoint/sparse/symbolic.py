@@ -1,4 +1,4 @@
-"""Symbolic elimination: what fills in and what is computed, without numbers.
+"""Symbolic elimination: fill-in and operations, without numbers.
 
 Davis, "Direct Methods for Sparse Linear Systems" (2006), chapters 4 and 6.  Structures are sets of pivots held as the bits of integers, so
 that the union of two is one operation; L D L^T and L U differ in nothing but that the former's halves are alike.

@@ -19,9 +19,9 @@ _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "s
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps`` what
-    the integrator can do, ``settings`` those that a simulation begins with, ``lanes`` what takes the steps of several
-    together, if the method can.
+    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps`` the
+    properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method
+    can.
 
     Raises:
         OSError: the file is no library.

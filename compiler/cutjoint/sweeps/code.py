@@ -1,4 +1,4 @@
-"""The runs of a study as C++, behind the interface of a model's folder: what they are given, and the series that they leave."""
+"""The runs of a study as C++, behind the interface of a model's folder: their arguments, and the series that they leave."""
 
 from __future__ import annotations
 

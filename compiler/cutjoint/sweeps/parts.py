@@ -71,7 +71,7 @@ class Parts:
     def ranges(self) -> list[tuple[int, int]]:
         """The runs whose rows are there: from the first of each part to the one behind the last, in order.
 
-        What is no part of the sweep is set aside, what an earlier call left unfinished is removed.
+        Files of no part of the sweep are set aside, unfinished ones of an earlier call are removed.
         """
         found, at = [], 0
         for path in self._paths():
@@ -90,7 +90,7 @@ class Parts:
         return found
 
     def _paths(self) -> list[Path]:
-        """The files in the folder, in order, but the manifest, what is unfinished, which is removed, and files that are hidden."""
+        """The files in the folder, in order, but the manifest and hidden files; unfinished ones are removed."""
         with naming_output(self.folder):
             paths = sorted(self.folder.iterdir())
         for path in paths:

@@ -43,7 +43,7 @@ METHOD, = names_of(METHODS, lambda m: m.batch)
 
 @dataclass(frozen=True, kw_only=True)
 class BatchArtifact:
-    """A model compiled for batches of one scene; ``alone`` is what makes its runs one by one, None where they go side by side."""
+    """A model compiled for batches of one scene; ``alone`` makes its runs one by one, None where they go side by side."""
 
     model: Model
     scene: Scene

@@ -1,7 +1,7 @@
 """Files by content keys: each has its digest beside it, and counts as absent unless it is what was stored.
 
 A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
-reason nothing is flushed to the disk: what a power failure cuts off is no longer what was stored.  Files that somebody else could have
+reason nothing is flushed to the disk: a file cut off by a power failure does not match its digest.  Files that somebody else could have
 written are refused (`trust`).
 
 What all caches share is stored beside the installation, in the same form.
@@ -121,7 +121,7 @@ def fetch(file: Path, target: Path) -> bool:
 
 
 def read_record(place: Path) -> Any:
-    """A record of the cache; None where there is none, or not what was written.
+    """A record of the cache; None where there is none, or a damaged one.
 
     Raises:
         ToolchainError: somebody else can write there.
@@ -203,7 +203,7 @@ def _settle(place: Path, *paths: Path) -> None:
 
 
 def _make_way(target: Path) -> None:
-    """Remove what stands where a file and its folders are to be, and is of another kind."""
+    """Remove things of another kind at the places of a file and its folders."""
     store = _store_of(target)
     for part in reversed(target.relative_to(store).parents):
         if not (folder := store / part).is_dir():

@@ -63,7 +63,7 @@ def _one_word(compiler: Compiler, folder: Path) -> str:
 
 
 def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str]) -> None:
-    """Build what is configured, and tell whoever listens how far that is.
+    """Build the configured project, and tell a listener of its progress.
 
     Raises:
         ToolchainError: the compiler refused it.

@@ -65,7 +65,7 @@ def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Lat
 
 
 def main() -> None:
-    """Build what the record that is named on the command line says."""
+    """Build by the record named on the command line."""
     os.nice(10)
     place = Path(sys.argv[1])
     record: Mapping[str, Any] = read_record(place)

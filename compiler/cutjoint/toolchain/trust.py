@@ -33,8 +33,7 @@ _MOST_LINKS = 40
 class Trust:
     """The owners and writers of the files of a ``store``, which one is that beside the installation if it is ``installed``.
 
-    What belongs to one of ``groups`` may be written by its members, and what belongs to the group that ``shares`` the store may have any
-    owner.
+    Files of one of ``groups`` may be written by its members, and files of the group that ``shares`` the store may have any owner.
     """
 
     store: Path
@@ -101,7 +100,7 @@ def trust_of(store: Path, *, installed: bool) -> Trust:
 
 
 def _parts(path: Path) -> Iterator[tuple[Path, os.stat_result, bool]]:
-    """The places that a path leads through, links too, in their order, up to what is not there; and whether it is where the path ends."""
+    """The places that a path leads through, links too, in their order, up to a missing one; and whether it is where the path ends."""
     here, left, links = Path("/"), deque(path.absolute().parts[1:]), 0
     yield here, here.lstat(), False
     while left and links <= _MOST_LINKS:
@@ -137,7 +136,7 @@ def _shared_by() -> int | None:
 
 @cache
 def _private_group(number: int) -> int | None:
-    """The group that has a user's name and nobody else, which many systems let write what the user makes."""
+    """The group that has a user's name and nobody else; many systems let it write the user's files."""
     with suppress(KeyError):
         user = pwd.getpwuid(number)
         group = grp.getgrgid(user.pw_gid)

@@ -100,7 +100,7 @@ class Watch:
         return now / before if before and now else 1.0
 
     def _size(self, name: str) -> int:
-        """Bytes of the source that an object file is made from, zero of what is none of the project's own."""
+        """Bytes of the source of an object file, zero of a source outside of the project."""
         file = self._source / _source_of(name)
         return file.stat().st_size if file.is_file() else 0
 

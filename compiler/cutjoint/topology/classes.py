@@ -63,7 +63,7 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
 @dataclass(frozen=True, kw_only=True)
 class _Part:
     """A part: its bodies, its ``elements`` (bodies, tree joints, cut joints, gears, forces) in the order of the signature, and the body
-    that carries it, if it touches nothing else that moves in an unknown way but what carries this one."""
+    that carries it, if the part touches nothing else of unknown motion."""
 
     bodies: tuple[str, ...]
     elements: tuple[str, ...]

@@ -1,4 +1,5 @@
-"""Joints as numbers in the design position: what a tree joint frees and what a cut joint holds, as twists about the world's origin."""
+"""Joints as numbers in the design position: the freedoms of a tree joint and the conditions of a cut joint, as twists about the world's
+origin."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def _condensation(t: TreeJoint, others: frozenset[str], inner: bool) -> int:
 
 
 def _ball(s: int, inner: bool) -> int:
-    """A ball about its centre: inertia there, moments of s couplings, and what goes on to a parent that moves."""
+    """A ball about its centre: inertia there, moments of s couplings, and the part for a parent that moves."""
     return 40 + 120 * inner + (70 + 90 * inner) * s
 
 

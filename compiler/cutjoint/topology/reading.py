@@ -14,7 +14,7 @@ from cutjoint.topology.spanning_tree import TopologyError
 
 
 def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
-    """Read and validate the model file at ``path``; numbers in the result are SI, those whose names match ``opened`` are parameters.
+    """Read and validate the model file at ``path``; numbers in the result are SI, and parameters if their names match ``opened``.
 
     Raises:
         ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds

@@ -71,8 +71,8 @@ def _way_in(above: Mapping[str, TreeJoint], body: str) -> list[TreeJoint]:
 
 
 def _orient(joints: Sequence[Joint]) -> tuple[TreeJoint, ...]:
-    """The joints as seen from the ground, depth first in the file's order, so that a subtree stands together; what moves in a known
-    way comes last, so that it is eliminated first and its couplings merge."""
+    """The joints as seen from the ground, depth first in the file's order, so that a subtree stands together; bodies of known motion come
+    last, so that they are eliminated first and their couplings merge."""
     at: dict[str, list[Joint]] = {}
     for joint in sorted(joints, key=lambda j: degrees(j) == 0):
         at.setdefault(joint.base, []).append(joint)

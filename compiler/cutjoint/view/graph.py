@@ -73,7 +73,7 @@ class Graph:
 def draw_graph(
     topology: Topology, facts: Sequence[tuple[str, str]], notes: Mapping[str, Sequence[str]], gone: frozenset[str] = frozenset()
 ) -> Graph:  # fmt: skip
-    """The graph of a topology; ``notes`` are what is to be said of elements, by name, ``gone`` those that a reduction left out."""
+    """The graph of a topology; ``notes`` are texts about elements, by name, ``gone`` the elements that a reduction left out."""
     return _Layout(topology=topology, facts=facts, notes=notes, gone=gone).graph()
 
 
@@ -111,7 +111,7 @@ class _Layout:
 
     @cached_property
     def _rows(self) -> Mapping[str, float]:
-        """Bodies that carry none stand one below the other, each other beside the middle of what it carries."""
+        """Bodies that carry none stand one below the other, each other body beside the middle of its children."""
         rows: dict[str, float] = {}
         count = 0
         for name in reversed((GROUND, *self._outwards())):

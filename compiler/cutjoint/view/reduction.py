@@ -15,7 +15,7 @@ from cutjoint.view.views import ViewSpec
 
 
 def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], variants: Sequence[ReducedModel]) -> ViewSpec:
-    """The design position of the full model, and its topology: what the reduced models leave out is faint, what is changed has a note."""
+    """The design position of the full model, and its topology: left-out elements are faint, changed ones have a note."""
     last = variants[-1]
     elements, kept = _names(model), _names(last.model)
     facts = [(v.name, f"{v.unknowns} coordinates, {v.equations} equations, {v.operations} operations") for v in variants]

@@ -71,7 +71,7 @@ class ViewSpec:
 
 
 def require_view(path: Path, option: str) -> None:
-    """Check that a file's ending says what it is.
+    """Check that a file's ending is that of a view.
 
     Raises:
         OutputError: it is neither a page nor a glTF file.
@@ -174,7 +174,7 @@ def write_shown(path: Path, shown: ViewSpec, *, over: GhostRun | None = None) ->
 
 
 def _in_reach(path: Path, shown: ViewSpec) -> ViewSpec:
-    """The motion that is shown, up to the first time at which a body is too far away to be drawn, which the note says then."""
+    """The shown motion, up to the first time at which a body is too far away to be drawn; then the note says so."""
     near = np.array([np.abs(pose.shift).max(axis=1) < _FAR for pose in shown.poses.values()]).reshape(-1, shown.t.size).all(axis=0)
     rows = int(np.append(near, False).argmin())
     if not rows:

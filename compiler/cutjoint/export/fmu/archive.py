@@ -47,8 +47,8 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True, kw_only=True)
 class Fmu:
-    """An FMU by FMI ``version``: the folder of the model, what describes it, its variables, the layer over the folder's C interface, the
-    files by name of the project that builds both, the licence, a page about it, and the topology of which that page shows a picture."""
+    """An FMU by FMI ``version``: the folder of the model, its descriptions, its variables, the layer over the folder's C interface, the
+    files by name of the project that builds both, the licence, a page about it, and the topology for that page's picture."""
 
     version: int
     standalone: Standalone
@@ -105,7 +105,7 @@ class Fmu:
 def make_fmu(
     model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None
 ) -> Fmu:
-    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, whose steps are those of a ``method`` that has folders.
+    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method`` that has folders.
 
     Raises:
         RunError: the method has no folders, or none with states for model exchange.

@@ -21,9 +21,9 @@ _PLAIN = ""
 class Variable:
     """A real variable in the words of the standard; its value reference is its place among all.
 
-    ``start`` is its value before a run, None of what is calculated.  ``dependencies`` are the value references of what an output, state or
-    derivative follows from at the start, ``following`` what it follows from while a host integrates.  ``derives`` is the value reference of
-    the state whose derivative it is.
+    ``start`` is its value before a run, None of what is calculated.  ``dependencies`` are the value references that determine an output,
+    state or derivative at the start, ``following`` all that do so while a host integrates.  ``derives`` is the value reference of the state
+    whose derivative it is.
     """
 
     name: str

@@ -70,7 +70,7 @@ def weights(k: Kinematics, loop: LoopClosure) -> Block:
 
 @dataclass(kw_only=True)
 class SharedForces(BodySystem):
-    """A body system that remembers what each element adds to the forces: by element, its wrench on each of its bodies."""
+    """A body system that remembers each element's part in the forces: by element, its wrench on each of its bodies."""
 
     wrenches: dict[str, dict[str, Block]] = field(default_factory=dict)
 

@@ -29,8 +29,8 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 class Constraint:
     """Equations of one body, joint or gear: columns (m, 1), and the gradient (m, size) by node.
 
-    ``by_use`` has the gradient (m, 3) by what each body has with its sign, ``by_way`` that by the way between a joint's points, None
-    where an equation of the joint does not hold that.
+    ``by_use`` has the gradient (m, 3) by each body's part with its sign, ``by_way`` that by the way between a joint's points, None where an
+    equation of the joint does not hold that way.
     """
 
     element: str

@@ -60,7 +60,7 @@ class Action:
 
 @dataclass(kw_only=True)
 class Element:
-    """A force element: what it does to forms, from the forms ``by`` whose motion it depends on, and its reported quantities."""
+    """A force element: its actions on forms, the forms ``by`` whose motion it depends on, and its reported quantities."""
 
     name: str
     actions: list[Action] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Model -> the layout of natural coordinates: which points and unit vectors are coordinates, and what follows from them.
+"""Model -> the layout of natural coordinates: the points and unit vectors that are coordinates, and the nodes that follow from them.
 
 Bodies are laid out from the ground outwards.  A body is spanned by up to four nodes, a point first: those that a joint shares with a
 body laid out before, then points and directions of its own, then unit vectors across these.  Of joints that stand alike on a body none is
@@ -50,7 +50,7 @@ class Group:
 
 @dataclass(kw_only=True)
 class Layout:
-    """The nodes in the order in which they were laid out, the groups, and who carries which node.
+    """The nodes in the order of their layout, the groups, and the carriers of each node.
 
     ``angles`` are nodes by joint and coordinate, ``idle`` the joints that need no equation, ``outwards`` inner and outer body of
     each tree joint.
@@ -338,7 +338,7 @@ class _Builder:
                 selection.offer(group, Need(kind=NodeKind.VECTOR, place=axis, title=NodeName(group, name)), _OWN)
 
     def _complete(self, group: str, needs: Needs, selection: _Selection, rank: int) -> None:
-        """Unit vectors across what is chosen, or what is needed but lies badly, until the span is whole."""
+        """Unit vectors across the chosen nodes, or badly placed needs, until the span is whole."""
         if not selection.nodes:
             selection.offer(group, self._first_point(group, (), needs), 0.0)
         rest = [*needs.shared, *needs.spanned]

@@ -1,7 +1,7 @@
 """Branches that close on themselves are eliminated at once, in joint space.
 
-With S_i the motion subspaces, a_j what the known motions add to the acceleration of body j, M^c and F^c the sums of M and of Q - M a over
-a body and all that it carries, Z_P the carrier's twist, and J = A S the cut joints' Jacobian by the unknowns::
+With S_i the motion subspaces, a_j the acceleration of body j by the known motions, M^c and F^c the sums of M and of Q - M a over a body and
+all bodies that it carries, Z_P the carrier's twist, and J = A S the cut joints' Jacobian by the unknowns::
 
     H_ij = S_i^T M^c_j S_j  (i carries j)       H += J^T a J
     h_j  = S_j^T F^c_j + tau_j                  h -= J^T (lambda + a s'),   s' = s + A (a_f - a_b)

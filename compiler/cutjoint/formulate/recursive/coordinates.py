@@ -1,4 +1,5 @@
-"""Coordinates of joints as forces and outputs see them: those of a tree joint are its unknowns, those of a cut joint are measured.
+"""Coordinates of joints as forces and outputs see them: coordinates of a tree joint are its unknowns, coordinates of a cut joint are
+measured.
 
 A displacement s of a cut joint along the direction e of its base, an angle a about its axis e, with the way d from the base's point to the
 follower's and the angular velocities w::

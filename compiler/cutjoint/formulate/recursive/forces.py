@@ -1,6 +1,6 @@
 """Body matrices, inertia forces and applied forces, as contributions to the body system (Cuadrado et al. 2000, eqs. 24-25).
 
-Each element also yields its reported quantities, so that results and equilibrium tables name what the equations used.
+Each element also yields its reported quantities, so that results and equilibrium tables have the values of the equations.
 """
 
 from __future__ import annotations

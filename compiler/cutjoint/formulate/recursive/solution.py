@@ -1,7 +1,6 @@
 """The body system with its cut joints, solved: for the forces of a motion, and for gaps of the cut joints alone.
 
-Both solutions have the same matrix.  Blocks are hash-consed, so that the second one repeats of the elimination only what
-depends on the right side.
+Both solutions have the same matrix.  Blocks are hash-consed, so that the second one repeats only the elimination of the right side.
 """
 
 from __future__ import annotations

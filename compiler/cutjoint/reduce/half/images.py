@@ -1,4 +1,4 @@
-"""The image of every element under a reflection, which must be what the mirror shows of it."""
+"""The image of every element under a reflection; it must equal the element's reflection."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Images:
 
 
 def require_images(pairs: Pairs) -> Images:
-    """The images of all elements, which must be what the mirror shows.
+    """The images of all elements; each must equal the reflection.
 
     Raises:
         AsymmetryError: an element has no image, or differs from it.

@@ -1,4 +1,4 @@
-"""Elements that nearly are each other's images, and what stands half way between them."""
+"""Elements that nearly are each other's images, and their means."""
 
 from __future__ import annotations
 
@@ -140,5 +140,5 @@ def mean_joint(joint: Joint, seen: Joint) -> Joint:
 
 
 def mean_axes(axes: Iterable[Vector], seen: Iterable[Vector]) -> tuple[Vector, ...]:
-    """Directions between those of a joint and those that the mirror shows."""
+    """The mean directions of a joint and of its reflection."""
     return tuple(mean_direction(a, b) for a, b in zip(axes, seen, strict=True))

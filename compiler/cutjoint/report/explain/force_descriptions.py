@@ -34,8 +34,8 @@ Cells = tuple[tuple[str, str], ...]
 class ForceDescription:
     """A force as the explanation shows it.
 
-    ``actions`` are formulas of what it does, ``laws`` those with its numbers; ``places`` and ``constants`` are pairs of a heading
-    and a cell, the constants those that forces of a kind may share.
+    ``actions`` are formulas of its action, ``laws`` formulas with its numbers; ``places`` and ``constants`` are pairs of a heading and a
+    cell, the constants those that forces of a kind may share.
     """
 
     title: str

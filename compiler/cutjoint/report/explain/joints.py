@@ -144,7 +144,7 @@ def _matrices(kernel: JointKernel) -> list[tuple[str, Matrix]]:
 
 
 def _behind(name: str, value: Matrix, turn: Matrix, u: Sequence[Scalar]) -> tuple[str, Matrix]:
-    """A matrix, or what it is behind the ball's rotation if that is its first factor; the ball's angular velocity is turned alike."""
+    """A matrix, without the ball's rotation if that is its first factor; the ball's angular velocity is turned alike."""
     if not value.free_symbols & set(QUATERNION):
         return name, without_noise(value)
     rest = value.subs(dict(zip(QUATERNION, (1, 0, 0, 0), strict=True)))

@@ -101,7 +101,7 @@ def _angle(row: AngleRow) -> Equation:
 
 
 def explain_joint_constraints(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapter:
-    """All joints with what they share, then those with equations, by kind, then the gears."""
+    """All joints with their shared nodes, then the joints with equations, by kind, then the gears."""
     joints = {j.name: j for j in d.model.joints}
     equations = {j.name: found for j in d.model.joints if (found := joint_equations(d.full.layout, j))}
     residuals = {name: tuple(e.residual for e in found) for name, found in equations.items()}

@@ -78,7 +78,7 @@ def explain_shapes(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapt
 
 
 def _shape(d: Derivation, g: Group) -> _Shape:
-    """The constraints of a group: first those of its pairs, then those of its surplus nodes."""
+    """The constraints of a group: first by its pairs, then by its surplus nodes."""
     constraints = [c for c in d.full.constraints if c.element == g.name]
     kept = tuple(
         _Kept(name=c.names[0], j=_index(g, u), k=_index(g, w), value=_product(u, w))
