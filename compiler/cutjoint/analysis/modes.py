@@ -18,7 +18,7 @@ Complex = NDArray[np.complex128]
 _ZERO = 1e-12
 #: A real or imaginary part below this share of an eigenvalue is rounding.
 _PART = 1e-9
-#: How many eigenvalues a `repr` has.
+#: The number of eigenvalues in a `repr`.
 _NAMED = 6
 #: Shares that differ by less than this part are alike.
 _ALIKE = 1e-6

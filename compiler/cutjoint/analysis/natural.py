@@ -122,7 +122,7 @@ def dependent_equations(equations: LagrangianEquations, states: Sequence[Natural
     return tuple(name for row, name in enumerate(equations.equation_names) if row not in kept)
 
 
-#: What a normalised row must have that the rows before it do not.
+#: The least part of a normalised row that the rows before it do not have.
 _INDEPENDENT = 1e-7
 
 

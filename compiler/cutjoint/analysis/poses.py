@@ -10,7 +10,7 @@ from cutjoint.analysis.closing import Array, close_loops, design_coordinates, ev
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.topology.conditioning import TOLERANCE
 
-#: How many poses are wanted besides the design position, and how often one is tried for.
+#: The number of wanted poses besides the design position, and of trials for one.
 NEIGHBOURS = 4
 _ATTEMPTS = 16
 #: The first try steps this far (m, rad) in the coordinate that moves most; one that finds no pose halves the step, down to the smallest.

@@ -24,7 +24,7 @@ from cutjoint.topology.spanning_tree import loops_of
 
 #: Axes that are this far (rad) from parallel or square may have been meant to be, and those that are less far are.
 _NEAR, _SAME = 0.02, 1e-10
-#: How many axes are named.
+#: The number of named axes.
 _SHOWN = 3
 
 Loops = Sequence[tuple[Joint, Sequence[TreeJoint]]]

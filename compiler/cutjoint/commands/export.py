@@ -21,7 +21,7 @@ from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.platforms import PLATFORMS
 from cutjoint.topology.reading import read_model
 
-#: What is no other simulator, but is imported by many.
+#: The format that is no other simulator, but is imported by many.
 FMU = "fmu"
 
 

@@ -17,7 +17,7 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene
 from cutjoint.view.graph_picture import picture_graph
 
-#: What an FMU may have, by the option that asks for it: sources, a binary.
+#: The optional contents of an FMU, by their options: sources, a binary.
 CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}
 
 

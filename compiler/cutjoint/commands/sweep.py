@@ -22,7 +22,7 @@ from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study
 from cutjoint.view.views import require_view
 
-#: How many reasons of failures are printed, and what two that are alike may differ by.
+#: The number of printed reasons of failures, and the pattern of numbers, by which reasons alike may differ.
 _REASONS = 5
 _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 

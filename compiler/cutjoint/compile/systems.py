@@ -33,7 +33,7 @@ from cutjoint.sparse.pattern import Pattern, places, settle_entries
 from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
 
-#: What is called once a run, or only where a run is checked, so that lanes are not worth while for it.
+#: Functions that are called once a run, or only where a run is checked, so that lanes are not worth while for them.
 _ONCE = frozenset({"initial_coordinates", *CHECKS})
 
 E = TypeVar("E", bound=SystemEquations)

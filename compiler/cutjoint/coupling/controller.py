@@ -18,7 +18,7 @@ from cutjoint.toolchain.temporary import temporary_folder
 _REAL = ("Real", "Float64")
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
 
-#: How long, in s, a call of an FMU may take.
+#: The longest time, in s, of a call of an FMU.
 CALL_LIMIT = 60.0
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-#: What it is, for the documentation and `explain`.
+#: Its description, for the documentation and `explain`.
 TEXT = "a coordinate of a tree joint is a ratio times a coordinate of another one"
 
 #: Its equation, for generated code and `explain`.

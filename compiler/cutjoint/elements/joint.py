@@ -266,7 +266,7 @@ class JointElement:
     measures: Mapping[str, Measure] = field(default_factory=dict)
     note: str = ""
 
-    # What follows from the chain
+    # Consequences of the chain
 
     @property
     def scalar_motions(self) -> Iterator[Slide | Turn]:
@@ -361,7 +361,7 @@ class JointElement:
         """The direction along which a displacement counts."""
         return next(m.direction for m in self.scalar_motions if m.coordinate == coordinate)
 
-    # What follows from the conditions
+    # Consequences of the conditions
 
     @property
     def closes(self) -> bool:
@@ -408,7 +408,7 @@ class JointElement:
         """The directions that the follower carries in the equations of the cut joint."""
         return tuple(dict.fromkeys(d for c in self.conditions for d in _carried(c)[1]))
 
-    # What follows from the directions
+    # Consequences of the directions
 
     @property
     def axis_mirrors_as_rotation(self) -> bool:

@@ -18,7 +18,7 @@ from cutjoint.sparse.tiles import WIDTH
 #: A tile and another.
 Pair = tuple[int, int]
 
-#: What a table has.
+#: An entry of a table.
 Item: TypeAlias = int | tuple[int, ...]
 
 #: Characters of a line.

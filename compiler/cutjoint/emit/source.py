@@ -37,7 +37,7 @@ FACTORISATION = "factorisation"
 #: The namespace of generated classes.
 SPACE = "cutjoint::generated"
 
-#: What `Source.driver` is of a library, which needs none.
+#: The `Source.driver` of a library, which needs none.
 LIBRARY = "library"
 
 

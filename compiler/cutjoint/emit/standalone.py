@@ -44,7 +44,7 @@ _C_HEADERS = frozenset((
     "time", "uchar", "wchar", "wctype",
 ))  # fmt: skip
 
-#: What factorisations are made of: blocks, and loops over tables.
+#: The forms of factorisations: blocks, and loops over tables.
 _FACTORISATIONS = ("cutjoint/core/newton/static_factor_blocks.hpp", "cutjoint/core/newton/static_factor.hpp")
 
 #: Lines before the class of a system and around its functions: these are compiled as for a simulator of the command line, as if each had

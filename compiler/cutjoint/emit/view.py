@@ -52,7 +52,7 @@ class FunctionView:
     results: tuple[str, ...]
 
 
-#: What begins the comment of a statement.
+#: The beginning of a statement's comment.
 _NOTE = "  // "
 
 #: Characters of a line of a generated expression.

@@ -44,7 +44,7 @@ _ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "energy": (*_STATE, "const Real* lambda", "Real* energy"),
 }
 
-#: What the generated ``load`` takes.
+#: The arguments of the generated ``load``.
 LOAD_ARGUMENTS = ("const Real* parameters", "const Road<Real>* roads")
 
 #: The arrays that have an element for each equation.

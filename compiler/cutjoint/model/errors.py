@@ -13,7 +13,7 @@ from cutjoint.model.text import printable
 if TYPE_CHECKING:
     from cutjoint.model.records import Model
 
-#: How often problems are noted, those of several instances at one place counted each, before reading ends.
+#: The number of noted problems before reading ends; those of several instances at one place count each.
 MAX_PROBLEMS = 1000
 #: Options that a wrong name is compared with.
 MAX_COMPARED = 500

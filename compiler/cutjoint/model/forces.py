@@ -107,7 +107,7 @@ def _naming(joint: Path, coordinate: Path) -> Naming:
     return Naming("a force needs one to act on", "coordinate: ", "", joint, coordinate)
 
 
-#: What the names of a joint's own forces end in, by the field that makes them.
+#: The endings of the names of a joint's own forces, by the field that makes them.
 JOINT_FORCES = {"spring": "spring", "limits": "stop"}
 
 

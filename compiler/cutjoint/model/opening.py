@@ -13,7 +13,7 @@ from cutjoint.model.records import Binding, Parameter, Scalar, Span
 from cutjoint.model.source import Path
 from cutjoint.model.units import Dimension
 
-#: What components of points and directions are called.
+#: The names of components of points and directions.
 _AXES = "xyz"
 
 

@@ -33,7 +33,7 @@ _MOTION: Mapping[str, str] = {
 
 _ATTITUDE: Mapping[str, str] = dict.fromkeys(("roll", "pitch", "yaw"), "rad")
 
-#: Where a body is: what of its quantities are a pose, with their units.
+#: The pose of a body: its quantities with their units.
 POSE: Mapping[str, str] = {**dict.fromkeys(("x", "y", "z"), "m"), **_ATTITUDE}
 
 #: Quantities and units of each kind of element but joints and forces.  A body's x to az are of its centre of mass, in
@@ -49,7 +49,7 @@ QUANTITIES: Mapping[type[Element], Mapping[str, str]] = {
     RodForce: {"force": "N"},
 }
 
-#: What a reaction without a direction has.
+#: The quantities of a reaction without a direction.
 _WRENCH: Mapping[str, str] = {**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m")}
 
 

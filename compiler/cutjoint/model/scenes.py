@@ -38,7 +38,7 @@ from cutjoint.model.source import Path
 from cutjoint.model.starts import read_states
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 
-#: What penalty and frequency may follow.
+#: The variables that penalty and frequency may have.
 _STEP = variable("dt")
 
 

@@ -23,7 +23,7 @@ _P = TypeVar("_P", bound=BaseModel)
 #: From the path to a place to the element that it leads into, in words, and how many keys lead to that.
 Names: TypeAlias = Callable[[Path], tuple[str, int]]
 
-#: What stands for a field of the model that it cannot do without.
+#: The stand-in for a field of the model that it cannot do without.
 _STAND_INS: Mapping[str, Any] = {"gravity": (0, 0, 0), "name": "model"}
 
 #: The kind of element that each section holds.

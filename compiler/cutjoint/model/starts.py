@@ -22,7 +22,7 @@ from cutjoint.model.values import Attitude, Number
 
 # Attitudes
 
-#: How far the length of a quaternion may be from one.
+#: The largest difference of a quaternion's length from one.
 UNIT_BOUND = 1e-3
 
 #: Four expressions, scalar first.
@@ -108,7 +108,7 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 _DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
 
-#: What each section of a scene may give of a joint, by its kind.
+#: The components of a joint that each section of a scene may give, by the joint's kind.
 _COMPONENTS: Mapping[str, Mapping[JointKind, tuple[str, ...]]] = {
     "positions": {kind: (*COORDINATES[kind], *(("attitude",) if joint.has_attitude else ())) for kind, joint in JOINTS.items()},
     "rates": SPEEDS,

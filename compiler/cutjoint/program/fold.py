@@ -33,7 +33,7 @@ class _Plan:
     signs: tuple[float, ...] = ()
 
 
-#: Which blocks of a family that is not computed by one operation stand in its lanes; the others are terms of themselves.
+#: Operations of blocks in the lanes of a family that no one operation computes; other blocks are terms of themselves.
 _PLACED: Mapping[str, tuple[str, ...]] = {"signed": ("neg",), "sum": ("add", "sub")}
 
 

@@ -80,7 +80,7 @@ class Table:
     nodes: tuple[int, ...]
 
 
-#: What stands for a value from outside in the body of a loop.
+#: The stand-in for a value from outside in the body of a loop.
 Given: TypeAlias = Input | Stored | Table
 
 
@@ -179,7 +179,7 @@ class _Rolling:
         self._where: dict[int, tuple[int, int, int]] = {}
         self._copies: dict[tuple[int, int, int], tuple[int, int]] = {}
 
-    # What is alike
+    # Likeness
 
     def _arguments(self, n: int) -> list[int]:
         """The arguments of a statement or result, without their signs."""
@@ -234,7 +234,7 @@ class _Rolling:
         shape = (self._place(result.target, result.index)[0], self._kind(result.scalar), self._classes.get(bare))
         return self._keys.setdefault(shape, len(self._keys))
 
-    # What lies in step
+    # Values in step
 
     def rolled(self) -> Rolled:
         """The function with loops."""
@@ -322,7 +322,7 @@ class _Rolling:
         self._copies = copies | self._copies
         return stored
 
-    # What comes out
+    # The result
 
     def _written(self) -> Rolled:
         graph, sections = Graph(nodes=list(self._nodes)), list(self._program.sections)

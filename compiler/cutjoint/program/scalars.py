@@ -32,7 +32,7 @@ class OverflowedConstantError(ArithmeticError):
         self.section = section
 
 
-#: What does not count as an operation.
+#: Scalars that do not count as operations.
 FREE = frozenset({"const", "symbol", "neg", "lane_const", "gather", "lane"})
 
 

@@ -12,7 +12,7 @@ import sympy
 from cutjoint.model.operations import choice
 from cutjoint.model.records import Scalar
 
-#: Where all of some margins are not negative: () is everywhere, None nowhere that is known.
+#: The region in which all of some margins are not negative: () is everywhere, None nowhere that is known.
 Region: TypeAlias = tuple[Scalar, ...] | None
 
 

@@ -60,7 +60,7 @@ APPROXIMATIONS: tuple[Step, ...] = (
 )
 
 
-#: What a method may refuse a reduced model for: equations that depend on each other, loops that cannot be cut as the file wants.
+#: Reasons for which a method may refuse a reduced model: equations that depend on each other, loops that cannot be cut as the file wants.
 _REFUSALS = (ModelError, TopologyError, NoInertiaError, GuideError, RunError)
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from cutjoint.analysis.modes import Mode, Modes, Participant
 
-#: What a coordinate needs of a mode's kinetic energy to be listed, and how many are.
+#: The least share of a mode's kinetic energy with which a coordinate is listed, and the number of listed ones.
 _LISTED, _MOST = 0.05, 4
 
 

@@ -103,7 +103,7 @@ def _redundant_equation(redundant: RedundantEquation) -> str:
     return f"{redundant.equation} (or one of {', '.join(others)})" if others else redundant.equation
 
 
-#: How many equations that could be left out instead are named.
+#: The number of named equations that could be left out instead.
 _SHOWN = 6
 
 
@@ -144,7 +144,7 @@ def rows_elsewhere(run: SimulatorRun) -> str:
     )
 
 
-#: What the columns of indeterminate reactions have.
+#: The value in the columns of indeterminate reactions.
 LEAST = "of all solutions the one with the smallest multipliers of cut joints"
 
 

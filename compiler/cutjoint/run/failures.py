@@ -43,7 +43,7 @@ class FailedBatchError(IncompleteError):
         return batch
 
 
-#: What makes a start impossible, and the section of the scene that may give it.
+#: The messages of an impossible start, and the section of the scene that may give it.
 _IMPOSSIBLE = {"the loop cannot close from the given coordinates": "positions", "the given speeds contradict the loops": "rates"}
 
 

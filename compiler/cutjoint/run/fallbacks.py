@@ -16,7 +16,7 @@ from cutjoint.run.simulator_run import SimulatorRun, start
 
 #: Seconds that trials take together, if the run itself took no longer.
 _SECONDS = 2.0
-#: How many equal steps beyond a failure, and which share of the time up to it, a trial has to go.
+#: The number of equal steps beyond a failure, and the share of the time up to it, that a trial has to go.
 _STEPS, _SHARE = 20, 0.02
 
 

@@ -21,9 +21,9 @@ T = TypeVar("T")
 Array: TypeAlias = NDArray[np.float64]
 
 
-#: What an advice begins with, or its last part, that nobody has tried for the run at hand.
+#: The beginning of an advice, or of its last part, that nobody has tried for the run at hand.
 UNTRIED = "not tried: "
-#: How many columns a `repr` names.
+#: The number of columns in a `repr`.
 _NAMED = 6
 
 

@@ -29,7 +29,7 @@ from cutjoint.run.settings import Settings, find_settings, with_options
 
 _NOTHING_ASKED = Options()
 
-#: What follows from parameters and is no part of a run file: whether bodies can have their masses and inertias.
+#: The part that follows from parameters without being in a run file: whether bodies can have their masses and inertias.
 MASSES = "masses"
 
 

@@ -35,7 +35,7 @@ GOAL = 1e-4
 #: Tolerances of steps that are taken once: for the usual goal, and the least.
 _USUAL_TOLERANCE, _LEAST_TOLERANCE = 1e-7, 1e-11
 
-#: How far the number of steps of a row may be from a whole one by rounding of the two times.
+#: The largest difference of a row's number of steps from a whole one by rounding of the two times.
 _WHOLE = 1e-6
 
 

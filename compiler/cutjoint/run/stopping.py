@@ -57,7 +57,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
     raise Terminated(number)
 
 
-#: What Python does with these signals by itself; where a program does otherwise that stays.
+#: Python's own handling of these signals; where a program does otherwise that stays.
 _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
 
 

@@ -68,7 +68,7 @@ def dense(pattern: Pattern, values: Sequence[float] | Array) -> Array:
     return matrix
 
 
-#: How the results that are entries of a tangent are named: row and column follow.
+#: The beginning of names of a tangent's entries: row and column follow.
 PREFIX = "tangent:"
 
 

@@ -17,12 +17,12 @@ from cutjoint.sparse.pattern import Array, Pattern, dense
 
 #: The share of its column's largest candidate that a pivot has at least.
 THRESHOLD = 0.1
-#: What a pivot that is below the threshold in a sample, where no candidate is above it in all, must have at least.
+#: The least size of a pivot below the threshold in a sample, if no candidate is above it in all.
 LAST_RESORT = 1e-4
 #: An entry of the scaled matrix, of which the largest entry of each column is about 1, is zero below this.
 ZERO = 1e-10
 
-#: What likeness weighs, see `pivot_by_likeness`: which of these suits a matrix is a matter of luck, so all are tried.
+#: Weights of likeness, see `pivot_by_likeness`: no rule says which suits a matrix, so all are tried.
 LIKENESSES = ((1.5, 6, 3), (1.5, 6, 6), (2, 10, 3))
 
 #: Logarithms to base 2 below this count as rounding.

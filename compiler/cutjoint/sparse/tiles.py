@@ -13,7 +13,7 @@ WIDTH = 4
 #: Zeros that a pivot may get in its structure when it joins a tile, on average: all are tried.
 _RELAXATIONS = range(7)
 
-#: What a term and a block cost beside their multiply-adds, in four-lane multiply-adds; measured.
+#: The cost of a term and a block beside their multiply-adds, in four-lane multiply-adds; measured.
 _TERM, _BLOCK = 1, 2
 
 

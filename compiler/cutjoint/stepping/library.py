@@ -12,7 +12,7 @@ from cutjoint.emit.standalone import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.lanes import Lanes
 
-#: What has names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
+#: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
 

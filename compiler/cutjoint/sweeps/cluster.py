@@ -29,8 +29,8 @@ _LEAVE = 2
 #: Seconds after which the scheduler is asked again which workers there are.
 _OFTEN = 1.0
 
-#: What Dask's workers do fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a library,
-#: and the delays of the event loop.  They are stopped in a worker while it has a sweep.
+#: Timers of Dask's workers, fifty or a hundred times a second, for its dashboard: the profile of tasks, which ends at the call of a
+#: library, and the delays of the event loop.  They are stopped in a worker while it has a sweep.
 _TIMERS = "profile", "tick"
 
 #: In each worker: what it performs, by digest.

@@ -60,7 +60,7 @@ class Masses:
 
 # Designs
 
-#: How many numbers SciPy's Sobol sequences have at most.
+#: The largest number of values of SciPy's Sobol sequences.
 MOST_DIMENSIONS = 21201
 
 

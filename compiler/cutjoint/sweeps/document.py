@@ -76,7 +76,7 @@ Design: TypeAlias = Annotated[
     ),
 ]
 
-#: What an objective makes of an expression over time; each is a key of the file.
+#: The results that an objective can have of an expression over time; each is a key of the file.
 REDUCTIONS = (
     "end", "minimum", "maximum", "range", "mean", "rms", "deviation", "integral", "percentile", "crossing", "frequency", "amplitude",
 )  # fmt: skip

@@ -20,7 +20,7 @@ from cutjoint.view.page import as_data, script_hash
 #: Bytes of numbers that a page has at most; of more runs it shows some.
 _BYTES = 300_000
 
-#: How many of the best and the worst runs of each objective, and of the runs that failed, a page always has.
+#: The number of the best and the worst runs of each objective, and of failed runs, that a page always has.
 _EXTREME, _FAILED = 20, 20
 
 

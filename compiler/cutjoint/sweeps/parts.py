@@ -24,12 +24,12 @@ from cutjoint.sweeps.seals import is_sealed, seal
 from cutjoint.sweeps.table import Layout, arrow, key_of, manifest_text, parts_label
 from cutjoint.sweeps.work import Rows
 
-#: What stands in the folder beside parts, and how parts are called; each of these, while it is written, with more to its name.
+#: The names of files in the folder beside parts, and of parts; each of these, while it is written, with more to its name.
 _MANIFEST, _LOCK, _WHOLE = "manifest.json", ".lock", "whole.partial"
 _PART = re.compile(r"(\d{12})-(\d{12})\.parquet", re.ASCII)
 _UNFINISHED = re.compile(rf"\.(?:\d{{12}}-\d{{12}}\.parquet|{re.escape(_MANIFEST)})\.[0-9a-f]{{12}}", re.ASCII)
 
-#: Why a part is set aside.
+#: The reason that a part is set aside.
 _UNFIT = "is damaged, renamed or of another sweep"
 
 

@@ -32,7 +32,7 @@ from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model, read_model_text
 
-#: What the sections of variables and the others are called in messages.
+#: The names of variables and of other sections' entries in messages.
 _LABELS = {"parameters": "parameter", "positions": "position", "rates": "rate", "objectives": "objective"}
 
 def element_of(path: Keys) -> tuple[str, int]:
@@ -134,7 +134,7 @@ class _Reading:
         scene = replace(scene, output_step=times.get("output_step", scene.output_step))
         return with_options(scene, document.method, Options(dt=times.get("dt"), end=times.get("end"), tolerance=times.get("tolerance")))
 
-    # What becomes of runs.
+    # Objectives and series
 
     def _objective(self, name: str, part: ObjectivePart, reader: Reader, variables: set[str], scenes: Sequence[Scene]) -> Objective:
         keys, where = ("objectives", name), self.at(("objectives", name))

@@ -32,7 +32,7 @@ Read: TypeAlias = Callable[[int | float | str, Keys], float]
 #: The column that says which scene a run has.
 SCENE = "scene"
 
-#: What else a table has that no variable or objective can be called.
+#: The other columns of a table; no variable or objective can have their names.
 TAKEN = ("run", "failure", "failure_time")
 
 _SECTIONS = ("parameters", "positions", "rates")

@@ -20,7 +20,7 @@ from cutjoint.toolchain.platforms import Platform
 if TYPE_CHECKING:
     from cutjoint.emit.source import Source
 
-#: How generated code is optimised, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
+#: Flags for generated code, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
 
 

@@ -16,10 +16,10 @@ from cutjoint.toolchain.flags import are_known, require_flags
 from cutjoint.toolchain.temporary import is_plain
 from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
 
-#: Where the environment asks for it, as the tests do, warnings are errors (from CMake 3.24 on); a user's compiler may have others.
+#: Warnings are errors if the environment asks for it, as the tests do (from CMake 3.24 on); a user's compiler may have others.
 _STRICT = ("-DCMAKE_COMPILE_WARNING_AS_ERROR=ON",) if os.environ.get("CUTJOINT_STRICT", "0") != "0" else ()
 
-#: What CMake says of a program that it does not take for a compiler.
+#: CMake's words about a program that it does not take for a compiler.
 _UNKNOWN = "compiler identification is unknown"
 
 

@@ -22,7 +22,7 @@ _VARIABLES = (
     "CXXFLAGS", "LDFLAGS", "CPATH", "CPLUS_INCLUDE_PATH", "LIBRARY_PATH", "COMPILER_PATH", "CMAKE_PREFIX_PATH", "CMAKE_TOOLCHAIN_FILE",
 )  # fmt: skip
 
-#: How long (s) a compiler may take to say its version.
+#: The longest time (s) for a compiler to say its version.
 _PATIENCE = 30.0
 
 
@@ -115,7 +115,7 @@ def resolve(flags: Sequence[str]) -> tuple[str, ...]:
     return (*flags, *(processor() if any("native" in flag for flag in flags) else ()))
 
 
-#: What of a processor "native" follows from, as /proc/cpuinfo names it on x86, ARM, POWER, RISC-V and s390.
+#: The properties of a processor that "native" depends on, as /proc/cpuinfo names them on x86, ARM, POWER, RISC-V and s390.
 _CAPABILITIES = (
     "vendor_id", "cpu family", "model", "flags", "CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features", "cpu", "isa",
     "uarch", "features",

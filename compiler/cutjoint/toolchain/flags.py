@@ -16,7 +16,7 @@ from cutjoint.toolchain.errors import ToolchainError
 #: Flags that every compiler takes; those that are used by default are among them.
 _KNOWN = re.compile(r"-O[0-3]|-march=native")
 
-#: What generated code needs of the language, and what it prints.
+#: A program that needs as much of the language as generated code does, and prints a result.
 _PROGRAM = """
 #include <cmath>
 #include <concepts>

@@ -12,7 +12,7 @@ def machine() -> Mapping[str, str]:
     return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
 
 
-#: What the widest vectors of a processor are called, by the flag that stands for them.
+#: The names of a processor's widest vectors, by the flag that stands for them.
 _VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
 
 

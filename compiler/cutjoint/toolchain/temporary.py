@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 
 from cutjoint.toolchain.errors import ToolchainError
 
-#: How locks begin, those of the cache too, and the temporary folders beside them.
+#: The beginning of locks' names, those of the cache too, and of the temporary folders beside them.
 PREFIX = "cutjoint-"
 
 #: Paths that CMake, Ninja, the shell and the compiler all take as they are.  In others CMake splits at semicolons, and the shell that

@@ -31,7 +31,7 @@ class Compiling:
 
 Listener: TypeAlias = Callable[[Compiling], None]
 
-#: How Ninja begins a line about a file that it has made, or would make; the file comes last.
+#: The beginning of Ninja's line about a file that it has made, or would make; the file comes last.
 STATUS = "[%f/%t] "
 #: Seconds that a byte of generated code takes; of a vehicle's long functions twice that.
 _USUAL = 8e-6

@@ -8,7 +8,7 @@ from typing import Any
 from cutjoint.model.records import GROUND, Model
 from cutjoint.topology.elimination import degrees
 
-#: How far away a difference may be that tells joints apart, in joints.
+#: The largest distance, in joints, of a difference that tells joints apart.
 RADIUS = 8
 
 

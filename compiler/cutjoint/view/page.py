@@ -52,7 +52,7 @@ class Camera:
 #: The page's own script is these files in this order, in one function.
 SCRIPTS = ("trouble", "data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "sliders", "controls")
 
-#: How many of the last rows of a run that failed are played slowly.
+#: The number of last rows of a failed run that are played slowly.
 LAST_ROWS = 40
 
 

@@ -22,7 +22,7 @@ from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, point_of
 
-#: How far an angle (rad) goes either way, and a displacement as a share of the mechanism's extent.
+#: The range of an angle (rad) either way, and of a displacement as a share of the mechanism's extent.
 _TURN, _SLIDE = pi, 0.5
 
 

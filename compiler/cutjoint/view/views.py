@@ -41,7 +41,7 @@ from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
 #: The endings of files that show something.
 PAGE, GLTF = ".html", ".glb"
 
-#: How many rows of a run are shown at most, and how many bytes they take: a page opens at once, and nobody sees more.
+#: The largest number of shown rows of a run, and of their bytes: a page opens at once, and nobody sees more.
 _ROWS, _BYTES = 2000, 1_800_000
 
 #: m; pictures have numbers of 32 bits, and squares of larger ones are none.

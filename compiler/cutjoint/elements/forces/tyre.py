@@ -19,7 +19,7 @@ _UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}
 #: Constants that count half where nothing pushes the wheel sideways and half of it is meant.
 _HALVED = ("stiffness", "spin_inertia")
 
-#: What counts the same way on the other side.
+#: Quantities that count the same way on the other side.
 _EVEN = ("Fz", "deflection")
 
 

@@ -25,7 +25,7 @@ from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology
 
-#: How binaries are optimised, unless $CUTJOINT_FLAGS says otherwise: for any processor of the platform.
+#: Flags for binaries, unless $CUTJOINT_FLAGS says otherwise: for any processor of the platform.
 FMU_FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3").split())
 
 #: For which processors a binary for x86-64 has code: all, those with AVX2 and FMA alone, or both, of which the processor chooses.
@@ -38,7 +38,7 @@ FOLDERS: Mapping[str, Mapping[int, str]] = {
     "linux-aarch64": {2: "aarch64-linux", 3: "aarch64-linux"},
 }
 
-#: Where the picture of a model stands in FMI 2 and 3.
+#: The place of a model's picture in FMI 2 and 3.
 PICTURES: Mapping[int, str] = {2: "model.png", 3: "documentation/diagram.png"}
 
 #: The time of all entries of an archive, the earliest one that it can have.

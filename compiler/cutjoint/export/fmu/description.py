@@ -13,7 +13,7 @@ from cutjoint.package.version import __version__
 
 _ANGLE = "rad"
 
-#: What an FMU is for, by the names of `cutjoint export --kind`: co-simulation, model exchange.
+#: The purposes of an FMU, by the names of `cutjoint export --kind`: co-simulation, model exchange.
 KINDS: Mapping[str, tuple[bool, bool]] = {"cs": (True, False), "me": (False, True), "both": (True, True)}
 
 
@@ -37,7 +37,7 @@ class Subject:
     steps: str
 
 
-#: What FMI 3 calls the abilities of co-simulation that stops at events.
+#: The names in FMI 3 of the abilities of co-simulation that stops at events.
 _STOPS = ("hasEventMode", "mightReturnEarlyFromDoStep", "providesIntermediateUpdate", "canReturnEarlyAfterIntermediateUpdate")
 
 

@@ -7,7 +7,7 @@ _KNOWN = f", {_REFERENCES}, {_REFERENCES}, const fmi3Float64*, size_t, fmi3Float
 
 Function = tuple[str, str, str]
 
-#: What no FMU has: names without the prefix, what C++ arguments they have after the instance, and what the FMU lacks.
+#: Functions that no FMU has: names without the prefix, C++ arguments after the instance, and the missing ability.
 MISSING: tuple[Function, ...] = (
     ("GetNumberOfVariableDependencies", ", fmi3ValueReference, size_t*", "dependencies that change"),
     ("GetVariableDependencies", ", fmi3ValueReference, size_t*, fmi3ValueReference*, size_t*, int*, size_t", "dependencies that change"),
@@ -26,16 +26,16 @@ MISSING: tuple[Function, ...] = (
     ("ActivateModelPartition", ", fmi3ValueReference, fmi3Float64", "model partitions"),
 )
 
-#: What only FMUs for co-simulation with event mode have.
+#: Functions that only FMUs for co-simulation with event mode have.
 OF_STEPS: tuple[Function, ...] = (("EnterStepMode", "", "event mode"),)
 
-#: What these and FMUs for model exchange have.
+#: Functions that these and FMUs for model exchange have.
 OF_EVENTS: tuple[Function, ...] = (
     ("EnterEventMode", "", "event mode"),
     ("UpdateDiscreteStates", ", fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Boolean*, fmi3Float64*", "event mode"),
 )
 
-#: What only FMUs for model exchange have.
+#: Functions that only FMUs for model exchange have.
 OF_EXCHANGE: tuple[Function, ...] = (
     ("GetDirectionalDerivative", _KNOWN, "directional derivatives"),
     ("GetAdjointDerivative", _KNOWN, "adjoint derivatives"),

@@ -13,7 +13,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
 from cutjoint.run.run_file import Evaluator
 
-#: What a joint's attitude, a quaternion, is counted in.
+#: The unit of a joint's attitude, a quaternion.
 _PLAIN = ""
 
 

@@ -26,7 +26,7 @@ from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology
 
-#: What a candidate must add to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
+#: The least part that a candidate adds to the span, as a share of its own length: of nodes that a joint shares, of a body's own.
 _SHARED, _OWN = 1e-3, 0.5
 #: Rounding of a span.
 _SPAN = 1e-7

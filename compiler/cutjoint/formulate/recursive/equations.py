@@ -34,7 +34,7 @@ from cutjoint.topology.records import Topology
 _STATE = ("const Real* q", "const Real* v")
 
 
-#: How often an evaluation of the closure "proximal" corrects its multipliers.
+#: The number of corrections of multipliers in an evaluation of the closure "proximal".
 REFINEMENTS = 1
 
 

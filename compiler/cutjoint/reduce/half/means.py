@@ -20,13 +20,13 @@ from cutjoint.reduce.half.images import NAMING, Images
 from cutjoint.reduce.half.pairs import Pairs
 from cutjoint.reduce.half.plane import is_same
 
-#: What counts as near: a share of a mechanism's size, of a number, of a law's values.
+#: The tolerance of nearness: a share of a mechanism's size, of a number, of a law's values.
 NEAR = 0.05
 
-#: What the length of a unit vector may be off by.
+#: The largest difference of a unit vector's length from one.
 _UNIT = 1e-9
 
-#: Where laws are compared: values that their variables take in turn.
+#: The samples at which laws are compared: values that their variables take in turn.
 _SAMPLES = (-0.7, -0.2, 0.0, 0.3, 0.6, 1.1)
 
 

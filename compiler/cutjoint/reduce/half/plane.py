@@ -15,7 +15,7 @@ from cutjoint.reduce.records import Note
 
 _Record = TypeVar("_Record")
 
-#: Whether two values of records' fields count as the same.
+#: A comparison: True if two values of records' fields count as the same.
 Same: TypeAlias = Callable[[Any, Any], bool]
 
 #: The angles of a body by the axis that each turns about.

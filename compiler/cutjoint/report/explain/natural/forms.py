@@ -9,7 +9,7 @@ from cutjoint.model.records import Model, Scalar, Vector
 from cutjoint.report.explain.latex import place, text
 from cutjoint.report.explain.views import code
 
-#: What rounding leaves of a zero among coordinates in the design position, in m, and among coefficients.
+#: The rounding of a zero among coordinates in the design position, in m, and among coefficients.
 _ROUNDING = 1e-13
 
 #: A coefficient with more letters is not printed.

@@ -14,7 +14,7 @@ from cutjoint.report.explain.natural.derivation import Derivation
 from cutjoint.report.explain.natural.forms import design_value, form_text
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, plural
 
-#: What the nodes of a basis are among a body's directions, by their number.
+#: The span of a basis's nodes among a body's directions, by their number.
 _DIRECTIONS = ("", "none", "of a line", "of a plane", "all")
 
 _NOTES = (
