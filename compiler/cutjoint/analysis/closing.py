@@ -65,7 +65,7 @@ def evaluate_guided_rates(equations: RecursiveEquations, q: Array, t: float) -> 
 
 
 def evaluate_rates(equations: RecursiveEquations, q: Array, rates: Sequence[Block]) -> list[Array]:
-    """Of columns (m, 1) that are linear in the speeds, the matrices (m, speeds)."""
+    """The matrices (m, speeds) of columns (m, 1) that are linear in the speeds."""
     values = _interpret(equations, q, rates)
     return [_by_speeds(equations, values[block]) for block in rates]
 

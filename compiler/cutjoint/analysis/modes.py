@@ -46,7 +46,7 @@ class Mode:
 
     @property
     def frequency(self) -> float:
-        """Of the oscillation, Hz; zero without one."""
+        """The frequency of the oscillation, Hz; zero without one."""
         return self.eigenvalue.imag / (2 * pi)
 
     @property
@@ -56,7 +56,7 @@ class Mode:
 
     @property
     def time_constant(self) -> float | None:
-        """In which the mode falls to 1/e, s; negative where it grows, None where it does neither."""
+        """The time in which the mode falls to 1/e, s; negative where it grows, None where it does neither."""
         return -1 / self.eigenvalue.real if self.eigenvalue.real else None
 
 

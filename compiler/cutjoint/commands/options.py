@@ -189,7 +189,7 @@ class _Remaining(TimeRemainingColumn):
     """The time that is left: by a forecast where there is one, else by the time until now."""
 
     def render(self, task: Task) -> Text:
-        """As minutes and seconds."""
+        """Render the time as minutes and seconds."""
         if (end := task.fields["end"]) is None:
             return super().render(task)
         minutes, seconds = divmod(max(0, ceil(end - monotonic())), 60)

@@ -122,7 +122,7 @@ class Standalone:
 
     @property
     def settings(self) -> StepSettings:
-        """Its steps until a host changes them."""
+        """The settings of its steps until a host changes them."""
         return StepSettings.of(self.run_file)
 
     def with_code(self, text: str) -> Standalone:
@@ -130,7 +130,7 @@ class Standalone:
         return replace(self, code=self.code + text)
 
     def build_simulator(self, flags: Sequence[str] = FLAGS) -> Path:
-        """That program; errors as of `toolchain.build.build_folder`."""
+        """Compile the folder's program; errors as of `toolchain.build.build_folder`."""
         return build_folder(self.name, self.files, self.digest, flags)
 
     def build_library(self, flags: Sequence[str] = FLAGS) -> Path:

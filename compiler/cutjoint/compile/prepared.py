@@ -136,7 +136,7 @@ def made_with() -> tuple[Any, ...]:
 
 @cache
 def code_digest(folders: tuple[Path, ...]) -> str:
-    """Of the sources in folders, as they were when it was first asked for."""
+    """The digest of the sources in folders, as they were at the first call."""
     code = sha256()
     for folder in folders:
         for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and p.is_file()):
@@ -147,7 +147,7 @@ def code_digest(folders: tuple[Path, ...]) -> str:
 
 @cache
 def versions() -> tuple[str, ...]:
-    """Of Python, of this package and of what it requires."""
+    """The versions of Python, of this package and of its requirements."""
     required = [re.split(r"[^\w.-]", line)[0] for line in requires("cutjoint") or () if "extra ==" not in line]
     return (sys.version, *(f"{name} {version(name)}" for name in ("cutjoint", *required)))
 

@@ -83,5 +83,5 @@ def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
 
 
 def _powers(unit: str) -> tuple[object, ...]:
-    """Of kg, m, s, A, K, mol, cd."""
+    """The powers of kg, m, s, A, K, mol, cd in a unit."""
     return tuple(measure(1.0, unit).dimension.exponents) if unit else (0,) * 7

@@ -50,7 +50,7 @@ class Plan:
 
     @property
     def units(self) -> dict[str, str]:
-        """Of the columns: the scene's outputs, then the inputs that the FMU drives."""
+        """The units of the columns: the scene's outputs, then the inputs that the FMU drives."""
         known = self.simulation.library.units
         return {**known["output"], **{name: known["input"][name] for name in self.connections.driven}}
 

@@ -167,7 +167,7 @@ class Place:
         return str(getattr(force, self.carrier))
 
     def of(self, force: Force) -> Any:
-        """Its components, None where the force has none."""
+        """The components of the place, None where the force has none."""
         return getattr(force, self.field)
 
 
@@ -336,7 +336,7 @@ class Force:
 
     @property
     def swapped(self) -> Mapping[str, Any]:
-        """Its places after its bodies change parts, {} where that makes another force of it."""
+        """The places of the force after its bodies change parts, {} where that makes another force of it."""
         how = self.interaction
         return {how.start.field: how.end.of(self), how.end.field: how.start.of(self)} if isinstance(how, LineForce) else {}
 
@@ -347,7 +347,7 @@ class Force:
 
     @property
     def expressions(self) -> tuple[Scalar, ...]:
-        """Its laws or components."""
+        """The laws or components of the force."""
         found = (getattr(self, name) for name in self.element.laws)
         return tuple(law for laws in found for law in (laws if isinstance(laws, tuple) else (laws,)))
 
@@ -357,7 +357,7 @@ class Force:
         return self.element.quantities
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """Its image; ``signs`` say for the coordinates of joints whether they count the same way in the image."""
+        """The image of the force; ``signs`` has for the coordinates of joints 1 or -1, by their direction of counting in the image."""
         images: dict[str, Any] = {}
         for place in self.places:
             if not isinstance(place, Frame):
@@ -377,7 +377,7 @@ class Force:
         return self.quantities[quantity].startswith("N")
 
     def halved(self) -> Self:
-        """It with half its law."""
+        """The force with half its law."""
         return replace(self, **{name: _half(getattr(self, name)) for name in self.element.laws})
 
 

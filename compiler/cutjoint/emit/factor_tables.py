@@ -101,7 +101,7 @@ def _sweeps(plan: Plan, tile: int) -> list[_Sweep]:
 
 
 def _sweep_below(plan: Plan, tile: int, sources: Mapping[Pair, int], multipliers: Mapping[Pair, int]) -> list[_Sweep]:
-    """Of each later tile the diagonal block and what is below it."""
+    """The diagonal block of each later tile and the blocks below it."""
     tiling, sweeps = plan.tiling, []
     for other in tiling.upper[tile]:
         if below := [i for i in tiling.lower[tile] if i >= other]:
@@ -113,7 +113,7 @@ def _sweep_below(plan: Plan, tile: int, sources: Mapping[Pair, int], multipliers
 
 
 def _sweep_right(plan: Plan, tile: int) -> list[_Sweep]:
-    """Of each later tile what is right of its diagonal block."""
+    """The blocks right of the diagonal block of each later tile."""
     tiling, upper, sweeps = plan.tiling, plan.storage.upper, []
     for other in tiling.lower[tile]:
         if right := [j for j in tiling.upper[tile] if j > other]:

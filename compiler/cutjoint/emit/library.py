@@ -58,7 +58,7 @@ class _Placed:
 
     @property
     def files(self) -> dict[str, str]:
-        """Its header and its functions."""
+        """The header and the functions of the class."""
         factorisation = {f"{FACTORISATION}.hpp": self.made.factorisation} if self.made.factorisation else {}
         return {f"{self.header}.hpp": self.made.header, **factorisation, **self.functions(frozenset())}
 

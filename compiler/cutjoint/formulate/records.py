@@ -235,7 +235,7 @@ class RecursiveEquations(Equations):
 
     @property
     def mechanism(self) -> RecursiveEquations:
-        """These equations."""
+        """The equations themselves."""
         return self
 
     @property

@@ -45,7 +45,7 @@ class Choice(sympy.Piecewise):  # type: ignore[misc]
         return Choice(*slopes) if any(slope != 0 for slope, _ in slopes) else sympy.Integer(0)
 
     def _eval_power(self, exponent: Any) -> Any:
-        """Left as a power: a root taken case by case has complex values in the cases that do not hold."""
+        """Leave a power as it is: a root taken case by case has complex values in the cases that do not hold."""
         return None
 
     def _eval_simplify(self, **_: Any) -> Any:

@@ -84,7 +84,7 @@ def can_exist(masses: Array, inertias: Array) -> NDArray[np.bool_]:
 
 
 def _principal_moments(inertias: Array) -> Array:
-    """Of inertias (..., 6), ascending, (..., 3)."""
+    """The principal moments of inertias (..., 6), ascending, (..., 3)."""
     matrices = inertias[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*inertias.shape[:-1], 3, 3)
     return np.asarray(np.linalg.eigvalsh(matrices), dtype=np.float64)
 
@@ -154,7 +154,7 @@ def _inertia(element: Element, inertia: Any) -> Matrix:
 
 
 def _axisymmetric(element: Element, inertia: values.Principal, moments: Vector) -> Matrix:
-    """Of equal moments b across an axis d with the moment a about it: b 1 + (a - b) d d^T, whichever directions across are meant."""
+    """The inertia of equal moments b across an axis d with the moment a about it: b 1 + (a - b) d d^T, for any directions across."""
     given = {key: direction for key in "xyz" if (direction := getattr(inertia, key)) is not None}
     axes = [key for key, direction in given.items() if direction != values.ANY]
     failed = _scaled(FAILED, sympy.ones(3, 3))

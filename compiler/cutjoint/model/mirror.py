@@ -39,7 +39,7 @@ class Mirror:
         return expression.xreplace({variable(name): -variable(name) for name in turned})
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
-        """As `reflected_law`."""
+        """The law in the mirror, see `reflected_law`."""
         return reflected_law(law, sign)
 
 

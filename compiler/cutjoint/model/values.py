@@ -65,7 +65,7 @@ class OneOf:
     names: Iterable[str]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        """As of a Literal of the names."""
+        """The schema of a Literal of the names."""
         return core_schema.literal_schema([str(name) for name in self.names])
 
 

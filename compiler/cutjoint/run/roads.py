@@ -24,7 +24,8 @@ BUMP_PARTS = 400
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """From x = begin on: "line" a + b (x - begin); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - begin))), in m."""
+    """A piece from x = begin on: "line" a + b (x - begin); "arc" a + sqrt(b^2 - (x - c)^2); "cosine" a + b (1 - cos(c (x - begin))), in
+    m."""
 
     kind: str
     begin: float
@@ -68,7 +69,7 @@ class WheelRoad:
 
     @classmethod
     def of(cls, left: Iterable[Mapping[str, Any]], right: Iterable[Mapping[str, Any]], disc: bool) -> WheelRoad:
-        """That of a run file."""
+        """The road of a run file."""
         return cls(left=[Piece(**p) for p in left], right=[Piece(**p) for p in right], disc=disc)
 
     def _piece(self, x: float, y: float) -> Piece:

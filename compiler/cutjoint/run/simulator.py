@@ -75,7 +75,7 @@ def _is_descriptor(place: Any) -> bool:
 
 @contextmanager
 def _killed_after(seconds: float | None, process: subprocess.Popen[str]) -> Iterator[None]:
-    """While this lasts, a process is killed after so many seconds, if they are given."""
+    """Kill a process after so many seconds, if they are given, while this lasts."""
     timer = None if seconds is None else Timer(seconds, process.kill)
     if timer is not None:
         timer.start()

@@ -63,14 +63,14 @@ _USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """While this lasts, signals that would end the program at once raise `Terminated`, so that nothing of it is left behind."""
+    """Signals that would end the program at once raise `Terminated` while this lasts, so that nothing of it is left behind."""
     with _raised_again(), _handled({s: usual for s, usual in _USUAL.items() if usual == signal.SIG_DFL}, _terminate):
         yield
 
 
 @contextmanager
 def _raised_again() -> Iterator[None]:
-    """While this lasts, a signal comes once more that came where Python drops exceptions, as in a finalizer or a callback."""
+    """Signals come once more while this lasts if they came where Python drops exceptions, as in a finalizer or a callback."""
     usual = sys.unraisablehook
 
     def hear(dropped: sys.UnraisableHookArgs) -> None:
@@ -90,7 +90,7 @@ def _raised_again() -> Iterator[None]:
 
 @contextmanager
 def stop_requests() -> Iterator[StopRequest]:
-    """While this lasts, a signal that would end the program is a request instead; a second one raises `KeyboardInterrupt`."""
+    """Signals that would end the program are requests while this lasts; a second one raises `KeyboardInterrupt`."""
     request = StopRequest()
 
     def handle(number: int, frame: FrameType | None) -> None:
@@ -107,8 +107,7 @@ def stop_requests() -> Iterator[StopRequest]:
 
 @contextmanager
 def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """While this lasts, ``handle`` takes all signals that have their ``usual`` handling now; Python has signals in its main thread
-    alone."""
+    """Handle by ``handle``, while this lasts, all signals with their ``usual`` handling; Python has signals in its main thread alone."""
     in_main = threading.current_thread() is threading.main_thread()
     taken = {s: found for s, found in usual.items() if in_main and signal.getsignal(s) == found}
     for s in taken:

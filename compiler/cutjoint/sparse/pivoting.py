@@ -78,7 +78,7 @@ def pivot_by_markowitz(pattern: Pattern, scaled: Array) -> PivotSequence:
 
 
 def pivot_by_likeness(pattern: Pattern, scaled: Array, number: int) -> PivotSequence:
-    """Of pivots with nearly the least product, choose the one with a structure most like the last one's: this makes larger tiles.
+    """Choose, of pivots with nearly the least product, the one with a structure most like the last one's: this makes larger tiles.
 
     ``LIKENESSES[number]`` is how many times the least product counts as nearly that, and what may come on top; and how many entries of fill
     outweigh an entry that the pivot's row or column has more or less than the last one's.
@@ -123,7 +123,7 @@ def scale_samples(pattern: Pattern, samples: Sequence[Sequence[float] | Array]) 
 
 
 def _largest(exponents: Array, counted: NDArray[np.bool_]) -> Array:
-    """Of each row, zero where nothing counts."""
+    """The largest exponent of each row, zero where nothing counts."""
     return np.where(counted.any(axis=1), np.where(counted, exponents, -np.inf).max(axis=1), 0)
 
 

@@ -37,7 +37,7 @@ class Plan:
 
     @property
     def multiply_adds(self) -> int:
-        """Of a factorisation and a solution, without the zeros in blocks."""
+        """The multiply-adds of a factorisation and a solution, without the zeros in blocks."""
         return self.trials[0].multiply_adds
 
 

@@ -39,7 +39,7 @@ class Tiling:
         return self.first[tile + 1] - self.first[tile]
 
     def pivots(self, tile: int) -> range:
-        """Its pivots."""
+        """The pivots of a tile."""
         return range(self.first[tile], self.first[tile + 1])
 
 

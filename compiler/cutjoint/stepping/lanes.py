@@ -46,7 +46,7 @@ class Lanes:
         return function, sizes[0](), sizes[1]()
 
     def compile(self) -> None:
-        """Have the library ready.
+        """Compile the library, or find it in the cache.
 
         Raises:
             ToolchainError: the compiler failed.

@@ -52,7 +52,7 @@ class Simulation:
 
     @property
     def settings(self) -> StepSettings:
-        """Its steps until `reset` is given others."""
+        """The settings of its steps until `reset` is given others."""
         return self.library.settings
 
     def _view(self, array: str, kind: str) -> Array:
@@ -169,7 +169,7 @@ class Simulation:
 
     @property
     def speeds(self) -> Values:
-        """Their speeds; `set_state` changes them.
+        """The speeds of the coordinates; `set_state` changes them.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -343,7 +343,7 @@ class Simulation:
         self._is_started = True
 
     def copy(self) -> Simulation:
-        """Another simulation in the same state, or a fresh one where there was no `reset`."""
+        """Copy the simulation with its state; without a `reset` the copy has its parameters alone."""
         other = Simulation(self.library)
         if self._is_started:
             other.restore(self.snapshot())

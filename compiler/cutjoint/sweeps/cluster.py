@@ -119,7 +119,7 @@ class Cluster:
         return str(self._client.dashboard_link)
 
     def submit(self, chunk: Chunk) -> None:
-        """Have a chunk performed."""
+        """Begin to perform a chunk."""
         allowed = frozenset(self._fit) if self._refused else frozenset()
         future = self._client.submit(perform, self._key, __version__, chunk, workers=list(allowed) or None, pure=False)
         self._chunks[future.key] = (chunk, allowed)

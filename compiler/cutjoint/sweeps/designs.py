@@ -84,7 +84,7 @@ class Extent:
 
 
 def spread(low: float, high: float, count: int, *, by_ratio: bool) -> tuple[float, ...]:
-    """So many levels from one number to another."""
+    """The levels from one number to another, ``count`` of them."""
     values = np.geomspace(low, high, count) if by_ratio else np.linspace(low, high, count)
     return tuple(map(float, values))
 

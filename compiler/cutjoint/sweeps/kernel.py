@@ -118,7 +118,7 @@ class Kernel:
 
     @cached_property
     def digest(self) -> str:
-        """Of the library."""
+        """The digest of the library."""
         return sha256(self.content).hexdigest()
 
     @property

@@ -18,7 +18,7 @@ class Workers(Protocol):
         """The number of chunks that are performed at a time."""
 
     def submit(self, chunk: Chunk) -> None:
-        """Have a chunk performed."""
+        """Begin to perform a chunk."""
 
     def take(self, seconds: float) -> Rows | None:
         """The rows of a chunk that is done, None if there is none in this time; what went wrong with one is raised."""
@@ -41,7 +41,7 @@ class Threads:
         self._pool = ThreadPoolExecutor(number)
 
     def submit(self, chunk: Chunk) -> None:
-        """Have a chunk performed."""
+        """Begin to perform a chunk."""
         self._pool.submit(self._work.perform, chunk).add_done_callback(self._done.put)
 
     def take(self, seconds: float) -> Rows | None:

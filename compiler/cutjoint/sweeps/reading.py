@@ -187,7 +187,7 @@ def _described(document: Document) -> Mapping[str, object]:
 
 
 def _digest(source: Source, values: Array) -> str:
-    """Of all that a study asks for of its model, and of the numbers that follow from its design."""
+    """A digest of everything that a study asks of its model, and of the numbers that follow from its design."""
     asked = json.dumps({key: value for key, value in source.data.items() if key != "model"})
     return sha256(asked.encode() + np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
 

@@ -139,7 +139,7 @@ class Variables:
         return read
 
     def _state_reader(self, section: str, name: str) -> Read:
-        """By the rules of a scene's start."""
+        """The reader of a state, by the rules of a scene's start."""
 
         def read(value: int | float | str, keys: Keys) -> float:
             at = replace(self._where, label=self._at(keys).label)

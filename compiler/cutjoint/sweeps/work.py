@@ -17,7 +17,7 @@ _HELD = 32_000_000
 
 
 def in_lanes(runs: int, lanes: int) -> int:
-    """So many runs or a few more, that leave no lane empty."""
+    """The number of runs, or a few more, that leaves no lane empty."""
     return -(-runs // lanes) * lanes
 
 

@@ -39,7 +39,7 @@ class Kind:
 
     @property
     def definitions(self) -> tuple[str, ...]:
-        """Of CMake."""
+        """The definitions for CMake."""
         return f"-DCUTJOINT_COMPARISON={'ON' if self.comparison else 'OFF'}", f"-DCUTJOINT_PRECISION={self.precision}"
 
 

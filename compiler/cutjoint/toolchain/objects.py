@@ -41,7 +41,7 @@ class Object:
 
     @property
     def cached(self) -> Path:
-        """Its place in the cache."""
+        """The object's place in the cache."""
         return cache_folder() / f"object-{self.digest}" / "code.o"
 
     def built(self, out: Path) -> Path:

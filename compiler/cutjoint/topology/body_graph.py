@@ -44,7 +44,7 @@ class BodyGraph:
             self.meets[self._link(first, last, below=1)] += 1
 
     def path(self, body: str) -> list[str]:
-        """From a body of unknown motion to the ground."""
+        """The bodies from one of unknown motion to the ground."""
         path = [body]
         while path[-1] != GROUND:
             path.append(self.carrier[path[-1]])

@@ -34,7 +34,7 @@ class _Search:
         self._needed = {root for first, last in graph.geared.values() for root in self._closed_roots(graph.path(first), graph.path(last))}
 
     def _summed(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """Of each body and all that it carries."""
+        """The sum of counts over each body and all that it carries."""
         carrier = self._graph.carrier
         total = {body: counts.get(body, 0) for body in carrier}
         for body in reversed(carrier):
@@ -52,7 +52,7 @@ class _Search:
             meet = self._graph.carrier[meet]
 
     def branches(self) -> Iterator[Branch]:
-        """From the ground outwards; within a branch none is looked for."""
+        """The branches from the ground outwards; within a branch none is looked for."""
         carriers = [GROUND]
         for carrier in carriers:
             for roots in self._graph.groups(carrier):

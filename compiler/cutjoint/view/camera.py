@@ -19,7 +19,7 @@ _SAMPLES = 50
 
 
 def find_camera(placed: Placed, drawing: Drawing) -> Camera:
-    """From the side if all axes of turns are one direction, else from ahead, the left and above."""
+    """The camera looks from the side if all axes of turns are one direction, else from ahead, the left and above."""
     model, numbers, sizes = placed.model, placed.numbers, placed.sizes
     has_road = any(isinstance(force, Tyre) for force in model.forces)
     return Camera(

@@ -153,7 +153,7 @@ class Mover:
         return q if found is None or np.abs(found[0] - q).max(initial=0.0) > _LARGEST else found[0]
 
     def _amplitude(self, q: Array, shape: Complex) -> float:
-        """So large that the motion is seen, and no larger than that it is still like a small one."""
+        """An amplitude with which the motion is seen, and still like a small one."""
         largest = float(np.abs(shape).max())
         step = _STEP / largest
         rows = [q, *(retract(self.equations, q, step * part) for part in (shape.real, shape.imag))]

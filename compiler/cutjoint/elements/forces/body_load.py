@@ -79,11 +79,11 @@ class BodyLoad(Force):
 
     @property
     def quantities(self) -> Mapping[str, str]:
-        """Its components, those of a torque under other names."""
+        """The components, those of a torque under other names."""
         return super().quantities if self.point is not None else dict.fromkeys(("Mx", "My", "Mz"), "N*m")
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """Its image: a force mirrors as a vector, a torque as a rotation."""
+        """The image of the load: a force mirrors as a vector, a torque as a rotation."""
         x, y, z = (mirror.law(component) for component in self.components)
         image = mirror.rotation if self.point is None else mirror.vector
         return replace(super().mirrored(mirror, signs), components=image((x, y, z)))

@@ -71,7 +71,8 @@ class Bushing(Force):
         )  # fmt: skip
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """Its image, whose axes change their sign along the mirror's axis once more: they stay right-handed, and global axes global."""
+        """The image of the bushing.  Its axes change their sign along the mirror's axis once more: they stay right-handed, and global axes
+        global."""
         x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, self.axes, strict=True))
         of_laws = (*mirror.signs, *(-sign for sign in mirror.signs))
         laws = tuple(mirror.reflected(law, sign) for sign, law in zip(of_laws, self.laws, strict=True))

@@ -50,16 +50,16 @@ class JointForce(LawForce):
 
     @property
     def joint_of(self) -> str:
-        """Its joint."""
+        """The joint of the force."""
         return self.joint
 
     @property
     def coordinate_of(self) -> str:
-        """Its coordinate."""
+        """The coordinate of the force."""
         return self.coordinate
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """Its image: its law counts the other way where its coordinate does."""
+        """The image of the force: its law counts the other way where its coordinate does."""
         return replace(self, law=mirror.reflected(self.law, signs.get(self.joint, {}).get(self.coordinate, 1)))
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:

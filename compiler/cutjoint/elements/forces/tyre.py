@@ -68,5 +68,5 @@ class Tyre(Force):
         return 1 if quantity in _EVEN else -1
 
     def halved(self) -> Self:
-        """It with half its load and spin, since nothing pushes it sideways."""
+        """The tyre with half its load and spin, since nothing pushes it sideways."""
         return replace(self, constants={name: value / 2 if name in _HALVED else value for name, value in self.constants.items()})

@@ -95,7 +95,7 @@ class Dependencies:
 
 
 def find_following(equations: RecursiveEquations) -> tuple[Dependencies, tuple[Dependencies, ...]]:
-    """That of accelerations, and of each column."""
+    """The dependencies of accelerations, and of each column."""
     names = ("evaluate", "constraint_residual")
     solving = find_leaves(block for name in names for block in equations.function(name).results.values())
     report = equations.function("report").results

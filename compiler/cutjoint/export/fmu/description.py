@@ -128,7 +128,7 @@ def _write_3(subject: Subject, interface: Interface) -> str:
 
 
 def _structure(interface: Interface, tags: tuple[str, str, str]) -> Iterator[tuple[str, list[tuple[int, tuple[int, ...]]]]]:
-    """Of the groups that have something, by their tags: outputs, derivatives, unknowns of the start, each with what it follows from."""
+    """The groups that are not empty, by their tags: outputs, derivatives, unknowns of the start, each with its dependencies."""
     outputs, derivatives, start = tags
     numbered = list(enumerate(interface.variables))
     found = [(i, v) for i, v in numbered if v.causality == "output"]

@@ -262,7 +262,7 @@ class ConstraintMaker:
         return (self._layout.use(arm.body, self._layout.direction(arm.body, arm.place)),)
 
     def _way(self, joint: Joint) -> Uses:
-        """From a joint's point of the base to that of the follower."""
+        """The way from a joint's point of the base to that of the follower."""
         end = self._layout.point(joint.follower, joint.to or joint.at)
         start = self._layout.point(joint.base, joint.at)
         return self._layout.use(joint.follower, end), self._layout.use(joint.base, start, -1)

@@ -227,7 +227,7 @@ class Collector:
 
 
 def second_moments(body: Body, value: Callable[[Scalar], float]) -> np.ndarray:
-    """Of a body's mass about its centre, the integral of x x^T dm = tr(J)/2 1 - J, (3, 3), kg m2."""
+    """The second moments of a body's mass about its centre, the integral of x x^T dm = tr(J)/2 1 - J, (3, 3), kg m2."""
     xx, yy, zz, xy, xz, yz = (value(x) for x in body.inertia)
     J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return np.asarray(np.trace(J) / 2 * np.eye(3) - J)

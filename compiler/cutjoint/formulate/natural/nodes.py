@@ -59,7 +59,7 @@ class Node:
 
     @property
     def name(self) -> str:
-        """Its title as text, which no other node has."""
+        """The node's title as text; no other node has it."""
         return str(self.title)
 
     @property

@@ -119,7 +119,7 @@ class Branched(Protocol):
         ...
 
     def solve(self, Zdd: Mapping[str, Block]) -> dict[str, Block]:
-        """Their unknowns by body, from the carrier's acceleration."""
+        """The unknowns by body, from the carrier's acceleration."""
         ...
 
 

@@ -39,8 +39,8 @@ class ClosingElements:
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """Of every tree joint with unknowns the accelerations ``vdot``, of every cut joint and gear the ``errors`` A Zdd + s; by
-    their names."""
+    """The solution by names: the accelerations ``vdot`` of every tree joint with unknowns, the ``errors`` A Zdd + s of every cut joint and
+    gear."""
 
     vdot: Mapping[str, Block]
     errors: Mapping[str, Block]

@@ -106,7 +106,8 @@ def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:
 
 
 def _in_plane_reaction(half: Half, reaction: Reaction, output: Output, is_moment: bool, direction: Vector) -> Output:
-    """Of a joint in the plane the half has half of the force in it and of the moment across it; the rest of a symmetric whole is zero."""
+    """The output of a joint in the plane: the half has half of the force in it and of the moment across it; the rest of a symmetric whole
+    is zero."""
     in_plane, across = half.plane.within(direction), half.plane.along_normal(direction)
     if half.flat or reaction.body == GROUND or half.is_own(reaction.body):
         if across if is_moment else in_plane:

@@ -63,7 +63,7 @@ def _entry(d: Derivation, names: Sequence[str], formulas: Sequence[tuple[str, ..
 
 @dataclass(frozen=True, kw_only=True)
 class Sharing:
-    """From four nodes of each body to the coordinates: each field but the first is what is saved."""
+    """Coordinates from four nodes of each body to the final ones: each field but the first is a saving."""
 
     unshared: int
     rigid: int
