@@ -201,7 +201,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
     unit.
 
     Raises:
-        RunError: that is not what is written, a value is not finite, or a name has two.
+        RunError: an argument is not NAME=VALUE, a value is not finite, or a name has two.
     """
     parameters: dict[str, float] = {}
     for change in changes:

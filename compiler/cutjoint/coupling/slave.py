@@ -24,7 +24,7 @@ _DISCARD = 2
 
 
 class Slave:
-    """The one instance of the FMU in a folder; errors are those of FMPy, which has no class for them, and of the loader."""
+    """The one instance of the FMU in a folder; errors are raised by FMPy, without a class of their own, and by the loader."""
 
     def __init__(self, folder: str) -> None:
         self._folder, self._is_2 = folder, True

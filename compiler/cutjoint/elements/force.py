@@ -255,8 +255,8 @@ class ForceElement:
 
     ``text`` describes it in the schema.  ``interaction`` is how it works on its bodies.  ``laws`` names the record's fields that have
     expressions: the force is linear in them.  ``forms`` are the variables and units of its laws, one for each form of the kind.
-    ``quantities`` are what it reports, with units; those of a force with one law follow from the law.  ``problem`` is what is wrong with
-    the fields of a part of the document, and what to write instead; () for nothing.
+    ``quantities`` are what it reports, with units; those of a force with one law follow from the law.  ``problem`` finds the fault in the
+    fields of a part of the document, and its remedy; () for nothing.
     """
 
     kind: ForceKind

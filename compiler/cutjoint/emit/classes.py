@@ -141,7 +141,7 @@ def class_of_system(parts: SimulationCode, system: System, *, apart: bool, heade
 
 
 def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
-    """Functions of what is stepped that nobody calls; impacts have the masses of relative coordinates from its energy."""
+    """Functions of the stepped class that nobody calls; impacts have the masses of relative coordinates from its energy."""
     needed = {"energy"} if parts.guides_jump and equations.charts else set()
     return (_UNUSED | (frozenset() if equations.switches else {"events"})) - needed
 

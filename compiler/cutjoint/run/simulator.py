@@ -38,8 +38,8 @@ def call_simulator(
     It ends too when this process is killed: then its standard input ends.  After ``seconds``, if given, it is killed.
 
     Raises:
-        SimulatorError: it could not begin (a run that fails numerically returns a summary that says so), could not write a file, wrote what
-            is no summary, or took too long.
+        SimulatorError: it could not begin, could not write a file, wrote no summary, or took too long; the summary of a run that fails
+            numerically says so.
         Interrupted, Terminated: a signal has ended the run.
     """
     # files without names: nothing of them stays if this process is killed.  What a simulator complains of goes into a file, since a pipe

@@ -42,7 +42,7 @@ class Plan:
 
 
 def plan_definite(pattern: Pattern) -> Plan:
-    """The plan for positive definite matrices, symmetric or not, whose pivots are those of the diagonal: no pivoting.
+    """The plan for positive definite matrices, symmetric or not, with pivots on the diagonal: no pivoting.
 
     Raises:
         MissingLibraryError: a library that orders matrices is not installed.

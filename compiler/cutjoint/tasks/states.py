@@ -56,8 +56,8 @@ def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Map
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, among which are those that hold the
-    scene's positions.
+    """The static equilibrium of a model with every quantity of its bodies, forces and reactions, the forces that hold the scene's positions
+    included.
 
     Raises:
         NoEquilibriumError: none was found near the design position.
