@@ -24,7 +24,7 @@ IS_INTERACTIVE = preparing._is_interactive
 
 @pytest.fixture
 def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Later]]:
-    """No patience with any compile; what was begun, which ends with the test."""
+    """No patience with any compile; the begun ones end with the test."""
     build_interpreter("recursive", flags=FLAGS)
     monkeypatch.setattr(preparing, "PATIENCE", 0.0)
     monkeypatch.setattr(preparing, "_is_interactive", lambda: True)

@@ -1,4 +1,4 @@
-"""Cached runs: they derive nothing, are what they were when they were prepared, and give way to whatever has changed."""
+"""Cached runs: they derive nothing, equal the runs that were prepared, and give way to any change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Python interface: what it exports, what it takes, what it shows, and that nothing half done passes for a result."""
+"""The Python interface: its names, its arguments, its output, and that nothing half done passes for a result."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ MOST_STATES = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """The largest step, s, for which the map contracts at every state, and for which it does so fast enough to end within the scene's
-    iterations; the time in s of the state that sets the first.
+    """The largest step, s, with a contracting map at every state, and the largest with a map that ends within the scene's iterations; the
+    time in s of the state that sets the first.
     """
 
     contracts: float

@@ -36,7 +36,7 @@ class PeerRunner:
 
     @property
     def configuration(self) -> Mapping[str, str]:
-        """Version, integrator, what cannot be the same, and the digest of what was exported."""
+        """Version, integrator, unavoidable differences, and the digest of the exported program."""
         made = {"version": _version(self.peer), "integrator": self.integrator, "digest": self.digest}
         return {**made, "differences": " ".join(self.differences)}
 

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn
 
 
 class Say(Protocol):
-    """Receives what is being done, and which ``share`` of the whole is done, 0 to 1, where that is known."""
+    """Receives the present work, and the finished ``share`` of the whole, 0 to 1, where that is known."""
 
     def __call__(self, text: str, /, *, share: float | None = None) -> None: ...
 

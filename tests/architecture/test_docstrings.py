@@ -1,8 +1,12 @@
-"""Docstrings and comments of constants begin with their subject or with a verb, never with a pronoun or a conjunction."""
+"""Docstrings and comments of constants begin with their subject or with a verb, never with a pronoun or a conjunction.
+
+A sentence of a docstring, or a part of it before a colon or a semicolon, has one relative pronoun at most.
+"""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -10,6 +14,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 OPENINGS = frozenset({"what", "whatever", "those", "who", "whom", "whose", "whether", "how", "where", "when", "which", "why"})
+RELATIVES = re.compile(r"\b(what|whatever|which|who|whom|whose)\b", re.IGNORECASE)
+CODE = re.compile(r"``[^`]*``|`[^`]*`")
+SENTENCE_ENDS = re.compile(r"(?<=[.;:])\s+|\n\n")
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -32,6 +39,14 @@ def wrong_openings(texts: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]
         words = [word.strip(".,:;`'\"") for word in text.lower().split()]
         if words[0] in OPENINGS or words[:2] == ["the", "same"]:
             yield line, " ".join(words[:3])
+
+
+def crowded_sentences(text: str) -> Iterator[tuple[int, str]]:
+    """Line of a docstring and first words of each of its sentences with more than one relative pronoun outside of code."""
+    for line, docstring in docstrings_of(text):
+        for sentence in SENTENCE_ENDS.split(CODE.sub("x", docstring)):
+            if len(RELATIVES.findall(sentence)) > 1:
+                yield line, " ".join(sentence.split()[:6])
 
 
 @pytest.mark.parametrize(
@@ -61,3 +76,20 @@ def test_comments_of_constants_are_read_from_their_first_line() -> None:
 @pytest.mark.parametrize("opening", ["Return whether it is.", "The sameness.", "Wholes.", "Rows, where there are any."])
 def test_subjects_and_verbs_are_openings(opening: str) -> None:
     assert not list(wrong_openings(docstrings_of(f'"""{opening}"""')))
+
+
+@pytest.mark.parametrize("folder", ["compiler", "measuring", "tests"])
+def test_sentences_have_one_relative_pronoun_at_most(folder: str) -> None:
+    files = sorted((ROOT / folder).rglob("*.py"))
+    found = [
+        f"{file.relative_to(ROOT)}:{line}: '{words} ...': make two sentences of it"
+        for file in files for line, words in crowded_sentences(file.read_text(encoding="utf-8"))
+    ]  # fmt: skip
+    assert files
+    assert not found, "\n".join(found)
+
+
+def test_pronouns_are_counted_by_sentences_outside_of_code() -> None:
+    text = '"""A body, which moves.\n\nA joint that knows what it holds, and whose\naxis turns; one whose ``which`` turns."""\n'
+    assert list(crowded_sentences(text)) == [(1, "A joint that knows what it")]
+    assert not list(crowded_sentences('"""A body, which moves: a joint whose ``what`` and `which` stand.  One who turns."""\n'))

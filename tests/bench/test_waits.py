@@ -1,4 +1,4 @@
-"""Shares of the time of a wait: the symbolic half's phases, whose source is what the pipeline generates."""
+"""Shares of the time of a wait: the symbolic half's phases; their source is that of the pipeline."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Interpreted programs: what they compute, the runs that follow, and what is refused."""
+"""Interpreted programs: their values, the runs that follow, and refusals."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from tests.mechanisms.random_models import TIME, loop_with, scene
 
 
 def turning_loop(kind: JointKind, closing: str, seed: int) -> Case:
-    """A loop of ``loop_with`` whose first joint moves with all its speeds and whose second has its first one given.
+    """A loop of ``loop_with``: its first joint moves with all its speeds, its second has the first speed given.
 
     A penalty of 1e9 would lose cutjoint five digits on these bodies of about 2 kg; one of 1e5 leaves nine.
     """

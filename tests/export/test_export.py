@@ -1,4 +1,4 @@
-"""The export command, what all peers share, and what is refused."""
+"""The export command, the common part of all peers, and refusals."""
 
 from __future__ import annotations
 

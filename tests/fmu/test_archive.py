@@ -1,4 +1,4 @@
-"""The files of FMUs: what FMPy says of them, what it simulates with them, and that their sources compile alone."""
+"""The files of FMUs: FMPy validates and simulates them, and their sources compile alone."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def needs(platform: str) -> pytest.MarkDecorator:
 
 @pytest.fixture(scope="module")
 def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """The environment in which Wine has a place of its own, which takes 700 MB."""
+    """The environment in which Wine has a place of its own, of 700 MB."""
     if which("wine") is None:
         pytest.skip("needs wine64 and wine")
     place = tmp_path_factory.mktemp("wine")

@@ -31,7 +31,7 @@ def energy_of(dense: DenseMechanism, at: Instant) -> float:
 
 
 def rate_of_energy(dense: DenseMechanism, at: Instant, vdot: Array) -> float:
-    """Along the motion, in which guides go on, by differences of sixth order whose steps change speeds little."""
+    """The rate of energy along the motion, guides included, by differences of sixth order with steps that change speeds little."""
     rate, step = 0.0, 1e-3 / max(1.0, np.abs(vdot).max() / 10)
     for n, weight in ((1, 45), (2, -9), (3, 1)):
         for h in (n * step, -n * step):

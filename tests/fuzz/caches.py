@@ -150,7 +150,7 @@ def _check_others(case: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _open_to_others(part: Path, way: str, file: Path, ran: Path) -> None:
-    """Let another user write a part of a path, or put a program there whose digest is right and which says that it ``ran``."""
+    """Let another user write a part of a path, or put a program of the right digest there that says that it ``ran``."""
     if way == "planted":
         file.write_text(f"#!/bin/sh\ntouch {shlex.quote(str(ran))}\n", encoding="utf-8")
         file.with_name("simulator.sha256").write_text(f"{sha256(file.read_bytes()).hexdigest()} program\n", encoding="ascii")

@@ -1,4 +1,4 @@
-"""FMUs that misbehave in one of their calls: the run says which FMU and which call, keeps its rows, and leaves nothing behind."""
+"""FMUs that misbehave in one of their calls: the run names the FMU and the call, keeps its rows, and leaves nothing behind."""
 
 from __future__ import annotations
 

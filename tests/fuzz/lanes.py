@@ -1,4 +1,4 @@
-"""Chains of equal and mirrored parts in a tilted plane: what is computed side by side is what is computed one by one."""
+"""Chains of equal and mirrored parts in a tilted plane: values computed side by side equal those computed one by one."""
 
 from __future__ import annotations
 

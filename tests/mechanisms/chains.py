@@ -1,4 +1,4 @@
-"""Open chains of many links: what their code repeats, and what differs from link to link."""
+"""Open chains of many links: some with equal links, some with differences from link to link."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Seeded random models: trees, closed loops, forces, guides, and states to try them at.
 
-A model is a function of its seed.  Every joint point is common to both bodies in the design position, every inertia is that of a
-body which could be built, and a massless body is placed only where a loop or what it carries gives its joint an inertia.
+A model is a function of its seed.  Every joint point is common to both bodies in the design position, every inertia is that of a possible
+body, and a massless body is placed only where a loop or a carried body gives its joint an inertia.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ DRIVE = parameter("drive", 0.1, Binding.INPUT)
 
 
 def scene(inputs: dict[str, Any] | None = None, switches: dict[str, bool] | None = None) -> Scene:
-    """A scene that only says what the inputs do and which forces act."""
+    """A scene with nothing but inputs and switches of forces."""
     return Scene(
         name="try", end=1.0, output_step=0.1, pose="design", positions={}, rates={}, inputs=inputs or {}, switches=switches or {},
         road=Road(), numerics=Numerics(), outputs=(), span=NOWHERE,

@@ -1,4 +1,4 @@
-"""Expressions: what they may say, what they become, and what is refused."""
+"""Expressions: their grammar, their translation, and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gears in the file: what they name, their ratio's unit, their mirror images, and what is wrong with them."""
+"""Gears in the file: their ends, their ratio's unit, their mirror images, and their faults."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def test_a_hole_larger_than_its_body_has_no_inertia() -> None:
 
 
 def test_many_bodies_at_once() -> None:
-    """Beside points with masses of either sign, whose second moments' signs say what no inertia's can be."""
+    """Bodies beside points with masses of either sign: the signs of their second moments tell impossible inertias."""
     random = np.random.default_rng(5)
     directions = np.linalg.qr(random.normal(size=(400, 3, 3)))[0]
     seconds = random.uniform(-0.3, 1, (400, 3))  # sums of m x^2 along three directions

@@ -1,7 +1,7 @@
 """The wrenches of joints by virtual power: of the multipliers of a cut joint, and of a tree joint that is released.
 
-A released joint is a free one in its place.  What its own coordinates need for the given motion, beside the forces that act, is what
-the joint did.
+A released joint is a free one in its place.  The force on its own coordinates for the given motion, less the forces that act, is the
+joint's reaction.
 """
 
 from __future__ import annotations

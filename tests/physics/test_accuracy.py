@@ -99,8 +99,8 @@ def test_estimates_are_near_the_true_error(method: str, settings: dict[str, floa
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("mechanism", ["yoke", "crank", "light crank", "rocker"])
 def test_what_has_converged_is_not_told_too_small(mechanism: str, law: str) -> None:
-    """Dead centres, a rod without mass, friction and a stop: runs once agreed by the tolerance of the iteration, which both had, and errors
-    of the stricter one of two were taken for a seventh of what they differ by."""
+    """Dead centres, a rod without mass, friction and a stop: two runs with one tolerance of the iteration could agree by it, so that the
+    stricter one's error seemed a seventh of their difference."""
     model = read_model_text(MECHANISMS[mechanism].replace("LAW", LAWS[law]), "drawn.yaml")
     (scene,) = model.scenes.values()
     artifacts = {method: compile_interpreted(model, scene, method=method) for method in ("recursive", "recursive-newton")}
@@ -196,7 +196,7 @@ def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
 
 @pytest.mark.parametrize(("size", "converged"), [(1.0, True), (1e-6, False)])
 def test_rounding_of_what_is_zero_by_symmetry_falls_no_further(size: float, converged: bool) -> None:
-    """Three runs whose errors of ``far`` fall by four and whose noise of 1e-11 in ``across`` does not: beside a metre it is rounding."""
+    """Three runs with errors of ``far`` that fall by four and noise of 1e-11 in ``across`` that does not: beside a metre it is rounding."""
     t, rng = np.linspace(0, 1, 50), np.random.default_rng(0)
 
     def run(level: int) -> Trajectory:

@@ -164,7 +164,8 @@ def test_runs_that_are_right_have_no_warning(method: str) -> None:
 
 @pytest.mark.parametrize("seed", [8, 9, 11, 12, 29, 39, 515, 560])
 def test_rest_is_no_imbalance(seed: int) -> None:
-    """Planar mechanisms at rest: what moves them is what the search for rest and rounding leave, of which the steps keep no balance."""
+    """Planar mechanisms at rest: they move by the remainder of the search for rest and by rounding alone, of which the steps keep no
+    balance."""
     case = {**json.loads(poses.make(random.Random(seed))), "held": []}
     model = json.loads(poses.model_text(case, guided=False))
     model["scenes"]["run"] = {"end": 0.5, "output_step": 0.1, "pose": "equilibrium"}

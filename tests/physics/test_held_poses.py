@@ -78,7 +78,7 @@ def test_batches_begin_there() -> None:
 
 
 def test_simulations_of_a_host_begin_there(tmp_path: Path) -> None:
-    """From Python, on the interface in C of folders and FMUs: what the scene holds, and what the host holds besides."""
+    """From Python, on the interface in C of folders and FMUs: coordinates held by the scene, and others held by the host."""
     path = tmp_path / "hanging.yaml"
     path.write_text(TEXT, encoding="utf-8")
     sim = cutjoint.load(path).reset()

@@ -66,9 +66,9 @@ def test_a_mechanism_without_cut_joints_runs_as_with_a_penalty() -> None:
 @pytest.mark.parametrize("penalty", [10.0, 100.0, 1e12])
 @pytest.mark.parametrize(("model", "scene", "end"), SCENES)
 def test_constraints_hold_at_any_penalty(tmp_path: Path, model: str, scene: str | None, end: float, penalty: float) -> None:
-    """The issue's bound is 1e-10 m; 1e-12 is what projections end with.
+    """The bound for loops is 1e-10 m; projections end with 1e-12.
 
-    A penalty is an upper bound of what follows from the masses, which is 1e3 to 1e4 here: 10 and 100 act, 1e12 is as good as none.
+    A penalty is an upper bound of the value by the masses, 1e3 to 1e4 here: 10 and 100 act, 1e12 is as good as none.
     """
     _, position, velocity = measured(compiled(MODELS / f"{model}.yaml", scene), tmp_path, end=end, penalty=penalty)
     assert position < 1e-12

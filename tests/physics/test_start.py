@@ -1,4 +1,4 @@
-"""Starts: what is given, what follows, and what cannot be."""
+"""Starts: given values, values that follow, and impossible ones."""
 
 from __future__ import annotations
 

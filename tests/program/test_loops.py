@@ -1,4 +1,4 @@
-"""Loops compute what the statements that they stand for computed, to the last bit, from what they have kept."""
+"""Loops compute the values of the statements that they stand for, to the last bit, from their arrays."""
 
 from __future__ import annotations
 

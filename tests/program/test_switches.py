@@ -1,4 +1,4 @@
-"""Switches: values whose signs tell which formula a program is in."""
+"""Switches: values whose signs tell the present formula of a program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Approximations: what they change, and errors that follow what they leave out."""
+"""Approximations: their changes, and errors that follow the omitted parts."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def test_what_may_leave_the_plane_stays(old: str, new: str, why: str) -> None:
 
 
 def test_a_loop_of_hinges_needs_no_symmetry() -> None:
-    """Hinges hold the rocker, whose mass is in another plane and which a force pushes out of its own."""
+    """Hinges hold the rocker, though its mass is in another plane and a force pushes it out of its own."""
     assert "rocker" not in words(flatten(*swing("centre_of_mass: [1.1, 0.3, -0.2]", "centre_of_mass: [1.1, 0.3, -0.4]")))
 
 

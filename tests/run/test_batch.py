@@ -119,7 +119,7 @@ def test_each_run_is_that_of_its_parameters_alone() -> None:
 
 
 def test_the_closure_is_that_of_the_scene() -> None:
-    """Runs whose steps project, beside single ones, whose closure is the same."""
+    """Runs with projecting steps, beside single ones with the same closure."""
     scene = with_closure(replace(ride(), pose="design"), "proximal")
     batch = simulate_batch(compile_scene_batch(model(), scene), CASES[:3], threads=1)
     single = compile_scene(model(), scene)

@@ -148,7 +148,7 @@ def test_augmented_stays_accurate_with_small_steps(dt: float, penalty: float, tm
 
 @pytest.mark.parametrize("dt", [1e-2, 1e-3, 1e-5])
 def test_augmented_chooses_a_penalty_that_suits_masses_and_step(dt: float, tmp_path: Path) -> None:
-    """An iteration leaves 1e-5 of what the multipliers lack: the tolerance of the iteration is what remains, whatever the step."""
+    """An iteration leaves 1e-5 of what the multipliers lack: the tolerance of the iteration remains at any step."""
     run = completed(tmp_path, DOUBLE_PENDULUM, AUGMENTED, dt=dt, penalty=None, end=100 * dt, tolerance=1e-6)
     assert run.summary["residuals"]["position"] < 1e-10
     assert run.summary["residuals"]["velocity"] < 1e-9

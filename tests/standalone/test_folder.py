@@ -1,4 +1,4 @@
-"""Folders that stand alone: what they need, what they link, and that their C interface does what its header says."""
+"""Folders that stand alone: their needs, their libraries, and their C interface, which keeps the contract of its header."""
 
 from __future__ import annotations
 

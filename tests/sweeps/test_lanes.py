@@ -74,7 +74,7 @@ def test_runs_of_a_press(closure: str, tmp_path: Path) -> None:
 
 
 def test_a_run_that_fails_leaves_the_others_alone(tmp_path: Path) -> None:
-    """Speeds at the start of which steps find no end, or for which sines need more than a register's arithmetic."""
+    """Speeds at the start with steps that find no end, or with sines beyond a register's arithmetic."""
     rates = [10, 1e9, 5, 1e12, 7, 8, 9, 6, 5.5, 1e9]
     asked = read_study(
         study(tmp_path, parameters=None, rates=None, design={"list": [{"pin.angle_rate": x} for x in rates]}, output_step=0.01, dt=0.01)

@@ -1,4 +1,4 @@
-"""Poses that are changed in their page: loops stay closed, and what is seen is what closed forms and the interpreter say."""
+"""Poses that are changed in their page: loops stay closed, and places on screen are those of closed forms and of the interpreter."""
 
 from __future__ import annotations
 

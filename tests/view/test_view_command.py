@@ -1,4 +1,4 @@
-"""`cutjoint view` and `cutjoint simulate --view`: what they write, and what they refuse."""
+"""`cutjoint view` and `cutjoint simulate --view`: their files, and their refusals."""
 
 from __future__ import annotations
 

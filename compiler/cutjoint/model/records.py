@@ -308,19 +308,18 @@ STEP = 1e-3
 class Numerics:
     """Settings of the numerical method.
 
-    ``closure`` is how the recursive method holds its cut joints: "proximal", whose penalties follow from the effective masses and of
-    which ``penalty`` is an upper bound, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None follows from masses.
-    ``penalty`` (alpha), ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints,
-    ``tolerance`` (relative change of the accelerations) and ``iterations`` (limit) to the fixed point, in whose
-    first ``multiplier_updates`` iterations of a step the multipliers are corrected.  The augmented method has a penalty and
-    ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as long as the tolerance allows, where
-    the method has an integrator with such steps.  ``integrator`` is that of the methods that know it, None for the one that follows from
-    method and ``dt``; of "dormand-prince" and "sdirk4"
-    ``tolerance`` is the relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as
-    the relative one; "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether
-    steps of the methods "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or
-    "crossed", None for what is usual with the integrator.  ``methods`` has what a method changes, by the names of these settings;
-    ``by_step`` the penalty and frequency that were written as expressions of dt, whose values here are those at ``dt``.
+    ``closure`` is how the recursive method holds its cut joints: "proximal", with penalties from the effective masses up to the bound
+    ``penalty``, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None follows from masses.  ``penalty`` (alpha),
+    ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints, ``tolerance`` (relative change of the accelerations) and
+    ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected.
+    The augmented method has a penalty and ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as
+    long as the tolerance allows, where the method has an integrator with such steps.  ``integrator`` is that of the methods that know it,
+    None for the one that follows from method and ``dt``; of "dormand-prince" and "sdirk4" ``tolerance`` is the relative error of a step and
+    ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one; "generalised-alpha" leaves the share
+    ``spectral_radius`` of what is fast in each step.  ``events`` says whether steps of the methods "recursive" and "recursive-newton" end
+    where forces, guides or drives change their formulas: "located" or "crossed", None for what is usual with the integrator.  ``methods``
+    has what a method changes, by the names of these settings; ``by_step`` the penalty and frequency that were written as expressions of dt,
+    whose values here are those at ``dt``.
     """
 
     dt: float | None = None

@@ -16,8 +16,8 @@ from cutjoint.sparse.pattern import Pattern
 class Elimination:
     """The factors' structure for one sequence of pivots, numbered 0 .. size - 1 in this order.
 
-    Pivot k is the matrix's entry (rows[k], columns[k]).  ``lower[k]`` are the pivots whose rows have an entry in column k of L below the
-    diagonal, ``upper[k]`` those whose columns have one in row k of U; the same tuples in L D L^T.  Both ascend.
+    Pivot k is the matrix's entry (rows[k], columns[k]).  ``lower[k]`` are the pivots with rows that have an entry in column k of L below
+    the diagonal, ``upper[k]`` those with columns that have one in row k of U; the same tuples in L D L^T.  Both ascend.
     """
 
     symmetric: bool

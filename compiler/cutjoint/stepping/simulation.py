@@ -63,8 +63,8 @@ class Simulation:
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
-        """Start at time 0, and return the simulation: from what the scene gives, and ``coordinates`` and ``speeds`` (SI units) of joints of
-        the spanning tree besides, which hold for this start alone.
+        """Start at time 0, and return the simulation: from the scene's start, with other ``coordinates`` and ``speeds`` (SI units) of
+        joints of the spanning tree for this start alone.
 
         ``dt`` is the length of steps (s), by dormand-prince and sdirk4 how far `step` goes on.  ``iterations``, of the trapezoidal rule of
         method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the

@@ -97,7 +97,7 @@ def _axis(joint: PeerJoint) -> Array:
 
 
 def independent_cuts(model: Model, scene: Scene, mechanism: Mechanism) -> tuple[list[Constraint], list[Constraint]]:
-    """The cut joints with what of them is independent, and what is left out of them because it follows from the rest."""
+    """The cut joints with their independent rows, and with the rows that are left out because they follow from the rest."""
     cuts = [constrain(cut) for cut in mechanism.cuts]
     rows = [row for cut in cuts for row in cut.rows]
     chosen = set(independent_rows(model, scene, mechanism, rows))

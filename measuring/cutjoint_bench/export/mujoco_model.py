@@ -174,7 +174,7 @@ def body_name(name: str) -> str:
 
 
 def _elementary(joint: PeerJoint, part: Part) -> Iterator[_Elementary]:
-    """MuJoCo's joints of a part of a chain, what comes first carries what follows."""
+    """MuJoCo's joints of a part of a chain; each carries the next ones."""
     match part.type:
         case "free":
             yield from (_Elementary("slide", axis, label) for axis, label in zip(_GLOBAL, "xyz", strict=True))

@@ -106,7 +106,7 @@ class PeerJoint:
 
 @dataclass(frozen=True, kw_only=True)
 class PeerGear:
-    """A gear: what the first coordinate has moved since the start is ``ratio`` times what the second one has.
+    """A gear: the first coordinate's movement since the start is ``ratio`` times that of the second one.
 
     ``first`` and ``second`` are a joint's name and the number of its coordinate.  A joint whose guides stand still is not in the tree.
     """

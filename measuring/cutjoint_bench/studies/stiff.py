@@ -78,7 +78,7 @@ B, E = (19 / 9, 1 / 2, 25 / 108, 125 / 108), (17 / 54, 7 / 36, 0.0, 125 / 108)
 
 
 def rosenbrock(rate: Rate, y: Array, times: Array, tolerance: float) -> tuple[Array, Counted]:
-    """States at times, which steps end at, and what it took."""
+    """States at times, at which steps end, and the effort."""
     counted, states, h = Counted(), [y], 1e-4
     identity = np.eye(y.size)
     for t, until in pairwise(times):

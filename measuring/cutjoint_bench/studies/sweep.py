@@ -1,4 +1,4 @@
-"""Sweeps in figures: what a run costs beside its own work, throughput beside the cores' sum, and what a cluster's scheduler adds.
+"""Sweeps in figures: the cost of a run beside its own work, throughput beside the cores' sum, and the share of a cluster's scheduler.
 
     python -m cutjoint_bench.studies.sweep [--share 0.1] [--only overhead|lanes|throughput|tasks]
 

@@ -106,7 +106,7 @@ def _arm(joint: Joint, carried: Carried) -> Arm:
 
 
 def angle_arms(joint: Joint, coordinate: str) -> tuple[Arm, Arm, Arm]:
-    """The directions of one body from which and towards which an angle is counted, and the direction of the other body at its end."""
+    """An angle's directions: it is counted from the first towards the second, both of one body, to the third, of the other body."""
     measure = joint.element.measures[coordinate]
     other = End.FOLLOWER if measure.carrier is End.BASE else End.BASE
     first, second = (_arm(joint, Carried(measure.carrier, d)) for d in (measure.first, measure.second))

@@ -20,7 +20,7 @@ from cutjoint.topology.records import Topology
 class PoseEquations:
     """A point p of a body in the design position is at ``rotations`` (3, 3) p + ``shifts`` (3, 1), from the world's origin.
 
-    Symbols are ``q:joint`` by ``charts``, ``t``, ``parameters`` and ``inputs``, what the scene gives, which ``laws`` find over LAW_TIME.
+    Symbols are ``q:joint`` by ``charts``, ``t``, ``parameters`` and ``inputs``, the scene's values by ``laws`` over LAW_TIME.
     """
 
     charts: tuple[Chart, ...]

@@ -118,8 +118,8 @@ def sliding(origin: Vector, axis: Vector, point: Vector, law: Law, start: float 
 def turning(axis: Vector, side: Vector, law: Law, start: float = 0.0, *, of_base: bool = True) -> Element:
     """A torque law(angle, rate, t) on the follower about an axis that the base carries, or the follower.
 
-    The angle, ``start`` at first, is how far what the follower carries of the direction ``side`` across the axis has turned from what the
-    base carries of it.  It goes on beyond a full turn.
+    The angle, ``start`` at first, is the turn of the follower's direction ``side`` across the axis from that of the base.  It goes on
+    beyond a full turn.
     """
     last = 0.0
 
