@@ -46,7 +46,7 @@ scenes:
   moved: {end: 0.1, output_step: 0.05, numerics: {dt: 0.01}, positions: {rail.displacement: begin}}
 """
 
-#: What a run that is compiled does without: other commands' packages, and what measures.
+#: Modules that a compiled run does without: other commands' packages, and measuring.
 LATER = (
     "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
     "cutjoint_bench",
@@ -59,7 +59,7 @@ OTHER_OPTIONS: dict[str, Any] = {
 
 _WITH_SOLVER = "augmented, classical or recursive-newton"
 
-#: What a kept run does without.
+#: Modules that a cached run does without.
 HEAVY = ("sympy", "pint", "yaml", "pydantic", "jinja2", "matplotlib", "cutjoint.compile.pipeline", "cutjoint.model.read")
 
 

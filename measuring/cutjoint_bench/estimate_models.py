@@ -107,7 +107,7 @@ MECHANISMS: Mapping[str, str] = {
     "light crank": _turning("light", _LINK + _SLIDER, _CRANK, "rail", "slider.x, slider.vx"),
     "rocker": _ROCKER, "pendulums": _PENDULUMS, "rods": _rods(),
 }  # fmt: skip
-#: What brakes: smooth, steep, and jumping where a motion turns back; with a stop that begins and ends to act.
+#: Brakes: smooth, steep, and jumping where a motion turns back; with a stop that begins and ends to act.
 LAWS: Mapping[str, str] = {
     "viscous": "-0.3*friction*rate",
     "steep": "-friction*tanh(rate/width)",

@@ -49,10 +49,8 @@ def crowded_sentences(text: str) -> Iterator[tuple[int, str]]:
                 yield line, " ".join(sentence.split()[:6])
 
 
-@pytest.mark.parametrize(
-    ("folder", "texts_of"),
-    [("compiler", docstrings_of), ("measuring", docstrings_of), ("tests", docstrings_of), ("compiler", comments_of)],
-)
+@pytest.mark.parametrize("texts_of", [docstrings_of, comments_of])
+@pytest.mark.parametrize("folder", ["compiler", "measuring", "tests"])
 def test_texts_open_with_their_subject(folder: str, texts_of: Callable[[str], Iterable[tuple[int, str]]]) -> None:
     files = sorted((ROOT / folder).rglob("*.py"))
     found = [

@@ -39,7 +39,7 @@ pytestmark = needs_cpp
 #: Programs are run as they are rounded: what is left are sines and the like of another library, one unit in the last place each.
 EXACT = 1e-13
 
-#: What the penalty of 1e4 N/m against masses from 1 kg on multiplies has ten times as much (2.2e-13 was seen).
+#: Values that the penalty of 1e4 N/m against masses from 1 kg on multiplies have ten times as much (2.2e-13 was seen).
 STIFF = {"vdot": 1e-12, "correction": 1e-12, "dz": 1e-12}
 
 
@@ -233,7 +233,7 @@ DAMAGES = {
 }  # fmt: skip
 
 
-#: The same of a system.
+#: Damages of the document of a system.
 DAMAGES_OF_SYSTEMS = {
     "a tile of five": (put(5, "tables", "steps", 0, 0), "a tile has 5 pivots"),
     "a tile beyond": (put(10**6, "tables", "steps", 0, 1), "its factorisation has no place 1000000"),

@@ -14,7 +14,7 @@ from tests.fuzz import controllers
 pytest.importorskip("fmpy")
 pytestmark = needs_cpp
 
-#: What happens in a call, and what is said of it.
+#: Deeds in a call, and the message about each.
 CASES = (
     ("Instantiate", 1, "exit", "it cannot be instantiated: it ended its process with status 0"),
     ("Instantiate", 1, "trap", "it cannot be instantiated: it crashed with SIGSEGV"),

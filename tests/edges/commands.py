@@ -14,13 +14,13 @@ from .values import MODEL, STUDY, TABLE
 _CHOICES = {"peer": "exudyn"}
 #: Commands that take minutes where nothing is wrong.
 LONG = ("bench",)
-#: What keeps a call short, where a command has the option.
+#: Options that keep a call short, where a command has them.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 #: The command for which such an option goes with another value of its choice alone.
 _ELSEWHERE = ("export", "--method")
-#: What an option goes with, without which it is refused for that alone.
+#: Options beside an option that is refused without them.
 _BESIDE = {"over": ["--view=out_view.html"]}
-#: What options and arguments read that is no model.
+#: Files other than models that options and arguments read.
 READ = {"batch": TABLE, "study": STUDY}
 #: Options that read a file of which users have none here.
 _UNREADY = ("over", "controller")

@@ -22,7 +22,7 @@ from tests.reduce.test_rolling import CART
 
 FOUR_BAR = (MODELS / "four_bar.yaml").read_text(encoding="utf-8")
 
-#: What makes code for several instances of the mechanism of a batch.
+#: Flags for code of several instances of the mechanism of a batch.
 _BATCH = ("-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/real.hpp")
 
 

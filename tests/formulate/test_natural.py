@@ -235,7 +235,7 @@ def determined(pair: Pair, at: Instant) -> set[str]:
     return {c.name for i, c in enumerate(pair.natural.columns) if all(abs(x[i] - columns[0][i]) < 1e-8 for x in columns)}
 
 
-#: Where a loop is closed, and the seed of its model.
+#: The place at which a loop is closed, and the seed of its model.
 LOOPS = (("branch", 3), ("roots", 0), ("roots", 5), ("parent", 2))
 
 

@@ -26,7 +26,7 @@ from cutjoint.toolchain.build import cache_folder
 from .press import MODEL, press, require_told, run
 
 _DAMAGES = ("empty", "cut", "flip", "append", "remove", "mode", "folder", "unreadable_text", "dangling")
-#: Which parts of a path to a file of the cache others can write or own: the file itself, its folder, the cache, the folder that has it.
+#: The parts of a path to a cached file that others can write or own: the file itself, its folder, the cache, the folder that has it.
 _PARTS = ("file", "folder", "cache", "parent")
 _WAYS = ("by everybody", "by a group", "of another", "planted")
 _OTHER = 65534

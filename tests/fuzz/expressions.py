@@ -187,7 +187,7 @@ def any_text(rng: random.Random) -> str:
     return "".join(rng.choice((*GARBAGE, *VARIABLES, *NUMBERS, *SMOOTH)) for _ in range(rng.randint(0, 8)))
 
 
-#: How far the numbers of a text and what its functions give are moved, relative and absolute, to see whether a value hangs on last digits.
+#: Changes of the numbers of a text and of its functions' values, relative and absolute, that show whether a value hangs on last digits.
 _NEAR, _TINY = 1e-9, 1e-12
 #: Numbers whose squares, which SymPy makes of the cosine of an arc's tangent, are still numbers.
 _LARGEST = 1e150

@@ -22,9 +22,9 @@ from tests.mechanisms.steered import steered_text
 #: Ways of taking steps, with settings of the scene.
 WAYS = (("recursive", ""), ("recursive", ", closure: proximal"), ("recursive-newton", ""))
 DT = 1e-3
-#: How far a guide may be from its course, m, and how far loops may open.
+#: The largest distance of a guide from its course, m, and the largest gap of loops.
 _COURSE, _GAP = 1e-9, 1e-4
-#: How far the rack goes, m: beyond, jumps are made at once, off the course.
+#: The largest movement of the rack, m: beyond, jumps are made at once, off the course.
 _FURTHEST = 0.05
 
 

@@ -27,7 +27,7 @@ from . import mechanisms
 
 Node = dict[str, Any]
 
-#: How long the smooth guides take (s); what they differ by from a jump falls with the square.
+#: The duration of the smooth guides' movement (s); its difference from a jump falls with the square.
 LONG = 2e-3
 #: By how much a run with steps of 1 ms, or a tolerance of 1e-8, may differ from the smooth guides' limit, m.
 ALLOWED = 1e-4

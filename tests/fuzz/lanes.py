@@ -24,7 +24,7 @@ from cutjoint.run.errors import RunError
 
 Node = dict[str, Any]
 
-#: How far results may be apart, as a share of the largest.
+#: The largest distance of results, as a share of the largest.
 ROUNDING = 1e-7
 
 

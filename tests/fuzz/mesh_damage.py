@@ -20,7 +20,7 @@ _VALUES: tuple[Any, ...] = (
     None, True, "", "1", "VEC2", "MAT4", "SCALAR", [], {}, [0], [0, 1, 2], [1, 1], [0.0] * 16, [1e38] * 16, [_NAN] * 16, ["a"] * 4,
     [0, 0, 0, 5], {"count": 1, "indices": {"bufferView": 1, "componentType": 5125}, "values": {"bufferView": 0}}, *HOSTILE,
 )  # fmt: skip
-#: What a document may have besides.
+#: Parts that a document may have besides.
 _ADDED: tuple[tuple[str, Any], ...] = (
     ("images", [{"uri": HOSTILE[2]}]), ("images", [{"uri": HOSTILE[8]}]), ("textures", [{"source": 0}]), ("skins", [{"joints": [0, 0, 9]}]),
     ("extensionsRequired", ["KHR_draco_mesh_compression"]), ("extensionsRequired", ["__proto__"]), ("cameras", [{"type": "perspective"}]),

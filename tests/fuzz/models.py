@@ -95,7 +95,7 @@ ODD_NAMES = (
     "count",
 )
 
-#: What must not reach C++, CMake or a terminal as it is.
+#: Texts that must not reach C++, CMake or a terminal as they are.
 NASTY = (
     "",
     " ",

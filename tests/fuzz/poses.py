@@ -25,7 +25,7 @@ Node = dict[str, Any]
 Array = npt.NDArray[Any]
 
 GRAVITY = 9.81
-#: What pulls at rest, as a share of the weights and moments that do.
+#: The largest force at rest, as a share of the weights and moments that act.
 AT_REST = 1e-5
 
 

@@ -10,7 +10,7 @@ bodies:
 _BODY = "  {name}: {{mass: 1, centre_of_mass: [{x}, {y}, 0], inertia: [0.1, 0.1, 0.1]}}\n"
 _PIN = "  {name}: {{kind: revolute, bodies: [{base}, {follower}], at: [{x}, {y}, 0], axis: [0, 0, 1]{cut}}}\n"
 
-#: Where the cranks end, from their ground pins: upright, or so that all pins are in line.
+#: The ends of the cranks, from their ground pins: upright, or so that all pins are in line.
 UPRIGHT, IN_LINE = (0.0, 1.0), (1.5, 0.0)
 
 

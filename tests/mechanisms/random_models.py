@@ -365,7 +365,7 @@ def random_tree(seed: int, gravity: bool = True, guides: bool = True) -> Model:
     return w.model()
 
 
-#: How a cut joint may close its loop.
+#: The ways in which a cut joint may close its loop.
 CLOSINGS = ("branch", "roots", "floating", "parent", "twice", "guided")
 
 

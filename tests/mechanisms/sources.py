@@ -36,7 +36,7 @@ from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
-#: What can be generated of a model and a scene: the methods, the recursive one with its other closure, batches.
+#: The kinds of code of a model and a scene: the methods, the recursive one with its other closure, batches.
 VARIANTS = (*METHODS, "proximal", "batch")
 
 Subjects = list[tuple[str, Model, Scene]]

@@ -26,7 +26,7 @@ ADAPTIVE = {"dormand-prince": "recursive", "sdirk4": "recursive-newton"}
 #: Rules of order 2, whose steps end at events if that is asked for.
 RULES = (("trapezoidal", "recursive"), ("trapezoidal", "recursive-newton"), ("generalised-alpha", "recursive-newton"))
 
-#: What the iteration of an implicit stage may leave beside the errors that are looked at.
+#: The remainder of an implicit stage's iteration beside the errors that are looked at.
 TIGHT: dict[str, dict[str, float]] = {"rk4": {}, "sdirk4-fixed": {"tolerance": 1e-12}}
 
 

@@ -38,7 +38,7 @@ def test_stays_on_its_branch_through_ten_seconds_of_singular_poses(tmp_path: Pat
     assert largest_error(run, windows) < 1e-3
 
 
-#: When all bars are in line for the first time (s); ten seconds have ten such poses.
+#: The first time at which all bars are in line (s); ten seconds have ten such poses.
 FIRST = 0.714355529292960
 
 

@@ -25,7 +25,7 @@ from tests.physics.simulation import completed, simulate
 
 pytestmark = needs_cpp
 
-#: When guides begin to move (s), not at a row, and at the end of a row's step.
+#: The times at which guides begin to move (s), not at a row, and at the end of a row's step.
 BETWEEN, AT_A_ROW = 0.2037, 0.2
 
 #: Integrators of each method, with what makes them exact.
@@ -59,7 +59,7 @@ scenes:
   run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002}}
 """
 
-#: What hangs on a winch's rope, which a gear moves twice as fast as the guided drum's slide, and starts at once.
+#: A load on a winch's rope, which a gear moves twice as fast as the guided drum's slide, and starts at once.
 HOIST = """\
 cutjoint: 1
 name: hoist

@@ -66,7 +66,7 @@ def random_equations(model: Model) -> LagrangianEquations:
     return formulate_lagrangian(formulate_recursive(build_topology(told), random_scene(), ()), "augmented", ())
 
 
-#: What the printed residuals mean.
+#: The meaning of the printed residuals.
 RESIDUALS = {
     r"d \cdot t_1": lambda x: x["d"] @ x["t_1"],
     r"d \cdot t_2": lambda x: x["d"] @ x["t_2"],

@@ -25,7 +25,7 @@ from tests.physics.simulation import with_numerics
 
 PENDULUM = MODELS / "pendulum.yaml"
 
-#: What has no events of its own.
+#: Simulators without events of their own.
 OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
     "augmented": partial(compile_model, method="augmented"), "classical": partial(compile_model, method="classical"),
     "generic": compile_generic_model,

@@ -150,7 +150,7 @@ ORIGIN = pivot(0, 0, 0)
 #: A plane pendulum of length 1, from a horizontal start.
 PENDULUM = {"points": [point(2.0, (1, 0, 0))], "equations": [distance(0, ORIGIN, 1.0), plane(0, (0, 1, 0), ORIGIN)]}
 
-#: The same on a pivot that swings sideways.
+#: A plane pendulum on a pivot that swings sideways.
 DRIVEN = pivot(0, 0, 0, swing=(0.2, 0, 0), rate=5.0)
 DRIVEN_PENDULUM = {
     "points": [point(2.0, (1, 0, 0), (1.0, 0, 0))],

@@ -44,11 +44,11 @@ MODELS = Path(__file__).resolve().parents[2] / "models"
 #: eliminates at once, so that both roundings count in full.
 TOLERANCES = {1e4: 1e-10, 1e9: 4e-7}
 
-#: The same of steps that close the residual, forty times as much: the twin takes them from two evaluations with forces of penalty times
+#: Tolerances of steps that close the residual, forty times as much: the twin takes them from two evaluations with forces of penalty times
 #: residual, whose difference loses more digits (1.0e-9 was seen at 1e4).
 STEPS = {1e4: 4e-9, 1e9: 4e-6}
 
-#: The same of residuals, rates and columns, which have no such loss.
+#: Tolerances of residuals, rates and columns, which have no such loss.
 EXACT = 1e-11
 
 
@@ -388,7 +388,7 @@ def test_joint_forces(kind: str, guide: str | None, generic: Path, tmp_path: Pat
     check_small(generic, tmp_path, joints={"arm": arm}, forces=forces)
 
 
-#: Those of the kinds with several, or with a ball behind them.
+#: Coordinates of the kinds with several, or with a ball behind them.
 COORDINATES = {
     str(kind): list(joint.coordinates) for kind, joint in JOINTS.items()
     if joint.coordinates and (joint.has_ball or len(joint.coordinates) > 1)

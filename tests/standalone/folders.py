@@ -14,7 +14,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS
 
-#: What the README of a folder says of its compilation, but for how far it is optimised.
+#: The flags of a folder's README, but for the level of optimisation.
 CXX = ("-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-exceptions", "-fno-rtti",
        "-fno-threadsafe-statics", "-Wno-psabi")  # fmt: skip
 C = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1")
@@ -26,13 +26,13 @@ HERE = Path(__file__).parent
 #: The methods that folders have.
 ALONE = names_of(METHODS, lambda method: method.stands_alone)
 
-#: What a C program must know of a method that has no number of iterations to set.
+#: Definitions for a C program with a method that has no number of iterations to set.
 DEFINITIONS = {name: () if METHODS[name].fixed_cost else ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",) for name in ALONE}
 
 #: Random calls under sanitizers; 1e6 of them take half a minute.
 RANDOM_CALLS = 50_000
 
-#: What the code of a model may call: mathematics, and what compilers make of loops.
+#: Functions that the code of a model may call: mathematics, and what compilers make of loops.
 _CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sincos", "tan", "atan", "atan2", "sqrt", "exp", "log", "pow"}
 
 

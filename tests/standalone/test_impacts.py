@@ -30,7 +30,7 @@ from tests.physics.test_impacts import struck_at_rest
 
 pytestmark = needs_cpp
 
-#: When the guide begins to move (s): within a step, and at the end of one.
+#: The times at which the guide begins to move (s): within a step, and at the end of one.
 BETWEEN, AT_A_STEP = 0.2037, 0.2
 
 #: Methods and integrators of hosts, with the events that runs of the command line find by them.
@@ -83,7 +83,7 @@ scenes:
 """
 
 
-#: Where the models' files are.
+#: The folder of the models' files.
 _FOLDER = TemporaryDirectory()
 
 

@@ -17,7 +17,7 @@ from .folders import ALONE
 pytestmark = needs_cpp
 
 
-#: What a guide's acceleration may be off by: where guides are equations, 1e-11 of the accelerations are left as rounding.
+#: The largest error of a guide's acceleration: where guides are equations, 1e-11 of the accelerations are left as rounding.
 LEFT = {**dict.fromkeys(ALONE, 1e-12), "augmented": 2e-11}
 
 

@@ -29,11 +29,11 @@ from cutjoint.sweeps.work import Chunk, Rows, Work
 
 from .studies import study
 
-#: How many runs the sweep has, the seeds of it and of another one, and what its study has in place of the common one's.
+#: The number of runs, the seeds of the sweep and of another one, and the changes of the common study.
 RUNS, SEED, ANOTHER = 64, 3, 9
 _ASKED: Mapping[str, Any] = {"end": 0.02, "trajectories": None, "objectives": {"top": {"maximum": "slider.x"}}}
 
-#: Where an earlier call's chunks ended, and another's.
+#: The ends of an earlier call's chunks, and of another's.
 CUTS, OTHER_CUTS = (10, 20, 30, 40, 48), (4, 16, 24, 40, 52)
 
 OUT = "out.parquet"

@@ -21,7 +21,7 @@ from .studies import study
 
 pytestmark = needs_cpp
 
-#: What a press has instead: a rod whose moments a study varies, and a mass that follows from a parameter.
+#: Changes of a press: a rod whose moments a study varies, and a mass that follows from a parameter.
 _CHANGES = {
     "parameters: {": "parameters: {lean: {value: 0.001, unit: kg*m^2, binding: param}, tilt: {value: 0, unit: kg*m^2, binding: param}, "
                      "size: {value: 0.5, unit: '1', binding: param}, square: {value: 9, unit: kg^2, binding: param}, ",
@@ -31,7 +31,7 @@ _CHANGES = {
 
 _USUAL = {"lean": 0.001, "tilt": 0.0, "size": 0.5, "square": 9.0}
 
-#: What each run has of its own, and why it cannot be.
+#: The values of each run, and the reason that it cannot be.
 _RUNS: Sequence[tuple[Mapping[str, float], str]] = (
     ({}, ""),
     ({"lean": -0.002}, "a principal moment of inertia is negative: -0.002, 0.008, 0.008 kg m2; set other values"),

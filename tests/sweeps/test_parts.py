@@ -16,7 +16,7 @@ from .damaged import ASIDE, CUTS, DAMAGES, OUT, PARTS, RUNS, Harm, begin, call, 
 
 pytestmark = needs_cpp
 
-#: What is not told, as no rows and no file of a user's are concerned, or the rows that go are told where they are made again.
+#: Damages without a message, as no rows and no file of a user's are concerned, or the rows that go are told where they are made again.
 _SILENT = {"lose", "lose all", "unfinished", "lose manifest"}
 
 

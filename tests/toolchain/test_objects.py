@@ -37,7 +37,7 @@ EDITS: Mapping[str, tuple[str, str, set[str]]] = {
 }  # fmt: skip
 
 
-#: The same for its library with lanes, beside the interface, which has sizes and scene.
+#: Files of its library with lanes that a change compiles, beside the interface, which has sizes and scene.
 OF_LIBRARY: Mapping[str, set[str]] = {
     "an output": {"report.cpp", "side_by_side/report.cpp", "unity/side_by_side_report.cpp"},
     "a law of an input": {"scene_inputs.cpp", "unity/mechanism.cpp", "side_by_side/scene_inputs.cpp", "unity/side_by_side.cpp"},

@@ -20,7 +20,7 @@ from tests.toolchain.test_locks import Site, output, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
 
-#: What CMake, Ninja, a shell or C++ would read as more than part of a name; no name of a file has a slash.
+#: Characters that CMake, Ninja, a shell or C++ would read as more than part of a name; no name of a file has a slash.
 ODD = """a;b "c" 'd' \\e $(touch elsewhere) `touch elsewhere` ${CXX} $$ @x@ #g %h *i [j] (k) {l} &m |n <o> ?p !q ~r=s,t:u é"""
 
 #: A project whose runtime has a header and a list of CMake.
@@ -68,7 +68,7 @@ def test_any_name_of_the_installation(name: str, tmp_path: Path, monkeypatch: py
     assert {p.name for p in tmp_path.iterdir()} == {name, "cache"}
 
 
-#: Whether this user can mount a folder read-only for a process.
+#: A check that this user can mount a folder read-only for a process.
 can_mount = pytest.mark.skipif(
     shutil.which("unshare") is None or subprocess.run(["unshare", "-rm", "true"], capture_output=True, check=False).returncode != 0,
     reason="needs user namespaces",

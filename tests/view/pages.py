@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 from tests.view.browser import Page
 from tests.view.files import Array
 
-#: Where a person finds what the tests have seen.
+#: The folder in which a person finds the pictures that tests have seen.
 PICTURES = ROOT / "results" / "view"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cutjoint.run.results import Array
 
-#: Where the crank starts, and its rate there.
+#: The start of the crank, and its rate there.
 START, RATE = np.pi / 4, 2.0
 
 SLIDER_CRANK = f"""\

@@ -15,7 +15,7 @@ from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Force, JointKind
 from cutjoint_bench.export.records import Mechanism, PeerJoint
 
-#: Where the axes of a frame point.
+#: The directions of a frame's axes.
 Frame: TypeAlias = tuple[Triple, Triple, Triple]
 
 _GLOBAL: Sequence[Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

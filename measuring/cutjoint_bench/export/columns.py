@@ -10,7 +10,7 @@ from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Body, Marker, Model, Output
 from cutjoint_bench.export.records import Column, Mechanism
 
-#: What peers report of bodies and markers.
+#: The quantities of bodies and markers that peers report.
 MOTION = ("x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz")
 
 

@@ -27,7 +27,7 @@ INTEGRATORS = ("generalized_alpha", "trapezoidal_index2")
 
 #: Modules beside the script.
 MODULES = ("exudyn_elements", "exudyn_peer")
-#: What those import; a script of such a name would hide it.
+#: The modules that those import; a script of such a name would hide it.
 _IMPORTED = frozenset({"exudyn", "numpy", *MODULES})
 
 _NO_GEARS = "Exudyn, where bodies have no joint coordinates"

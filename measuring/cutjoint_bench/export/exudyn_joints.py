@@ -29,7 +29,7 @@ from cutjoint_bench.export.chains import Frame, frame, triple
 from cutjoint_bench.export.independence import Row, independent_rows
 from cutjoint_bench.export.records import Mechanism, PeerJoint
 
-#: Which slides along and turns about a joint's frame a condition locks; the joint's axis is the frame's third.
+#: The slides along and turns about a joint's frame that a condition locks; the joint's axis is the frame's third.
 _LOCKED_BY: Mapping[Condition, tuple[int, ...]] = {
     SamePoint(): (1, 1, 1, 0, 0, 0),
     ON_LINE: (1, 1, 0, 0, 0, 0),
@@ -47,7 +47,7 @@ def locked(element: JointElement) -> tuple[int, ...]:
     return tuple(map(max, zip((0,) * 6, *(_LOCKED_BY[c] for c in element.conditions), strict=True)))
 
 
-#: What of a frame is locked, in words.
+#: The locked motions of a frame, in words.
 _WORDS = ("across 1", "across 2", "along", "turn 1", "turn 2", "turn 3")
 
 

@@ -17,7 +17,7 @@ from cutjoint.run.roads import Piece, road_pieces
 from cutjoint_bench.export.printing import environment, vector
 from cutjoint_bench.export.records import Mechanism
 
-#: What the template is given of a part of the header.
+#: The template's view of a part of the header.
 View: TypeAlias = Mapping[str, Any]
 
 

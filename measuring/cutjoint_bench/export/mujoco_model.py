@@ -23,7 +23,7 @@ GUIDE_INERTIA = 1e6
 
 #: The least principal moment of inertia as a share of the largest, and by the mass of a body without any (m2).
 _LEAST_SHARE, _LEAST_BY_MASS = 1e-6, 1e-9
-#: What is added to all principal moments, as a share of their sum: rounding must not make one larger than the sum of the others.
+#: The part added to all principal moments, as a share of their sum: rounding must not make one larger than the sum of the others.
 _ROUNDING = 1e-14
 
 #: Cut joints that equality constraints can stand for.

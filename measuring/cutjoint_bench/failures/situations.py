@@ -12,7 +12,7 @@ from cutjoint_bench.exact.crank import SLIDER_CRANK, slider_crank_motion, uprigh
 from cutjoint_bench.exact.pendulum import PENDULUM, pendulum_motion
 from cutjoint_bench.failures.trials import Pose, Situation, Trial
 
-#: What is right: to the point, on the right motion, a message, and anything but a wrong result.
+#: Right outcomes: to the point, on the right motion, a message, and anything but a wrong result.
 GOOD = ("converged",)
 FAIR = ("converged", "inaccurate")
 STOPS = ("diverged",)

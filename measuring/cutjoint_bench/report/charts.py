@@ -21,7 +21,7 @@ COLOURS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#882255", "#117733", "#AA4499", "#8C564B", "#666666",
 )  # fmt: skip
 
-#: What a group of contenders is drawn with.
+#: The line and the mark of a group of contenders.
 STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
     "peer": ("-.", "^"), "reduced": ("--", "D"), "reductions": ("--", "v"), "integrators": (":", "P"),

@@ -12,7 +12,7 @@ from cutjoint_bench.findings import TARGETS, timed
 
 Data = Mapping[str, Any]
 
-#: What a group of contenders is called in the chart's filters.
+#: The name of a group of contenders in the chart's filters.
 KINDS = {
     "generated": "full model", "integrators": "full model", "reduced": "reduced model", "reductions": "reduced model", "peer": "peer",
     "generic": "generic twin", "precision": "number types", "solvers": "linear solvers", "scalar": "without lanes",

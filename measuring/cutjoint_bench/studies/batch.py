@@ -42,7 +42,7 @@ TOLERANCES = (3e-4, 2e-4, 1e-4)
 PENALTY = 1e9
 SPARSE_ROWS = 0.15
 REFERENCE_STEP = 7.5e-5
-#: What the runs differ by.
+#: The differences of the runs.
 CASES = [{"tyre_stiffness": 440_000.0 + 625.0 * k} for k in range(RUNS)]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 MODELS = ROOT / "models"
 DATA = ROOT / "tests" / "data"
-#: What git holds of measurements, and what it does not.
+#: The folders of measurements in git, and outside of it.
 DOCS, RESULTS = ROOT / "docs" / "bench", ROOT / "results"
 #: Of the report: `report.summary.summarise`.
 SUMMARY = DOCS / "summary.json"

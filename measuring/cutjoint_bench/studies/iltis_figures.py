@@ -32,7 +32,7 @@ CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
 #: The scenes of Cuadrado et al. (2000) and their steps in the recursive method, s.
 SCENES: Mapping[str, float] = {"simul1": 0.0075, "simul1s": 0.0025, "simul2": 0.0075, "simul3": 0.0075}
 
-#: What is raced: generated code as it is by default, the same without lanes, the generic twin.
+#: The contenders: generated code as it is by default, the same without lanes, the generic twin.
 GENERATED, SCALAR, GENERIC = IMPLEMENTATIONS = ("generated", "without lanes", "generic twin")
 
 #: Step for peak values that have settled, s.

@@ -16,7 +16,7 @@ from cutjoint_bench.studies.provenance import provenance
 MODEL = MODELS / "iltis.yaml"
 SCENE, STEP, SHORT = "simul1", 5e-3, 2.5e-4
 FIXED = (2, 3, 4, 6, 8)
-#: How many iterations the steps that are timed have; None until they converge.
+#: The number of iterations in timed steps; None until they converge.
 TIMED = (4, None)
 
 

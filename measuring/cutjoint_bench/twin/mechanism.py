@@ -190,7 +190,7 @@ def _acted_on(trees: Trees, force: Force, topology: Topology) -> Json:
     return {"body": body, "coordinate": COORDINATES[joint.kind].index(force.coordinate_of)}
 
 
-#: What the twin calls each interaction.
+#: The twin's name of each interaction.
 _KINDS: Mapping[type[Interaction], str] = {
     LineForce: "point_spring", AxisForce: "axial_force", Compliance: "bushing", Wrench: "load", OnCoordinate: "joint_force",
     RoadContact: "tyre",

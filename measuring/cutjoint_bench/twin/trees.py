@@ -112,7 +112,7 @@ def _tree(block: Block) -> Any:
     raise ValueError(f"{block!r} is not a scalar expression")
 
 
-#: What the twins write first of a force with one law.
+#: The first quantities of a force with one law, as the twins write them.
 _FIRST = ("force", "stiffness", "damping")
 
 

@@ -21,7 +21,7 @@ GROUND = "ground"
 INTEGRATORS = ("generalized_alpha", "trapezoidal_index2")
 Variable = exudyn.OutputVariableType
 
-#: What of a point each quantity is.
+#: The variable and the component of a point for each quantity.
 QUANTITIES = {
     **{name: (Variable.Position, i) for i, name in enumerate(("x", "y", "z"))},
     **{name: (Variable.Velocity, i) for i, name in enumerate(("vx", "vy", "vz"))},
