@@ -84,7 +84,7 @@ class Domains {
   std::vector<Real> delta_, inside_, forces_, residual_;
 };
 
-/// What a step of length h from a state failed by, if that is a law without a value; else the failure given.  Called only after a failure.
+/// The failure of a step of length h from a state by a law without a value, if there is one; else the failure given.  Called only after a failure.
 template <class Subject>
 Failure explain_by_domains(Subject& subject, const State<typename Subject::real_type>& from, typename Subject::real_type h,
                            const Failure& failure) {

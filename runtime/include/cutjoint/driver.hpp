@@ -14,7 +14,7 @@ class AnySystem;
 /// `start` finds where a run begins, in relative coordinates (what it reports is not asked for), and `mechanism` goes on.
 int run_main(int argc, char** argv, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
 
-/// The same of a Lagrangian method, where a system in natural coordinates goes on.
+/// The program of a simulator by a Lagrangian method, where a system in natural coordinates goes on.
 int run_main(int argc, char** argv, AnyMechanism<double>& start, AnySystem<Precision>& system);
 
 }  // namespace cutjoint

@@ -72,7 +72,7 @@ class EnergyBalance {
     if (book_.runs_away()) give_up(end);
   }
 
-  /// The same of a step between whose ends the coordinates are cubic.
+  /// Add a step with cubic coordinates between its ends.
   void add(const State<Real>& end) {
     if (end.t > last_.t) join(end);
     add(end, [&](Real t, State<Real>& state) { follow(end, (t - last_.t) / (end.t - last_.t), state); });

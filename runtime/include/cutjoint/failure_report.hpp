@@ -1,4 +1,4 @@
-// What a summary says of a failure.
+// A failure in the summary of a run.
 #pragma once
 
 #include "cutjoint/json.hpp"

@@ -20,7 +20,7 @@ class ImpactList {
 
   ImpactList(const Subject& subject, std::optional<EnergyBalance<Subject>>& energy) : subject_(subject), energy_(energy) {}
 
-  /// Who watches Impacts: `add` has the balance go on to the state that meets one.
+  /// A watcher of Impacts: `add` has the balance go on to the state that meets one.
   template <class Add>
   auto watch(Add add) {
     struct Watch {

@@ -46,7 +46,7 @@ class InitialState {
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 
-  /// What of a mechanism at rest the run file holds against a force, with the accelerations that released coordinates would have.
+  /// Coordinates of a mechanism at rest that the run file holds against a force, with their accelerations if they were released.
   std::vector<Named> held() const {
     std::vector<Named> held;
     for (std::size_t i = 0; i < d_.speeds.size(); ++i)

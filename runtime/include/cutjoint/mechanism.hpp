@@ -1,4 +1,4 @@
-// What mechanisms say of themselves.
+// Descriptions of mechanisms.
 #pragma once
 
 #include <string_view>
@@ -31,14 +31,14 @@ struct Switch {
   int across = -1;
 };
 
-/// Where switches are watched.
+/// The places at which switches are watched.
 inline std::vector<SwitchPlace> places_of(const std::vector<Switch>& switches) {
   std::vector<SwitchPlace> places;
   for (const Switch& each : switches) places.push_back({each.road, each.across});
   return places;
 }
 
-/// What must lie in its domain for a law of an element to have a value, and the line of the model's file.  Its margin is not negative there,
+/// A function of an element's law that has a value in its domain alone, and the line of the model's file.  Its margin is not negative there,
 /// or positive if it is strict.
 struct Domain {
   std::string_view what;

@@ -12,7 +12,7 @@ class AnySystem;
 /// Do the task of a run file and return its summary: `start` finds where the run begins, and `mechanism` goes on.
 Json perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism);
 
-/// The same of a Lagrangian method.
+/// Do the task of a run file by a Lagrangian method.
 Json perform(const Json& file, AnyMechanism<double>& start, AnySystem<Precision>& system);
 
 }  // namespace cutjoint

@@ -79,14 +79,14 @@ inline int read_integer(const Json& object, const char* key, int least, int most
   return value.get<int>();
 }
 
-/// Whether something holds.
+/// Read true or false.
 inline bool read_flag(const Json& object, const char* key) {
   const Json& value = value_of(object, key);
   if (!value.is_boolean()) refuse(key, "is " + value.dump() + " and neither true nor false");
   return value.get<bool>();
 }
 
-/// What a word stands for, which is one of several.
+/// Read a word, which is one of several, as its value.
 template <class Value, std::size_t n>
 Value read_word(const Json& object, const char* key, const std::array<std::pair<std::string_view, Value>, n>& meanings) {
   const Json& value = value_of(object, key);

@@ -40,7 +40,7 @@ inline constexpr std::array integrators{
 
 }  // namespace words
 
-/// What a program can do: its tasks and integrators, and whether it has linear solvers.
+/// The abilities of a program: its tasks and integrators, and whether it has linear solvers.
 struct Abilities {
   std::vector<Task> tasks;
   std::vector<Integrator> integrators;
@@ -101,7 +101,7 @@ class SettingsReader {
     return value.get<std::string>();
   }
 
-  /// What settings need of each other.
+  /// Check that settings agree with each other.
   void require_agreement(const RunSettings& s) const {
     const Integrator integrator = s.integrator;
     const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince;
@@ -152,7 +152,7 @@ class SettingsReader {
     return read_number<double>(numerics, "dt");
   }
 
-  /// What `read` finds under a key, unless null stands there.
+  /// The value that `read` finds under a key, unless null stands there.
   template <class Read>
   static auto if_given(const Json& object, const char* key, Read read) -> std::optional<decltype(read(key))> {
     if (value_of(object, key).is_null()) return std::nullopt;

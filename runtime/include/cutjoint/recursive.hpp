@@ -101,7 +101,7 @@ class Recursive {
     return measured_;
   }
 
-  /// What the run took; an iteration is an evaluation, and residuals are known where steps were measured, or energy was balanced.
+  /// The effort of the run; an iteration is an evaluation, and residuals are known where steps were measured, or energy was balanced.
   void summarise(Json& summary) const {
     const long evaluations = integrator_ ? integrator_->evaluations() + relative_.evaluations() : 0;
     summary["evaluations"] = evaluations;

@@ -135,7 +135,7 @@ class RowByRow {
     energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
   }
 
-  /// Where a step has ended at an event: impulses, if guides' rates jump there.
+  /// Impulses at the end of a step at an event, if guides' rates jump there.
   template <class Scheme>
   void strike(Scheme& scheme, std::size_t which, Real since) {
     impacts_->meet(scheme, which, since, list_.watch([&](auto& energy, State<Real>& state) {

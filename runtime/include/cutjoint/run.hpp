@@ -227,7 +227,7 @@ class Run {
     }
   }
 
-  /// What the balance of work and energy has taken.
+  /// The time that the balance of work and energy has taken, s.
   double seconds_of_checks() const {
     if constexpr (requires { method_.energy(); })
       if (method_.energy()) return method_.energy()->seconds();

@@ -1,4 +1,4 @@
-// What a run file says of roads, parameters, inputs and states.
+// Roads, parameters, inputs and states in a run file.
 #pragma once
 
 #include <array>
@@ -85,7 +85,7 @@ const std::vector<Switch>& switches_of(const Described& d, const RunSettings& se
   return settings.events ? d.switches : none;
 }
 
-/// What a run file gives a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
+/// The data of a run file for a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
 template <class Real>
 class ModelData {
  public:

@@ -16,7 +16,7 @@
 
 namespace cutjoint {
 
-/// What an input is over time: a constant, or samples between which it is straight or a cubic.
+/// An input over time: a constant, or samples between which it is straight or a cubic.
 template <class Real>
 struct Course {
   int input;

@@ -1,4 +1,4 @@
-// How a run can fail, and the states of mechanisms.
+// Failures of runs, and the states of mechanisms.
 #pragma once
 
 #include <stdexcept>

@@ -25,7 +25,7 @@ inline bool is_ignored(int signal) {
 
 }  // namespace stopping
 
-/// Whether the run shall end after the present step.
+/// True if the run shall end after the present step.
 inline bool stop_requested() { return stopping::requested.load(std::memory_order_relaxed); }
 
 /// From here on SIGINT and SIGTERM request a stop, and somebody looks at that.  The second signal ends the program at once.

@@ -52,7 +52,7 @@ class Table {
 
   long rows() const { return rows_; }
 
-  /// Where a table ends.
+  /// The end of a table.
   struct End {
     long rows, bytes;
   };

@@ -44,7 +44,7 @@ class Group {
   double seconds() const { return seconds_; }
 
  private:
-  /// What a case gives its instance.
+  /// The data of a case for its instance.
   struct Case {
     std::vector<double> parameters;
     Roads<double> roads;
@@ -92,7 +92,7 @@ class Group {
     }
   }
 
-  /// Those that have stopped.  Where a step has failed the state before it is the last row, unless it `is_row` already.
+  /// Heed the instances that have stopped.  Where a step has failed the state before it is the last row, unless it `is_row` already.
   void heed(Mask stopped, bool is_row) {
     if (!any(stopped)) return;
     Mask failed{};
@@ -105,7 +105,7 @@ class Group {
     }
   }
 
-  /// Why a case has stopped.  That of a step is explained by the single mechanism from the state before it.
+  /// The reason that a case has stopped.  That of a step is explained by the single mechanism from the state before it.
   Failure failure(int k) {
     const Fault& fault = lanes_.fault(k);
     if (fault.cause == Cause::guard_violated) {

@@ -1,4 +1,4 @@
-// What a batch computes with: one number of each of several instances of a mechanism, side by side.
+// The number type of a batch: one number of each of several instances of a mechanism, side by side.
 #pragma once
 
 #if defined(__GNUC__) && !defined(__clang__)
@@ -12,7 +12,7 @@
 
 namespace cutjoint::batch {
 
-/// How many instances stand side by side: the doubles of an AVX-512 register; narrower machines take several registers.
+/// The number of instances side by side: the doubles of an AVX-512 register; narrower machines take several registers.
 inline constexpr int width = 8;
 
 using Real = Lanes<double, width>;

@@ -1,4 +1,4 @@
-// What a system with a tangent is to the runtime: the contract between generated code (or the generic twin) and the
+// A system with a tangent as the runtime sees it: the contract between generated code (or the generic twin) and the
 // Lagrangian integrators.
 #pragma once
 

@@ -14,7 +14,7 @@
 
 namespace cutjoint {
 
-/// Whether a system brings its own factorisation.
+/// A system that brings its own factorisation.
 template <class S>
 concept Factored = requires(const S& system, const typename S::real_type* in, typename S::real_type* out) {
   { system.factor(in, out) } -> std::convertible_to<int>;

@@ -90,7 +90,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S>, S, LinearSolver<
 
   Fault explain(const Fault& fault) { return is_singular() ? this->fault_in_row(Cause::tangent_singular, -1, Real(0)) : fault; }
 
-  /// Whether the factored matrix blows a right-hand side of the size of its rows up beyond what numbers can resolve.  Pivots of a singular
+  /// True if the factored matrix blows a right-hand side of the size of its rows up beyond what numbers can resolve.  Pivots of a singular
   /// matrix are rounding, hardly ever zero, so that its factors and solutions look as good as any.
   bool is_singular() {
     scaled_.measure(tangent_.data());

@@ -1,4 +1,4 @@
-// What makes the tangent of a Lagrangian method singular: equations that depend on others, or a motion that nothing resists.  Dense, and only for the
+// Causes of a singular tangent of a Lagrangian method: equations that depend on others, or a motion that nothing resists.  Dense, and only for the
 // message of a failure.
 #pragma once
 

@@ -98,7 +98,7 @@ class LagrangianMethod {
     return {static_cast<double>(iterations_), last.position, last.velocity, last.acceleration};
   }
 
-  /// What the run took, and the largest residuals that any of its states has.
+  /// The effort of the run, and the largest residuals that any of its states has.
   void summarise(Json& summary) const {
     summary["solver"] = solver_name_;
     if (d_.method != Lagrangian::classical)

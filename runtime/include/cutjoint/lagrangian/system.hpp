@@ -1,4 +1,4 @@
-// What systems say of themselves.
+// Descriptions of systems.
 #pragma once
 
 #include <string_view>
@@ -9,7 +9,7 @@
 
 namespace cutjoint {
 
-/// Where the entries of a square sparse matrix stand: compressed columns, rows ascending.  Of a symmetric matrix the lower triangle.
+/// The places of the entries of a square sparse matrix: compressed columns, rows ascending.  Of a symmetric matrix the lower triangle.
 struct Pattern {
   int size = 0;
   bool symmetric = false;

@@ -61,7 +61,7 @@ class RowStages : public Stages<S, LinearSolver<typename S::real_type>> {
   State<Real> row_;
 };
 
-/// What the base needs made before it.
+/// Parts made before their base.
 template <class S>
 struct Parts {
   using Real = typename S::real_type;

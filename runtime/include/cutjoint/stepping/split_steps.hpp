@@ -15,7 +15,7 @@
 
 namespace cutjoint::stepping {
 
-/// What the base needs made before it: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system its data and settings.
+/// Parts made before their base: a rule of stepping/equal_steps.hpp, whose `load` gives its mechanism or system its data and settings.
 template <class Subject, class Rule>
 struct Parts {
   using Real = typename Rule::Real;

@@ -1,4 +1,4 @@
-// What steps took, in the summary of a run.
+// The effort of steps, in the summary of a run.
 #pragma once
 
 #include <cstddef>
