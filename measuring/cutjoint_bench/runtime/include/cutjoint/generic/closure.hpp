@@ -26,7 +26,7 @@ struct Equations {
     ++size;
   }
 
-  /// What a further term adds to the last equation.
+  /// Add a further term to the last equation.
   void add(Real residual, const Vector3<Real>& by_v, const Vector3<Real>& by_w, Real curvature) {
     phi[size - 1] += residual;
     At.col(size - 1).template head<3>() += by_v;
@@ -44,7 +44,7 @@ struct Equations {
   }
 };
 
-/// What moves: the gap between the joint's points, the follower's point p from its pole, its velocity P and the relative twist's W.
+/// The motion of a cut joint: the gap between its points, the follower's point p from its pole, its velocity P and the relative twist's W.
 template <class Real>
 struct Encounter {
   Vector3<Real> gap, p, P, W;

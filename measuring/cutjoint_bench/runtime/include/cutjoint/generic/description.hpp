@@ -16,7 +16,7 @@ inline std::vector<Named> views_of(const std::vector<Names::Item>& items) {
   return named;
 }
 
-/// How a joint's coordinates follow its speeds: a ball has three speeds and a quaternion, all others a coordinate a speed.
+/// The chart of a joint's coordinates: a ball has three speeds and a quaternion, all others a coordinate a speed.
 inline Chart chart_of(const Body& body) {
   const bool ball = body.joint.has_ball();
   return {body.q, body.v, ball ? body.speeds - 3 : body.speeds, ball, body.reversed};

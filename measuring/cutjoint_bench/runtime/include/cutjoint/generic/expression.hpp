@@ -18,7 +18,7 @@ namespace cutjoint::generic {
 
 using Json = nlohmann::ordered_json;
 
-/// What an instruction does; a comparison yields 1 or 0.
+/// The operation of an instruction; a comparison yields 1 or 0.
 enum class Operation : std::uint8_t {
   add, sub, mul, div, neg, sqrt, sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, log, abs, pow,
   lt, le, logical_and, logical_or, logical_not, where
@@ -107,12 +107,12 @@ class Expressions {
   void set(int at, Real value) { registers_[static_cast<std::size_t>(at)] = value; }
   Real operator[](int at) const { return registers_[static_cast<std::size_t>(at)]; }
 
-  /// Whether a register holds a number that neither parameters nor time change.
+  /// True if a register holds a number that neither parameters nor time change.
   bool is_number(int at) const {
     return std::any_of(constants_.begin(), constants_.end(), [at](const auto& constant) { return constant.second == at; });
   }
 
-  /// Whether a register holds this number whatever the parameters are.
+  /// True if a register holds this number at all values of the parameters.
   bool is_constant(int at, double value) const {
     const auto found = constants_.find(value);
     return found != constants_.end() && found->second == at;

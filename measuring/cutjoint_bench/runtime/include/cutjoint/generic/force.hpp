@@ -40,7 +40,7 @@ class Forces {
     for (const JointForce& force : model_.joint_forces) add_tangents(force.law, force.quantity);
   }
 
-  /// What forces on the coordinates of a cut joint do to its follower.
+  /// The wrench of forces on the coordinates of a cut joint on its follower.
   const Vector6<Real>& on_cut_joint(std::size_t cut) const { return on_cut_joints_[cut]; }
 
   Real quantity(int i) const { return quantities_[static_cast<std::size_t>(i)]; }

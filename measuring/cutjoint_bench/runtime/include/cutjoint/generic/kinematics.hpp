@@ -12,7 +12,7 @@
 
 namespace cutjoint::generic {
 
-/// Where a body is and how it moves: R body to global axes, r its origin from the pole, the pole from the world's origin.
+/// The pose and motion of a body: R body to global axes, r its origin from the pole, the pole from the world's origin.
 template <class Real>
 struct Frame {
   Matrix3<Real> R = Matrix3<Real>::Identity();
@@ -20,7 +20,7 @@ struct Frame {
   Vector6<Real> Z = Vector6<Real>::Zero();
 };
 
-/// What a joint adds: b (6, k) and d of Zdd_i = Zdd_p + b zdd + d; `point` is its point of the parent, from the pole.
+/// The motion of a joint: b (6, k) and d of Zdd_i = Zdd_p + b zdd + d; `point` is its point of the parent, from the pole.
 ///
 /// b is not formed for a spherical joint, nor for a free root, whose b is the unit matrix.
 template <class Real>

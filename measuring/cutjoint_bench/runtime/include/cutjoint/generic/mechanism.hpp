@@ -32,7 +32,7 @@ class GenericMechanism {
 
   const Description& description() const { return description_; }
 
-  /// What depends on parameters alone; `roads` must outlive the mechanism.
+  /// Set all that depends on parameters alone; `roads` must outlive the mechanism.
   void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) {
     model_.expressions.load(parameters);
     model_.vectors.load(model_.expressions);
@@ -45,7 +45,7 @@ class GenericMechanism {
 
   void drive_by(const InputSource<Real>& source) { model_.expressions.drive_by(source); }
 
-  /// What depends on time and on inputs.
+  /// Set all that depends on time and on inputs.
   void begin_step(Real t, Real motion) {
     model_.expressions.begin_step(t, motion);
     kinematics_.begin_step();

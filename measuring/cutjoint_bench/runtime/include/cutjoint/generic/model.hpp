@@ -43,7 +43,7 @@ struct Product {
   double weight = 1.0;
 };
 
-/// What a cut joint holds: points, a direction, a frame, sums of products, a distance, an advance.
+/// The condition of a cut joint: points, a direction, a frame, sums of products, a distance, an advance.
 enum class ConditionKind { same_point, same_direction, same_attitude, products, same_distance, advance };
 
 struct Condition {
@@ -63,7 +63,7 @@ struct Guide {
   int position = -1, rate = -1, acceleration = -1;
 };
 
-/// What joins two bodies.  `axes`, `at` and `to` are design vectors, the points from the world's origin; `pitch` is a register.
+/// A joint of two bodies.  `axes`, `at` and `to` are design vectors, the points from the world's origin; `pitch` is a register.
 ///
 /// `chain` moves the follower beside the base, or with `from_inner` the outer body beside the inner one; `conditions` are those of a cut
 /// joint.
@@ -193,7 +193,7 @@ struct Tyre {
   int road, quantity;
 };
 
-/// What a column reports, its meaning in `Output`.
+/// The quantity of a column, its meaning in `Output`.
 enum class Quantity {
   zero, position, velocity, angular_velocity, acceleration, roll, pitch, yaw, reaction, gear_force, force, joint_position, joint_rate,
   cut_position, cut_rate

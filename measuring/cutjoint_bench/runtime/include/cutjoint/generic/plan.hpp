@@ -17,7 +17,7 @@ struct Link {
   bool transposed;
 };
 
-/// Where a coupling is added: nowhere (with the ground), to a body's own matrix (of a body with itself), or to a slot or its transpose.
+/// The place to which a coupling is added: none (with the ground), a body's own matrix (of a body with itself), a slot or its transpose.
 struct Target {
   enum class Kind { nothing, diagonal, slot };
   Kind kind = Kind::nothing;
@@ -25,7 +25,7 @@ struct Target {
   bool transposed = false;
 };
 
-/// How a joint's unknowns go.
+/// The way in which a joint's unknowns are eliminated.
 enum class Pivot { none, scalars, free_root, ball };
 
 /// The elimination of one body.  `coupled` are its couplings, `inherited` those of its parent with the same bodies.  `rows` are the bodies

@@ -57,7 +57,7 @@ class Recursion {
   const Vector6<Real>& Zdd(int i) const { return Zdd_[static_cast<std::size_t>(i)]; }
 
  private:
-  /// What the way back needs: zdd = L^-T D^-1 ( g - sum_j Y_j Zdd_j ); the Y_j stand transposed among the rows.  A ball has the transposed
+  /// Terms for the way back: zdd = L^-T D^-1 ( g - sum_j Y_j Zdd_j ); the Y_j stand transposed among the rows.  A ball has the transposed
   /// rows of its own matrix at its centre in `own`.
   struct PivotValues {
     Matrix6<Real> lower = Matrix6<Real>::Zero();

@@ -11,7 +11,7 @@
 
 namespace cutjoint::generic {
 
-/// What a column can depend on.
+/// The variables of a column.
 template <class Real>
 struct Instant {
   const Real *q, *v, *vdot, *lambda;

@@ -23,7 +23,7 @@ struct TyreValues {
         A3(e[c.A3]), A4(e[c.A4]), B1(e[c.B1]), B3(e[c.B3]), B4(e[c.B4]), SN(e[c.SN]), AF1(e[c.AF1]), AF2(e[c.AF2]) {}
 };
 
-/// What the road does to a wheel: a force at `arm` from the wheel's centre and a moment, with what is reported of them.
+/// The action of the road on a wheel: a force at `arm` from the wheel's centre and a moment, with their reported quantities.
 template <class S>
 struct Contact {
   Vector3<S> arm, force, moment;

@@ -11,7 +11,7 @@
 
 namespace cutjoint::generic::natural {
 
-/// What a force element depends on.
+/// The variables of a force element.
 template <class Real>
 struct Setting {
   const Forms<Real>& forms;
@@ -113,7 +113,7 @@ class FormElement : public Element<Real> {
   Dense local_;                                   ///< damping C + stiffness K over the forms
 
  private:
-  /// What a form takes of a coordinate: the first rows of both in the local matrix and among the element's scalars.
+  /// A form's part of a coordinate: the first rows of both in the local matrix and among the element's scalars.
   struct LocalTerm {
     Eigen::Index form, place;
     int at;

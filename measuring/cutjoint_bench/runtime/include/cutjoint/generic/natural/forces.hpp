@@ -69,7 +69,7 @@ class Forces {
     }
   }
 
-  /// The same, and values += damping C + stiffness K.
+  /// Subtract the forces, and values += damping C + stiffness K.
   void linearise(const Setting<Real>& at, Real damping, Real stiffness, Real* force_residual, Real* values) {
     for (const auto& element : elements_) {
       element->linearise(at, damping, stiffness);

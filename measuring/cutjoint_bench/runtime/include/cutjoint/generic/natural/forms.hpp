@@ -11,7 +11,7 @@
 
 namespace cutjoint::generic::natural {
 
-/// What a form takes of the three elements of a coordinate from `at` on.
+/// A form's part of the three elements of a coordinate from `at` on.
 template <class Real>
 struct Term {
   int at;
@@ -61,7 +61,7 @@ class Forms {
     return {terms_.data() + first_[i], first_[i + 1] - first_[i]};
   }
 
-  /// Where the scalar coordinate of an angle stands.
+  /// The place of an angle's scalar coordinate.
   int angle(int node) const { return nodes_.at(static_cast<std::size_t>(node)).at; }
 
  private:
@@ -133,7 +133,7 @@ class Forms {
     constants_.push_back(form.constants);
   }
 
-  /// Whether a coefficient is zero whatever the parameters are.
+  /// True if a coefficient is zero at all values of the parameters.
   static bool vanishes(const std::vector<Product>& products, const Expressions<Real>& e) {
     using std::abs;
     for (const Product& p : products)

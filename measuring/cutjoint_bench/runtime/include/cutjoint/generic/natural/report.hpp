@@ -13,7 +13,7 @@
 
 namespace cutjoint::generic::natural {
 
-/// What a column reports; `axis` is an element of a vector, `forms` are what it is of.
+/// The quantity of a column; `axis` is an element of a vector, `forms` are its arguments.
 enum class Quantity {
   zero, force,
   position, velocity, acceleration,  ///< of a form

@@ -144,7 +144,7 @@ class Rows {
     std::array<Real, 3> course_value{};
   };
 
-  /// What each form of a row takes of a coordinate of three, whose gradient stands from `column` on.
+  /// The part of each form of a row in a coordinate of three, whose gradient stands from `column` on.
   struct Share {
     int at;
     std::size_t column;

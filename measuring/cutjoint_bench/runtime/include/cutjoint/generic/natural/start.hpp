@@ -1,4 +1,4 @@
-// Where natural coordinates stand for given relative ones, by the kinematics of the generic mechanism.
+// Natural coordinates for given relative ones, by the kinematics of the generic mechanism.
 #pragma once
 
 #include <vector>
