@@ -115,7 +115,7 @@ def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
 
 
 def _compare_host(case: Node) -> Iterator[str]:
-    """What failed; else a compiled simulation has the rows of a run by its rule."""
+    """Failures; a compiled simulation has the rows of a run by its rule."""
     if not case.get("host"):
         return
     method, number = case["host"]

@@ -39,7 +39,7 @@ RULES = [
     ("recursive-newton", "trapezoidal", "crossed"), ("recursive-newton", "sdirk4-fixed", "located"),
     ("recursive-newton", "sdirk4", "located"), ("augmented", "trapezoidal", "crossed"),
 ]  # fmt: skip
-#: Those whose steps are as long as a tolerance allows.
+#: Integrators whose steps are as long as a tolerance allows.
 ADAPTIVE = ("dormand-prince", "sdirk4")
 every_rule = pytest.mark.parametrize(("method", "integrator", "events"), RULES)
 
