@@ -28,6 +28,8 @@ from tests.fmu.slaves import OK, started
 from tests.oracles.dense import DenseMechanism
 from tests.physics.test_impacts import struck_at_rest
 
+from .folders import compile_object, folder_of, foreign_symbols, write
+
 pytestmark = needs_cpp
 
 #: The times at which the guide begins to move (s): within a step, and at the end of one.
@@ -154,6 +156,12 @@ def test_a_loop_is_struck_as_by_dense_algebra(method: str, integrator: str, even
     for body in ("rocker", "weight"):
         assert sim.outputs[f"{body}.vx"] == pytest.approx(exact[body][0], rel=1e-4), body
     assert sim.outputs["pin.angle_rate"] == pytest.approx(exact["weight"][4] - exact["rocker"][4], rel=1e-4)
+
+
+@every_rule
+def test_the_code_takes_no_memory(method: str, integrator: str, events: str, tmp_path: Path) -> None:
+    made = compile_object(write(folder_of(CART.replace("BEGIN", "0.2"), "jerked.yaml", None, integrator, method), tmp_path), "jerked")
+    assert not foreign_symbols(made, "jerked")
 
 
 @every_rule

@@ -28,7 +28,7 @@ class CrossedImpacts {
   using Real = typename S::real_type;
 
   CrossedImpacts(S& subject, double end)
-      : subject_(subject), impacts_(subject, end), way_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
+      : subject_(subject), impacts_(subject, end), before_(blank(subject)), way_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
         from_(switches()), now_(from_) {}
 
   /// Meet what lies within a step of h from a state; `accelerate` finds accelerations and multipliers of a state, and `watch` is as of Impacts.
@@ -59,10 +59,10 @@ class CrossedImpacts {
   /// A step of h of a state from what lies within it on: `step` is told whether something does.  The state stays where it fails.
   template <class Accelerate, class Step>
   Fault over(StateOf<S>& state, Real h, Accelerate accelerate, Step step) {
-    const StateOf<S> from = state;
+    before_ = state;
     const bool met = meet(state, h, accelerate, UnwatchedImpacts{});
     const Fault fault = step(met);
-    if (fault) state = from;
+    if (fault) state = before_;
     return fault;
   }
 
@@ -132,6 +132,7 @@ class CrossedImpacts {
 
   S& subject_;
   Impacts<S> impacts_;
+  StateOf<S> before_;
   Speeds<S> way_;
   Coordinates<S> pose_;
   Switches from_, now_;
