@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from textwrap import dedent
 
@@ -21,6 +22,7 @@ from cutjoint.run.result_files import TableFile, write_whole
 from cutjoint.run.results import read_table
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
+from tests.conftest import ROOT
 from tests.run.program import PATIENCE, call, files, has_content, launch, run, small_disk, wait_for
 from tests.runtime.test_last_row import DRIVEN
 
@@ -379,6 +381,34 @@ def test_a_signal_says_when_it_came_and_where_the_rows_are(number: int, status: 
     assert f"{t[-1]:.6g}" in told
     assert Path("run.partial.units.json").exists()
     assert Path("run.csv").read_text(encoding="utf-8") == "before"
+
+
+def runs_simulator(process: subprocess.Popen[str]) -> bool:
+    """Whether a command, each of its threads, has a simulator that has started its steps, which take time of a processor."""
+    for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+            for number in children.read_text(encoding="utf-8").split():
+                ticks = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[11]
+                if "/dev/fd/" in Path(f"/proc/{number}/cmdline").read_text(encoding="utf-8") and int(ticks) > 50:
+                    return True
+    return False
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_a_row_of_many_steps_ends_by_a_signal(batch: bool, folder: Path) -> None:
+    """The runs of a batch, each of which has a simulator, too."""
+    text = (ROOT / "models" / "press.yaml").read_text(encoding="utf-8")
+    text = text.replace("end: 2, output_step: 10 ms", "end: 1e6, output_step: 1e6 s")
+    Path("press.yaml").write_text(text, encoding="utf-8")
+    Path("cases.csv").write_text("stiffness\n1000\n2000\n", encoding="utf-8")
+    many = ("--batch", "cases.csv") if batch else ()
+    with launch("simulate", "press.yaml", "--out", "run.csv", *many) as process:
+        wait_for(lambda: runs_simulator(process))
+        process.send_signal(signal.SIGTERM)
+        _, messages = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 143
+    assert ("interrupted\n" if batch else "interrupted at t = 0 s") in messages
+    assert not Path("run.csv").exists()
 
 
 def test_a_simulator_does_not_outlive_a_killed_parent(folder: Path) -> None:

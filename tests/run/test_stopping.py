@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -67,3 +69,27 @@ def test_a_signal_within_a_finalizer_is_not_lost(number: int, error: type[BaseEx
             work()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_requests_of_threads_come_with_that_of_the_main_thread() -> None:
+    """Those that were made before the signal, and those that are made after it."""
+    answered, ready, go_on = [], threading.Event(), threading.Event()
+
+    def work(place: int) -> int | None:
+        with stop_requests() as request:
+            request.answer_by(lambda: answered.append(place))
+            ready.set()
+            go_on.wait(10)
+            return request.number
+
+    with ended_by_signals(), stop_requests() as request, ThreadPoolExecutor(1) as pool:
+        earlier = pool.submit(work, 1)
+        ready.wait(10)
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert request.number == signal.SIGTERM
+        assert answered == [1]
+        later = pool.submit(work, 2)
+        go_on.set()
+        assert (earlier.result(10), later.result(10)) == (signal.SIGTERM, signal.SIGTERM)
+    assert answered == [1, 2]
+    assert not request.others

@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Timer
 from types import FrameType
 from typing import Any
@@ -30,12 +30,21 @@ class Terminated(SystemExit):
         return self.message
 
 
-@dataclass
+@dataclass(eq=False)
 class StopRequest:
-    """The signal that has come, if any, and the call for when it comes."""
+    """The signal that has come, if any, and the call for then; requests of other threads come with it."""
 
     number: int | None = None
     answer: Callable[[], None] | None = None
+    others: list[StopRequest] = field(default_factory=list)
+
+    def come(self, number: int) -> None:
+        """The signal is here."""
+        self.number = number
+        if self.answer is not None:
+            self.answer()
+        for other in tuple(self.others):
+            other.come(number)
 
     def answer_by(self, answer: Callable[[], None]) -> None:
         """Call ``answer`` when a signal comes; at once where one has come."""
@@ -96,24 +105,43 @@ def stop_requests() -> Iterator[StopRequest]:
     def handle(number: int, frame: FrameType | None) -> None:
         if request.number is not None:
             raise KeyboardInterrupt
-        request.number = number
-        if request.answer is not None:
-            request.answer()
+        request.come(number)
 
     usual = {s: _terminate if signal.getsignal(s) == _terminate else usual for s, usual in _USUAL.items()}
-    with _handled(usual, handle):
+    with _handled(usual, handle) as handles, _heard(request, handles):
         yield request
 
 
+#: The requests that the main thread handles, the latest one last.
+_HANDLED: list[StopRequest] = []
+
+
 @contextmanager
-def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handle by ``handle``, while this lasts, all signals with their ``usual`` handling; Python has signals in its main thread alone."""
+def _heard(request: StopRequest, handled: bool) -> Iterator[None]:
+    """Let a request of another thread come too, while this lasts, beside one that is ``handled``."""
+    above = None if handled or not _HANDLED else _HANDLED[-1]
+    beside = above.others if above is not None else _HANDLED if handled else []
+    beside.append(request)
+    if above is not None and above.number is not None:
+        request.come(above.number)
+    try:
+        yield
+    finally:
+        beside.remove(request)
+
+
+@contextmanager
+def _handled(usual: Mapping[signal.Signals, Any], handle: Callable[[int, FrameType | None], None]) -> Iterator[bool]:
+    """Handle by ``handle``, while this lasts, all signals with their ``usual`` handling; give whether there are any.
+
+    Python has signals in its main thread alone.
+    """
     in_main = threading.current_thread() is threading.main_thread()
     taken = {s: found for s, found in usual.items() if in_main and signal.getsignal(s) == found}
     for s in taken:
         signal.signal(s, handle)
     try:
-        yield
+        yield bool(taken)
     finally:
         for s, found in taken.items():
             signal.signal(s, found)

@@ -18,6 +18,7 @@
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/settings.hpp"
 #include "cutjoint/state.hpp"
+#include "cutjoint/stop.hpp"
 
 namespace cutjoint {
 
@@ -47,11 +48,13 @@ class RowByRow {
   void prepare(How&&... how) {
     stepper_.emplace(dynamics_, std::forward<How>(how)...);
     if constexpr (requires { typename Stepper::Watch; }) {
-      if (settings_.energy) balance_energy();
+      if (settings_.energy) energy_.emplace(subject_, *state_);
+      stepper_->watch({.call = [](void* who, auto& scheme) { static_cast<RowByRow*>(who)->end_step(scheme); }, .who = this});
       if (may_jump(subject_)) meet_impacts();
     }
   }
 
+  /// Throws Stopped where a stop is requested before the row: the last row is then that before.
   void step(long number) {
     const Real until = origin_ + Real(number) * dt_;
     require_none(stepper_->advance(t_, until, y_, number), subject_.description());
@@ -117,11 +120,6 @@ class RowByRow {
   const std::vector<Real>& row() const { return y_; }
 
  private:
-  void balance_energy() {
-    energy_.emplace(subject_, *state_);
-    stepper_->watch({.call = [](void* who, auto& scheme) { static_cast<RowByRow*>(who)->add_energy(scheme); }, .who = this});
-  }
-
   void meet_impacts() {
     impacts_.emplace(subject_, length_of<Real>(settings_));
     const auto call = [](void* who, auto& scheme, std::size_t which, Real since) { static_cast<RowByRow*>(who)->strike(scheme, which, since); };
@@ -129,7 +127,9 @@ class RowByRow {
   }
 
   template <class Scheme>
-  void add_energy(Scheme& scheme) {
+  void end_step(Scheme& scheme) {
+    if (stop_requested()) throw Stopped();
+    if (!energy_) return;
     const auto time = energy_->time();
     scheme.read_end(*state_);
     energy_->add(*state_, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });

@@ -34,7 +34,8 @@ namespace cutjoint {
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
 /// - if rows can be looked at for jumps beside them, `report_moved`, the values a time after the last report, or before it,
 /// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
-/// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
+/// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure, and `step`
+///   Stopped where a stop is requested within it,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `explain`, which adds to a failure of a step what is known of its cause,
@@ -174,9 +175,12 @@ class Run {
   void advance(long first, long last) {
     const double checked = seconds_of_checks();
     const auto begin = std::chrono::steady_clock::now();
-    for (long n = first; n < last && !stop_requested(); ++n) {
-      method_.step(n + 1);
-      steps_ = n + 1;
+    try {
+      for (long n = first; n < last && !stop_requested(); ++n) {
+        method_.step(n + 1);
+        steps_ = n + 1;
+      }
+    } catch (const Stopped&) {
     }
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - (seconds_of_checks() - checked);
   }

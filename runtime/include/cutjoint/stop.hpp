@@ -28,6 +28,9 @@ inline bool is_ignored(int signal) {
 /// True if the run shall end after the present step.
 inline bool stop_requested() { return stopping::requested.load(std::memory_order_relaxed); }
 
+/// A run ends between two of its steps, since a stop is requested.
+struct Stopped {};
+
 /// From here on SIGINT and SIGTERM request a stop, and somebody looks at that.  The second signal ends the program at once.
 inline void heed_stop_requests() {
   stopping::heeded = true;
