@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from cutjoint.toolchain import flags as module
+from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.cache import cache_folder
 from cutjoint.toolchain.errors import ToolchainError
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -40,6 +41,8 @@ REFUSED = {
     "another main": ("-Dmain=other", "what the compiler makes with them makes no program: .*undefined"),
     "not run": ("-Dmain=main(){__builtin_trap();}int/**/other", "a program made with them ends with status 1[0-9][0-9]"),
 }
+#: Flags with which programs are made, but no libraries that are loaded.
+PROGRAMS_ONLY = ("-fno-pic", "-fno-PIC -g")
 TAKEN = ("-c", "-v -Wall", "-O2 -g", "-Os", "-ffast-math", "-DX='a b'", "-Winvalid-pch -pipe", "-o elsewhere")
 
 
@@ -54,6 +57,16 @@ def test_what_makes_no_program_is_named(name: str, site: Site) -> None:
     assert re.match(f"flags {re.escape(shlex.join(given))}: ({reason}).*; write others, or unset \\$CUTJOINT_FLAGS$", said), said
     assert site.log == []
     assert not list(Path.cwd().glob("called"))
+
+
+@pytest.mark.parametrize("text", PROGRAMS_ONLY)
+def test_what_makes_no_library_is_named_where_one_is_made(text: str, site: Site) -> None:
+    """A program is made with them all the same; the model's file is never compiled."""
+    given = tuple(text.split(" "))
+    site.open_gate()
+    with pytest.raises(ToolchainError, match=r"^flags .*: what the compiler makes with them makes no library: .*(relocation|recompile)"):
+        build_files("one", {"CMakeLists.txt": "message(FATAL_ERROR reached)\n"}, "one.so", "one", given)
+    assert output(site.build("one", given)) == "one\n"
 
 
 @pytest.mark.parametrize("text", TAKEN)

@@ -132,11 +132,16 @@ def build_files(
         for file, text in files.items():
             write_text(folder / "source" / file, text)
         definitions = (f"-D{name}_FLAGS={' '.join(flags)}", *settings, *there)
-        build_project(folder / "source", folder / "out", compiler, flags, *definitions, runs=platform is None)
+        build_project(folder / "source", folder / "out", compiler, flags, *definitions, runs=platform is None, shared=_is_library(made))
         return folder / "out" / made
 
     find_or_make(cached, make)
     return cached
+
+
+def _is_library(made: str) -> bool:
+    """Whether a file that is made is a library that is loaded, by its suffix; programs have none."""
+    return bool(Path(made).suffix)
 
 
 def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
@@ -146,7 +151,7 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
         write_source(source, folder / "source")
         known = fetch_objects(objects, folder / "objects")
         places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}")
-        build_project(folder / "source", out, compiler, flags, *places, *kind.definitions, *definitions)
+        build_project(folder / "source", out, compiler, flags, *places, *kind.definitions, *definitions, shared=_is_library(source.product))
         store_parts(missing, out, cache_folder())
     store_objects([o for o in objects if o not in known], out)
     return out / source.product

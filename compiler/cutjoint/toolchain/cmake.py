@@ -33,8 +33,11 @@ def plain_tree(tree: Path, copy: Path) -> Path:
     return tree if is_plain(tree) else Path(shutil.copytree(tree, copy))
 
 
-def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True) -> None:
-    """Configure and build a CMake project, in folders with plain paths; what it makes ``runs`` on this machine or is for others.
+def build_project(
+    source: Path, out: Path, compiler: Compiler, flags: Sequence[str], *definitions: str, runs: bool = True, shared: bool = False
+) -> None:  # fmt: skip
+    """Configure and build a CMake project, in folders with plain paths; what it makes ``runs`` on this machine or is for others, and is a
+    program or a ``shared`` library.
 
     Raises:
         ToolchainError: CMake or the compiler refused it, or no program comes of the flags.
@@ -42,7 +45,7 @@ def build_project(source: Path, out: Path, compiler: Compiler, flags: Sequence[s
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
     environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch)}
-    require_flags(compiler, flags, scratch, environment, runs=runs)
+    require_flags(compiler, flags, scratch, environment, runs=runs, shared=shared)
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
         f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *definitions,

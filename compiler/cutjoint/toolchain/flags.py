@@ -1,4 +1,4 @@
-"""Flags of a compiler: one small program shows whether they make programs, before CMake fails with them in words of its own."""
+"""Flags of a compiler: one small file shows whether they make programs or libraries, before CMake fails with them in words of its own."""
 
 from __future__ import annotations
 
@@ -49,39 +49,48 @@ def are_known(flags: Sequence[str]) -> bool:
     return all(map(_KNOWN.fullmatch, flags))
 
 
-def require_flags(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], *, runs: bool) -> None:
-    """Check that a compiler makes programs with flags, which run if code for this machine is asked for; what passed is in the cache.
+def require_flags(
+    compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], *, runs: bool, shared: bool
+) -> None:  # fmt: skip
+    """Check that a compiler makes programs with flags, which run if code for this machine is asked for, or a ``shared`` library.
+
+    What passed is in the cache.
 
     Raises:
         ToolchainError: it does not, though it does without them.
     """
-    place = cache_folder() / "flags" / f"{digest_of([*compiler.command, *compiler.key, *resolve(flags), _PROGRAM, str(runs)])}.json"
+    key = digest_of([*compiler.command, *compiler.key, *resolve(flags), _PROGRAM, str(runs), str(shared)])
+    place = cache_folder() / "flags" / f"{key}.json"
     if are_known(flags) or read_record(place) is not None:
         return
     (folder / "program.cpp").write_text(_PROGRAM, encoding="utf-8")
-    if (fault := _find_fault(compiler, flags, folder, environment, runs)) and not _find_fault(compiler, (), folder, environment, runs):
+    how = (folder, environment, runs, shared)
+    if (fault := _find_fault(compiler, flags, *how)) and not _find_fault(compiler, (), *how):
         raise ToolchainError(f"flags {shlex.join(flags)}: {fault}; write others, or unset $CUTJOINT_FLAGS")
     if not fault:
         write_record(place, True)
 
 
-def _find_fault(compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool) -> str:
+def _find_fault(
+    compiler: Compiler, flags: Sequence[str], folder: Path, environment: Mapping[str, str], runs: bool, shared: bool
+) -> str:  # fmt: skip
     """The fault of flags in words; "" if they have none."""
     try:
         words = shlex.split(" ".join(flags))  # as CMake splits them
     except ValueError as error:
         return str(error)
     made, program = folder / "program.o", folder / "program"
-    status, said = _call([*compiler.command, "-std=c++20", *words, "-c", "program.cpp", "-o", str(made)], folder, environment)
+    independent, linked = (("-fPIC",), ("-shared",)) if shared else ((), ())
+    status, said = _call([*compiler.command, "-std=c++20", *independent, *words, "-c", "program.cpp", "-o", str(made)], folder, environment)
     if status:
         return f"the compiler refuses them{_first_error(said)}"
     if not made.is_file():
         return "the compiler makes no object file with them"
-    status, said = _call([*compiler.command, str(made), "-o", str(program)], folder, environment)
+    status, said = _call([*compiler.command, *linked, str(made), "-o", str(program)], folder, environment)
     made.unlink()
     if status:
-        return f"what the compiler makes with them makes no program{_first_error(said)}"
-    status, said = _call([str(program)], folder, environment) if runs else (0, _PRINTED)
+        return f"what the compiler makes with them makes no {'library' if shared else 'program'}{_first_error(said)}"
+    status, said = _call([str(program)], folder, environment) if runs and not shared else (0, _PRINTED)
     return "" if status == _NOT_STARTED or (status, said) == (0, _PRINTED) else f"a program made with them ends with status {status}"
 
 
@@ -94,5 +103,6 @@ def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str]) 
 
 def _first_error(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    found = next((line for line in lines if "error" in line.lower() or "undefined" in line), lines[0] if lines else "")
+    telling = ("error", "undefined", "relocation")
+    found = next((line for line in lines if any(word in line.lower() for word in telling)), lines[0] if lines else "")
     return f": {found}" if found else ""
