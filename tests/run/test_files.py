@@ -384,7 +384,7 @@ def test_a_signal_says_when_it_came_and_where_the_rows_are(number: int, status: 
 
 
 def runs_simulator(process: subprocess.Popen[str]) -> bool:
-    """Whether a command, each of its threads, has a simulator that has started its steps, which take time of a processor."""
+    """Return whether a command, each of its threads, has a simulator that has started its steps, which take time of a processor."""
     for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
         with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
             for number in children.read_text(encoding="utf-8").split():

@@ -72,7 +72,7 @@ def test_a_signal_within_a_finalizer_is_not_lost(number: int, error: type[BaseEx
 
 
 def test_requests_of_threads_come_with_that_of_the_main_thread() -> None:
-    """Those that were made before the signal, and those that are made after it."""
+    """Requests made before the signal come with it, and requests made after it."""
     answered, ready, go_on = [], threading.Event(), threading.Event()
 
     def work(place: int) -> int | None:

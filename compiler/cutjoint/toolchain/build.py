@@ -140,7 +140,7 @@ def build_files(
 
 
 def _is_library(made: str) -> bool:
-    """Whether a file that is made is a library that is loaded, by its suffix; programs have none."""
+    """Return whether a file that is made is a library that is loaded, by its suffix; programs have none."""
     return bool(Path(made).suffix)
 
 
