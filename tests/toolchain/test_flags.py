@@ -42,7 +42,7 @@ REFUSED = {
     "not run": ("-Dmain=main(){__builtin_trap();}int/**/other", "a program made with them ends with status 1[0-9][0-9]"),
 }
 #: Flags with which programs are made, but no libraries that are loaded.
-PROGRAMS_ONLY = ("-fno-pic", "-fno-PIC -g")
+PROGRAMS_ONLY = ("-fpie", "-fPIE -g")
 TAKEN = ("-c", "-v -Wall", "-O2 -g", "-Os", "-ffast-math", "-DX='a b'", "-Winvalid-pch -pipe", "-o elsewhere")
 
 

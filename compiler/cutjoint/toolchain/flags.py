@@ -103,6 +103,6 @@ def _call(command: Sequence[str], folder: Path, environment: Mapping[str, str]) 
 
 def _first_error(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    telling = ("error", "undefined", "relocation")
+    telling = ("error", "undefined", "recompile with")
     found = next((line for line in lines if any(word in line.lower() for word in telling)), lines[0] if lines else "")
     return f": {found}" if found else ""
