@@ -70,8 +70,9 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
     )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
-    laws = derive_scene_inputs(b, model, scene, dynamic_residual.values())
-    switches = [*find_switches(b, dynamic_residual.values()), *laws.switches]
+    switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide that no force feels has work too
+    laws = derive_scene_inputs(b, model, scene, switching)
+    switches = [*find_switches(b, switching), *laws.switches]
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),

@@ -75,8 +75,9 @@ def formulate_recursive(
     )  # fmt: skip
     closures = _closures(loops)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
-    laws = derive_scene_inputs(b, model, scene, accelerations.values())
-    switches = [*find_switches(b, accelerations.values()), *laws.switches]
+    switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
+    laws = derive_scene_inputs(b, model, scene, switching)
+    switches = [*find_switches(b, switching), *laws.switches]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
         Function(name="evaluate", arguments=(*_STATE, "const Real* lambda", "Real* vdot", "Real* correction"), results={

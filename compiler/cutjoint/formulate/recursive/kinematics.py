@@ -72,6 +72,11 @@ class Kinematics:
     frames: dict[str, Frame] = field(default_factory=dict)
     motions: dict[str, JointMotion] = field(default_factory=dict)
 
+    @property
+    def guided_rates(self) -> list[Block]:
+        """The speeds of guided tree joints."""
+        return [rate for motion in self.motions.values() if motion.tree_joint.joint.guide is not None for rate in motion.rate]
+
     def vector(self, vector: Vector) -> Block:
         """A design vector as a column."""
         return self.builder.column([self.translator.scalar(x) for x in vector])
