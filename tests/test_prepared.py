@@ -381,13 +381,6 @@ def test_the_package_has_what_it_names() -> None:
         _ = cutjoint.compile_modle
 
 
-def test_what_commands_tell_of_is_in_the_package() -> None:
-    """Whoever calls it from Python can catch it by name."""
-    told = {error for error in options._user_errors() if error is not OSError}
-    known = {found for name in cutjoint.__all__ if isinstance(found := getattr(cutjoint, name), type) and issubclass(found, Exception)}
-    assert told == known - {cutjoint.SimulationError}  # of simulations that a program holds, which no command does
-
-
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extensions, "entry_points", lambda **_: [])
     output = CliRunner().invoke(main, ["--help"]).output

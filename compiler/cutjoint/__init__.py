@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.model.errors import ModelError
+    from cutjoint.package.errors import CutjointError, EquationsError
     from cutjoint.package.extensions import MissingPackageError
     from cutjoint.program.blocks import ConstantError
     from cutjoint.run.errors import RunError
-    from cutjoint.run.failures import FailedBatchError, FailedRunError
+    from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulation import simulate
     from cutjoint.run.simulator import SimulatorError
@@ -42,24 +43,25 @@ if TYPE_CHECKING:
     from cutjoint.view.views import write_view
 
 __all__ = [
-    "ConstantError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError", "MissingLibraryError",
-    "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError", "Simulation", "SimulationError",
-    "SimulatorError", "StateSpace", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
-    "find_equilibrium", "find_initial_state", "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time",
-    "simulate", "simulate_batch", "sweep", "write_view",
+    "ConstantError", "CutjointError", "EquationsError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError",
+    "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError",
+    "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace", "Sweep", "ToolchainError",
+    "TopologyError", "build_topology", "compile_batch", "compile_model", "find_equilibrium", "find_initial_state", "find_modes", "load",
+    "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
     "cutjoint.analysis.guides": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
+    "cutjoint.package.errors": ("CutjointError", "EquationsError"),
     "cutjoint.package.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.compile.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.errors": ("RunError",),
-    "cutjoint.run.failures": ("FailedBatchError", "FailedRunError"),
+    "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.run.simulation": ("simulate",),
     "cutjoint.run.simulator": ("SimulatorError",),

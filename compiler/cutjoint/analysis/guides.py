@@ -14,6 +14,7 @@ from cutjoint.analysis.closing import Array, close_loops, design_coordinates, ev
 from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Joint
+from cutjoint.package.errors import EquationsError
 
 #: Shares of a scene at which it is looked at.
 _TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -22,7 +23,7 @@ _TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 _PART = 1e-3
 
 
-class GuideError(ValueError):
+class GuideError(EquationsError, ValueError):
     """Guides that no motion of the other joints can follow."""
 
 

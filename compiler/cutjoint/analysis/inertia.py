@@ -18,6 +18,7 @@ from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics, halves
 from cutjoint.model.records import Body, Model
+from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.conditioning import TOLERANCE
 from cutjoint.topology.elimination import degrees
@@ -28,7 +29,7 @@ from cutjoint.topology.records import TreeJoint
 _PART = 1e-6
 
 
-class NoInertiaError(ValueError):
+class NoInertiaError(EquationsError, ValueError):
     """Joints move in a way that no mass resists."""
 
 

@@ -19,7 +19,8 @@ from rich.text import Text
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.ranges import TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import escaped_lines, is_number, is_whole, read_number
-from cutjoint.run.outputs import OutputError, descriptor_of
+from cutjoint.package.errors import CutjointError
+from cutjoint.run.outputs import descriptor_of
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
@@ -116,7 +117,7 @@ def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:
             return command(*args, **kwargs)
         except (click.ClickException, KeyboardInterrupt, SystemExit):
             raise
-        except _user_errors() as error:
+        except (CutjointError, OSError) as error:
             err.print(describe_error(error), markup=False)
             raise SystemExit(1) from None
 
@@ -131,28 +132,6 @@ def describe_error(error: BaseException) -> str:
 def console_beside(*outputs: Path | None) -> Console:
     """The console for people: standard error if standard output takes results."""
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
-
-
-def _user_errors() -> tuple[type[Exception], ...]:
-    """Imported where something is raised: a cached run needs none of the stages that these belong to."""
-    from cutjoint.analysis.guides import GuideError
-    from cutjoint.analysis.inertia import NoInertiaError
-    from cutjoint.model.errors import ModelError
-    from cutjoint.package.extensions import MissingPackageError
-    from cutjoint.program.blocks import ConstantError
-    from cutjoint.run.errors import RunError
-    from cutjoint.run.failures import FailedBatchError, FailedRunError
-    from cutjoint.run.simulator import SimulatorError
-    from cutjoint.sparse.ordering import MissingLibraryError
-    from cutjoint.tasks.realtime import FailedRealTimeError
-    from cutjoint.tasks.states import NoEquilibriumError
-    from cutjoint.toolchain.errors import ToolchainError
-    from cutjoint.topology.spanning_tree import TopologyError
-
-    return (
-        ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, MissingPackageError, RunError,
-        SimulatorError, ToolchainError, NoEquilibriumError, FailedRunError, FailedBatchError, FailedRealTimeError, OutputError, OSError,
-    )  # fmt: skip
 
 
 def take_scene(model: Model, name: str | None) -> Scene:

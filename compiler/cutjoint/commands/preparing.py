@@ -70,7 +70,7 @@ def prepare_and_play(
     """Compile a model as `read_request` found it, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        ModelError, EquationsError: the model is wrong.
         RunError: what is asked for does not go together, or the model does not have it.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed.
@@ -128,7 +128,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
 
     Raises:
         TakesLong: as `compile_scene`, if there is a ``patience``.
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
+        ModelError, EquationsError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
     """
     solver = request.options.solver
     if solver is not None and not METHODS[method].has_system:

@@ -25,7 +25,7 @@ def compile_interpreted(
     `pipeline.schedule_method` has made of it already.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        ModelError, EquationsError: the model is wrong.
         RunError: there is no such method.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side, which is built where it is not there, failed.

@@ -51,7 +51,7 @@ def compile_scene(
     ``made`` is what `generate` has made of all this already.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the choice is wrong, or they do not go together.
+        ModelError, EquationsError, RunError: the model or the choice is wrong, or they do not go together.
         MissingLibraryError, ToolchainError: a library or a tool is not installed, or the C++ compiler failed.
         TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.

@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.methods import DEFAULT_PRECISION, Implementation
-from cutjoint.package.extensions import IMPLEMENTATIONS, MissingPackageError
+from cutjoint.package.errors import CutjointError
+from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
 from cutjoint.run.options import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
@@ -94,7 +95,7 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
         record = read_record(_cache_path(request, content))
         prepared = None if record is None else _from_json(record)
-    except (OSError, ToolchainError, PackageNotFoundError, MissingPackageError, ValueError):
+    except (OSError, CutjointError, PackageNotFoundError, ValueError):
         return None  # whatever is wrong is an error, with its message, of preparing anew
     if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
         return None

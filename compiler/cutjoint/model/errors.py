@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from cutjoint.model.records import Span
 from cutjoint.model.text import printable
+from cutjoint.package.errors import CutjointError
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model
@@ -33,7 +34,7 @@ class Problem:
         return f"{text}; {self.hint}" if self.hint else text
 
 
-class ModelError(Exception):
+class ModelError(CutjointError):
     """A model file that cannot be used.
 
     ``problems`` is all that is wrong with it, in the file's order.  ``model`` is what could be read, if later stages can judge its graph

@@ -12,6 +12,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
+from cutjoint.package.errors import CutjointError
+
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Output, Scene
     from cutjoint.run.artifact import Artifact
@@ -21,7 +23,7 @@ C = TypeVar("C")
 _BENCH = "cutjoint-bench"
 
 
-class MissingPackageError(RuntimeError):
+class MissingPackageError(CutjointError, RuntimeError):
     """An addition is asked for whose package is not installed."""
 
 

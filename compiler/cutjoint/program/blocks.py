@@ -40,6 +40,8 @@ from enum import IntEnum
 from math import isfinite
 from typing import Any
 
+from cutjoint.package.errors import EquationsError
+
 
 class BindingTime(IntEnum):
     """The time at which a value is known; a block is known when the latest of its arguments is."""
@@ -76,7 +78,7 @@ class Section:
         return f"{self.stage}: {self.element}" if self.element else self.stage
 
 
-class ConstantError(ArithmeticError):
+class ConstantError(EquationsError, ArithmeticError):
     """A constant of the equations is too large for a floating-point number.  The text has the place in the model file and the element."""
 
     def __init__(self, sections: Sequence[Section], number: int) -> None:

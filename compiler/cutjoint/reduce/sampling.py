@@ -28,7 +28,7 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
     """A scene's run, which may have failed, with ``outputs`` instead of the scene's; interpreted where that takes less than compiling.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError, SimulatorError: the scene cannot be run.
+        ModelError, EquationsError, RunError, SimulatorError: the scene cannot be run.
         ToolchainError: the C++ side failed.
     """
     artifact = compile_interpreted(model, scene, outputs=outputs)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from cutjoint.analysis.guides import GuideError
-from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.compile.pipeline import schedule_method
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
 from cutjoint.reduce.approximations import lighten_links, roll_straight
 from cutjoint.reduce.fix_inputs import fix_inputs
@@ -24,7 +23,6 @@ from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Note, Outcome, Pass
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
-from cutjoint.topology.spanning_tree import TopologyError
 
 #: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
 MOTIONS = ("exact", "guarded", "approximate")
@@ -61,7 +59,7 @@ APPROXIMATIONS: tuple[Step, ...] = (
 
 
 #: Reasons for which a method may refuse a reduced model: equations that depend on each other, loops that cannot be cut as the file wants.
-_REFUSALS = (ModelError, TopologyError, NoInertiaError, GuideError, RunError)
+_REFUSALS = (ModelError, EquationsError, RunError)
 
 
 #: The approximation of what all others leave, since its guards watch the tyres that are left.
@@ -96,7 +94,7 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
     """The full model first, then a reduced model for every pass that lowers the operations of a method.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError: the full model is wrong.
+        ModelError, EquationsError: the full model is wrong.
         RunError: the method does not take the full model.
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
@@ -116,7 +114,7 @@ def cheapest_by(method: str, sequence: Sequence[ReducedModel]) -> list[ReducedMo
     motions before.  The result of a pass does not depend on the method, only its profit does.  So no pass runs again, and few models are
     derived.
 
-    Raises:     ModelError, TopologyError, NoInertiaError, GuideError, RunError: the method takes none of them; the error is the full
+    Raises:     ModelError, EquationsError, RunError: the method takes none of them; the error is the full
     model's.
     """
     found: list[ReducedModel] = []

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cutjoint.package.errors import CutjointError
 from cutjoint.run.results import Batch, FailureReport, Trajectory
 
 if TYPE_CHECKING:
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from cutjoint.topology.records import Topology
 
 
-class IncompleteError(RuntimeError):
-    """A task that did not come to its end; the errors below have its partial results."""
+class IncompleteError(CutjointError, RuntimeError):
+    """A task that did not come to its end; each class beneath has the partial results."""
 
     def __init__(self, message: str, result: Any) -> None:
         super().__init__(message, result)  # both, so that the error can be sent to another process

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
 
+from cutjoint.package.errors import CutjointError
 
-class OutputError(ValueError):
+
+class OutputError(CutjointError, ValueError):
     """A file that cannot be an output, or could not be written."""
 
 

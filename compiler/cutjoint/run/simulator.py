@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Timer
 from typing import Any
 
+from cutjoint.package.errors import CutjointError
 from cutjoint.run.result_files import write_all
 from cutjoint.run.results import FailureReport
 from cutjoint.run.stopping import StopRequest, stop_requests
@@ -23,7 +24,7 @@ Progress = Callable[[float], None]
 Receive = Callable[[dict[str, Any]], None]
 
 
-class SimulatorError(RuntimeError):
+class SimulatorError(CutjointError, RuntimeError):
     """The simulator could not begin, or what it wrote is no summary."""
 
 

@@ -7,6 +7,7 @@ import ctypes.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cutjoint.package.errors import CutjointError
 from cutjoint.sparse.pattern import Pattern
 
 #: Debian's packages with the libraries.
@@ -18,7 +19,7 @@ _OPTIONS = 40  # METIS_NOPTIONS
 _SEED = 8  # METIS_OPTION_SEED
 
 
-class MissingLibraryError(RuntimeError):
+class MissingLibraryError(CutjointError, RuntimeError):
     """A library that orders matrices is not installed."""
 
 

@@ -35,7 +35,7 @@ def load(
     as long to compile.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the model or the scene is wrong, or there is no such method or
+        ModelError, EquationsError, RunError: the model or the scene is wrong, or there is no such method or
             integrator.
         ToolchainError: a tool is not installed, or the compiler failed.
     """

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import Library
 from cutjoint.stepping.statespace import StateSpace
@@ -20,7 +21,7 @@ _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model wit
 _TEXT = 600
 
 
-class SimulationError(Exception):
+class SimulationError(CutjointError):
     """A start or a step that failed; ``status`` is that of the C interface, above 0 for a motion that cannot go on."""
 
     def __init__(self, text: str, status: int) -> None:

@@ -104,7 +104,7 @@ def sweep(
     at an address such as "tcp://10.0.0.1:8786".  A call that did not come to its end is gone on with.  ``note`` is told what is done.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError, RunError: the study or its model is wrong, or the cluster cannot run it.
+        ModelError, EquationsError, RunError: the study or its model is wrong, or the cluster cannot run it.
         ToolchainError: the C++ side failed.
         OutputError: the table cannot be written, or rows of another sweep are in its place.
         Interrupted, Terminated: a signal has ended the sweep; the runs that are done stay.

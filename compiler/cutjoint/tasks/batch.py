@@ -76,7 +76,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     where the rates of guides may jump.
 
     Raises:
-        ModelError, TopologyError, NoInertiaError, GuideError: the model is wrong.
+        ModelError, EquationsError: the model is wrong.
         RunError: the scene has an integrator or events that batches do not have.
         ToolchainError: the C++ side failed.
     """

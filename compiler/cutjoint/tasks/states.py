@@ -22,7 +22,7 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.errors import RunError
-from cutjoint.run.failures import describe_failure, is_impossible
+from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
@@ -38,15 +38,14 @@ from cutjoint.topology.reading import read_model
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
-class NoEquilibriumError(RuntimeError):
-    """No static equilibrium was found; ``report`` says where the search ended, ``said`` with its place in the model file."""
+class NoEquilibriumError(IncompleteError):
+    """No static equilibrium was found."""
 
-    def __init__(self, report: FailureReport, said: str) -> None:
-        super().__init__(report, said)  # both, so that the error can be sent to another process
-        self.report = report
-
-    def __str__(self) -> str:
-        return str(self.args[1])
+    @property
+    def report(self) -> FailureReport:
+        """The end of the search."""
+        report: FailureReport = self.args[1]
+        return report
 
 
 def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
@@ -61,7 +60,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
 
     Raises:
         NoEquilibriumError: none was found near the design position.
-        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        ModelError, EquationsError: the file is wrong.
         RunError: there is no such scene, or a parameter cannot be set.
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
@@ -72,7 +71,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     summary = call_simulator(artifact.binary.path, run_file, description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:
-        raise NoEquilibriumError(failure, _said(failure, artifact, parameters))
+        raise NoEquilibriumError(_said(failure, artifact, parameters), failure)
     return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
 
 
@@ -91,7 +90,7 @@ def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: M
 
     Raises:
         FailedRunError: the scene has no start; its trajectory has no row.
-        ModelError, TopologyError, NoInertiaError, GuideError: the file is wrong.
+        ModelError, EquationsError: the file is wrong.
         RunError: there is no such scene, or a parameter cannot be set.
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
@@ -124,7 +123,7 @@ def find_scene_modes(
         NoEquilibriumError: none was found near the design position.
         RunError: a time or a parameter that cannot be, the run ends before it, a direction moves no mass, or the loops have more freedom
             there than nearby.
-        ModelError, TopologyError, NoInertiaError, GuideError, MissingLibraryError, ToolchainError: as for compile_scene.
+        ModelError, EquationsError, MissingLibraryError, ToolchainError: as for compile_scene.
         SimulatorError: the simulator could not begin.
     """
     require_settings(at=at)
@@ -143,7 +142,7 @@ def find_scene_modes(
             raise RunError(said) from error
         if not is_impossible(report):
             report = replace(report, advice=f"{report.advice}, or linearise about a motion with --at")
-        raise NoEquilibriumError(report, _said(report, artifact, parameters)) from error
+        raise NoEquilibriumError(_said(report, artifact, parameters), report) from error
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error
     usual = find_mobility(artifact.mechanism).degrees_of_freedom

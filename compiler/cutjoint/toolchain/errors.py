@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from cutjoint.package.errors import CutjointError
 
-class ToolchainError(RuntimeError):
+
+class ToolchainError(CutjointError, RuntimeError):
     """The C++ side is missing something or refused the code, or the cache cannot be written."""
