@@ -15,6 +15,7 @@ import pytest
 from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import generate
+from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Numerics, Road, Scene
@@ -71,7 +72,7 @@ def test_models_as_their_programs_say(path: Path) -> None:
 
 def kinds() -> Iterator[Model]:
     """A tree and a loop with each joint kind, and all kinds of forces between bodies of others."""
-    for kind in JointKind:
+    for kind in JOINTS:
         yield random_models.tree_with(kind, True, 1)
         if kind is not JointKind.FREE:
             yield random_models.loop_with(kind, "roots", 1)

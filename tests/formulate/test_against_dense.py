@@ -147,7 +147,8 @@ def test_force_on_every_coordinate(kind: JointKind) -> None:
         for n, coordinate in enumerate(COORDINATES[kind]):
             law = stop(variable("position"), variable("rate"), 30) + 3 + n
             name = f"force_{len(w.forces)}"
-            force = JointForce(name=name, joint=joint.name, coordinate=coordinate, law=law, active=True, span=random_models.NOWHERE)
+            unit, where = joint.element.units[coordinate], random_models.NOWHERE
+            force = JointForce(name=name, joint=joint.name, coordinate=coordinate, unit=unit, law=law, active=True, span=where)
             w.forces.append(force)
     compare(w.model(), 0)
 

@@ -9,7 +9,7 @@ import pytest
 
 from cutjoint.model.mirror import Mirror, coordinate_signs
 from cutjoint.model.read import read_model_text
-from cutjoint.model.records import COORDINATES, JointKind, Output
+from cutjoint.model.records import COORDINATES, Output
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
 from tests.mechanisms.joint_examples import EXAMPLES
@@ -22,7 +22,7 @@ GUIDABLE = tuple(map(str, random_models.GUIDABLE))
 
 def document(kind: str, axis: str, is_guided: bool) -> str:
     """An arm on a joint of one kind that carries a hand, and the image of both."""
-    names = COORDINATES[JointKind(kind)]
+    names = COORDINATES[kind]
     joint = {"kind": kind, "bodies": ["ground", "arm"], "at": [0.1, 0.3, 0.2], "cut": False, **EXAMPLES[kind]}
     if is_guided:
         laws = ["0.2 + 0.3*sin(t)", "0.5*t**2", "t - 0.1"][: len(names)]

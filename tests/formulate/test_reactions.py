@@ -145,7 +145,7 @@ def pushed(model: Model, kind: JointKind) -> Model:
     coordinates = {j.name: [c for c in COORDINATES[kind] if c.startswith("displacement")] for j in model.joints if j.kind is kind}
     law = 5 - 4 * random_models.variable("position") - random_models.variable("rate")
     forces = (
-        JointForce(name=f"push_in_{joint}", joint=joint, coordinate=names[0], law=law, active=True, span=NOWHERE)
+        JointForce(name=f"push_in_{joint}", joint=joint, coordinate=names[0], unit="m", law=law, active=True, span=NOWHERE)
         for joint, names in coordinates.items() if names
     )  # fmt: skip
     return replace(model, forces=(*model.forces, *forces))

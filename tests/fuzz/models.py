@@ -8,7 +8,6 @@ import random
 from typing import Any
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.elements.kinds import JointKind
 
 Node = dict[str, Any]
 
@@ -264,7 +263,7 @@ class Maker:
         name, part = self.name("joint"), {"kind": kind, "bodies": [base, follower], "at": self.triple(), **more}
         if self.chance(0.4):
             part["bodies"].reverse()
-        fields = [field.name for field in JOINTS[JointKind(kind)].fields]
+        fields = [field.name for field in JOINTS[kind].fields]
         part |= {name: FIELDS[name] for name in fields if name in FIELDS}
         if "axis" in fields and "axis_2" not in fields:
             part["axis"] = self.axis()
@@ -438,7 +437,7 @@ class Maker:
         if trees and self.chance(0.5):
             joint = rng.choice(trees)
             scene["positions"] = {f"{joint}.{COORDINATES[self.joints[joint]['kind']][0]}": 0.01}
-        balls = [name for name, joint in self.joints.items() if JOINTS[JointKind(joint["kind"])].has_attitude and "cut" not in joint]
+        balls = [name for name, joint in self.joints.items() if JOINTS[joint["kind"]].has_attitude and "cut" not in joint]
         if balls and self.chance(0.5):
             attitude = rng.choice((
                 {"rotation_vector": self.triple()}, {"euler": self.triple(), "order": rng.choice(("xyz", "zyx", "zxz"))},

@@ -36,7 +36,8 @@ def with_forces_on_cuts(model: Model) -> Model:
     cuts = {cut.name for cut in topology.cuts}
     forces = [
         JointForce(
-            name=f"on_{cut.name}_{coordinate}", joint=cut.name, coordinate=coordinate, active=True, span=cut.span,
+            name=f"on_{cut.name}_{coordinate}", joint=cut.name, coordinate=coordinate, unit=cut.element.units[coordinate],
+            active=True, span=cut.span,
             law=7 - 2 * RATE - 3 * RATE**3 - (11 * POSITION if whole else 0),
         ) for cut, coordinate, whole in measured(topology)
     ]  # fmt: skip

@@ -42,8 +42,10 @@ from cutjoint.model.records import (
 
 K = JointKind
 #: Kinds whose motions have a coordinate each, of which random models are made, and all kinds, those with shared coordinates last.
-PLAIN_KINDS = tuple(kind for kind in JointKind if not JOINTS[kind].shares_coordinates)
-TREE_KINDS = (*PLAIN_KINDS, *(kind for kind in JointKind if kind not in PLAIN_KINDS))
+#: All kinds, in an order in which those without a name of their own come last, so that a seed's models stay.
+KINDS = (*JointKind, *(kind for kind in JOINTS if kind not in set(JointKind)))
+PLAIN_KINDS = tuple(kind for kind in KINDS if not JOINTS[kind].shares_coordinates)
+TREE_KINDS = (*PLAIN_KINDS, *(kind for kind in KINDS if kind not in PLAIN_KINDS))
 PLAIN_CUTS = tuple(kind for kind in PLAIN_KINDS if JOINTS[kind].closes)
 CUT_KINDS = tuple(kind for kind in TREE_KINDS if JOINTS[kind].closes)
 GUIDABLE = tuple(kind for kind in JOINTS if JOINTS[kind].can_be_guided)
@@ -126,7 +128,7 @@ class Workshop:
             return tuple(sympy.Integer(sign * (i == k)) for i in range(3))
         return _unit(self.rng.standard_normal(3))
 
-    def axes(self, kind: JointKind) -> tuple[tuple[Any, ...], ...]:
+    def axes(self, kind: str) -> tuple[tuple[Any, ...], ...]:
         """The directions of a joint."""
         fields = [field.name for field in JOINTS[kind].fields]
         if "axis" not in fields:
@@ -159,7 +161,7 @@ class Workshop:
         return name
 
     def joint(
-        self, kind: JointKind, inner: str, outer: str, *, is_reversed: bool = False, cut: bool | None = False, guide: Any = None
+        self, kind: str, inner: str, outer: str, *, is_reversed: bool = False, cut: bool | None = False, guide: Any = None
     ) -> str:
         """A joint; ``is_reversed`` makes the outer body its base."""
         name = f"{'cut' if cut else 'joint'}_{len(self.joints)}"
@@ -177,18 +179,18 @@ class Workshop:
         )  # fmt: skip
         return name
 
-    def grow(self, inner: str, kind: JointKind | None = None, **how: Any) -> str:
+    def grow(self, inner: str, kind: str | None = None, **how: Any) -> str:
         """A new body on a joint, by default one of any kind that is seen from either end."""
         body = self.body(how.pop("massless", False))
         how.setdefault("is_reversed", self.chance(0.5))
         self.joint(kind or self.pick(PLAIN_KINDS), inner, body, **how)
         return body
 
-    def close(self, kind: JointKind, one: str, other: str, *, cut: bool | None = True) -> str:
+    def close(self, kind: str, one: str, other: str, *, cut: bool | None = True) -> str:
         """A joint that closes a loop, either body its base."""
         return self.joint(kind, one, other, is_reversed=self.chance(0.5), cut=cut)
 
-    def guided(self, inner: str, kind: JointKind | None = None) -> str:
+    def guided(self, inner: str, kind: str | None = None) -> str:
         """A new body on a guided joint."""
         kind = kind or self.pick([k for k in GUIDABLE if k in PLAIN_KINDS])
         rates = [sympy.Float(x) for x in self.rng.uniform(0.5, 1.5, len(COORDINATES[kind]))]
@@ -286,12 +288,11 @@ class Workshop:
             if self.chance(0.5):
                 law = stop(position, rate, 30 * STRENGTH.symbol)
             joint = self.pick(found)
+            name, coordinate = self._force(), self.pick(COORDINATES[joint.kind])
+            unit = joint.element.units[coordinate]
             self.forces.append(
-                JointForce(
-                    name=self._force(), joint=joint.name, coordinate=self.pick(COORDINATES[joint.kind]), law=law, active=True,
-                    span=NOWHERE,
-                )
-            )  # fmt: skip
+                JointForce(name=name, joint=joint.name, coordinate=coordinate, unit=unit, law=law, active=True, span=NOWHERE)
+            )
 
     def _force(self) -> str:
         return f"force_{len(self.forces)}"
@@ -340,7 +341,7 @@ def workshop(seed: int, salt: str, gravity: bool = True, grounded: bool = True) 
 HEAVY = (K.REVOLUTE, K.PRISMATIC, K.CYLINDRICAL, K.SPHERICAL, K.FREE)
 
 
-def tree_with(kind: JointKind, is_reversed: bool, seed: int) -> Model:
+def tree_with(kind: str, is_reversed: bool, seed: int) -> Model:
     """A tree with joints of one kind: at the ground, on a free body, and with a body behind it."""
     w = workshop(seed, f"tree {kind} {is_reversed}")
     at_ground = w.grow(GROUND, kind, is_reversed=is_reversed)
@@ -369,7 +370,7 @@ def random_tree(seed: int, gravity: bool = True, guides: bool = True) -> Model:
 CLOSINGS = ("branch", "roots", "floating", "parent", "twice", "guided")
 
 
-def loop_with(kind: JointKind, closing: str, seed: int) -> Model:
+def loop_with(kind: str, closing: str, seed: int) -> Model:
     """A loop closed by a cut joint of a kind: within a branch, between branches with different roots, to the ground, between a body
     and its parent, twice between the same bodies, or between guided bodies; an odd seed swaps the cut joint's bodies."""
     w = workshop(seed, f"loop {kind} {closing}")
@@ -441,7 +442,7 @@ def chosen_loops(seed: int) -> Model:
     return w.model()
 
 
-def with_gears(model: Model, seed: int, kinds: Sequence[JointKind] = TREE_KINDS) -> Model:
+def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS) -> Model:
     """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides."""
     rng = np.random.default_rng([seed, *b"gears"])
     ends = [(j, name) for j in model.joints if not j.cut and j.kind in kinds for name in COORDINATES[j.kind]]

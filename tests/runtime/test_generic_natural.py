@@ -300,7 +300,8 @@ def test_guided_joints(kind: JointKind, method: str, program: Path, tmp_path: Pa
     position, rate = random_models.variable("position"), random_models.variable("rate")
     coordinate = COORDINATES[kind][-1]
     brake = JointForce(
-        name="brake", joint=model.joints[1].name, coordinate=coordinate, law=-3 * position - rate**3, active=True, span=NOWHERE
+        name="brake", joint=model.joints[1].name, coordinate=coordinate, unit=JOINTS[kind].units[coordinate],
+        law=-3 * position - rate**3, active=True, span=NOWHERE,
     )  # fmt: skip
     model = replace(model, forces=(brake,))
     check_agreement(program, make_case(model, random_models.scene(), method), tmp_path)

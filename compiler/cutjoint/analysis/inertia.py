@@ -114,7 +114,7 @@ def _resists(model: Model, body: Body, t: TreeJoint) -> bool:
     motions = t.joint.element.chain
     if all(isinstance(m, Slide) for m in motions):
         return bool(mass > 0)
-    if motions == (Turn("angle", Direction.AXIS),):
+    if len(motions) == 1 and isinstance(turn := motions[0], Turn) and turn.direction is Direction.AXIS and not turn.advances:
         axis, arm = evaluate(model, t.joint.axes[0]), evaluate(model, body.centre_of_mass) - evaluate(model, t.joint.at)
         return bool(axis @ inertia @ axis + mass * np.sum(np.cross(axis, arm) ** 2) > TOLERANCE * (np.trace(inertia) + mass * arm @ arm))
     principal = np.linalg.eigvalsh(inertia)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, Self, TypeAlias
 
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Scalar, Span, Vector
 
 # Fields in the file
@@ -97,8 +96,8 @@ class Reader(Protocol):
     def bodies(self, name: str) -> tuple[str, str]:
         """The full names of base and follower."""
 
-    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str]:
-        """The full name of a joint and its coordinate, the only one if none is given; "" for the coordinate if that is wrong."""
+    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
+        """The full name of a joint, its coordinate, the only one if none is given, and its unit; "" for both if that is wrong."""
 
     def point(self, name: str) -> Vector:
         """A point."""
@@ -259,7 +258,7 @@ class ForceElement:
     fields of a part of the document, and its remedy; () for nothing.
     """
 
-    kind: ForceKind
+    kind: str
     text: str
     fields: tuple[ForceField, ...]
     interaction: Interaction

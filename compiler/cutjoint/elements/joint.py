@@ -13,8 +13,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar, TypeAlias
 
-from cutjoint.elements.kinds import JointKind
-
 # Directions
 
 
@@ -215,13 +213,31 @@ ABOUT_AXIS = Measure(carrier=End.BASE, first=Direction.ACROSS_1, second=Directio
 # The record
 
 
+class Fault(StrEnum):
+    """A relation between two fields that makes the second one wrong."""
+
+    SAME_POINT = "are the same point"
+    OPPOSITE = "are opposite"
+    NOT_PERPENDICULAR = "are not perpendicular"
+
+
+@dataclass(frozen=True)
+class Check:
+    """The ``fault`` that a field and the one before it, ``beside``, must not have, with a ``hint`` for who wrote it."""
+
+    beside: str
+    fault: Fault
+    hint: str = ""
+
+
 @dataclass(frozen=True)
 class JointField:
-    """A field of the kind in a model file beside those that all joints have, with ``words`` for the documentation."""
+    """A field of the kind in a model file beside those that all joints have, with ``words`` for the documentation and its ``check``."""
 
     name: str
     words: str = ""
     optional: bool = False
+    check: Check | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,7 +271,7 @@ class JointElement:
     ``note`` is what `explain` says of a tree joint of the kind.
     """
 
-    kind: JointKind
+    kind: str
     text: str
     chain: tuple[Motion, ...]
     conditions: tuple[Condition, ...]

@@ -1,4 +1,4 @@
-"""The names of the kinds of joints and forces in a model file."""
+"""The joint kinds that code tells apart by name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class JointKind(StrEnum):
-    """The kinds of joints, by the motions that they leave free; ``cutjoint.elements.joints`` describes each."""
+    """Kinds that passes, exporters or pictures treat in a way of their own; ``cutjoint.elements.joints`` lists and describes all."""
 
     FIXED = "fixed"
     REVOLUTE = "revolute"
@@ -20,14 +20,3 @@ class JointKind(StrEnum):
     POINT_ON_LINE = "point_on_line"
     DISTANCE = "distance"
     FREE = "free"
-
-
-class ForceKind(StrEnum):
-    """The kinds of forces, by the way in which they act; ``cutjoint.elements.forces`` describes each."""
-
-    POINT_SPRING = "point_spring"
-    AXIAL_FORCE = "axial_force"
-    BUSHING = "bushing"
-    LOAD = "load"
-    JOINT_FORCE = "joint_force"
-    TYRE = "tyre"

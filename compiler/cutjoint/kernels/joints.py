@@ -27,7 +27,6 @@ from cutjoint.elements.joint import (
     rate_name,
 )
 from cutjoint.elements.joints import JOINTS
-from cutjoint.elements.kinds import JointKind
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Scalar
@@ -102,7 +101,7 @@ def _elementary(element: JointElement, motion: Slide | Turn | Ball) -> Elementar
 
 
 @cache
-def _derive_kind(kind: JointKind, is_reversed: bool) -> JointKernel:
+def _derive_kind(kind: str, is_reversed: bool) -> JointKernel:
     """The kernel of any joint of a kind, over the symbols of its directions and its pitch."""
     element = JOINTS[kind]
     chain = element.chain_seen(is_reversed)

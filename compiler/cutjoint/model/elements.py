@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import sympy
 
-from cutjoint.elements.joint import PERPENDICULAR, JointElement
+from cutjoint.elements.joint import Fault, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document
 from cutjoint.model import element_parts as joint_parts
@@ -18,7 +17,7 @@ from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
-from cutjoint.model.records import Body, Force, Gear, Joint, JointKind, Marker, Reaction, Scalar, Vector, Visual
+from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
 
@@ -84,19 +83,20 @@ def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:
 
 def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
     base, follower = element.two_bodies(joint.bodies)
-    given = {field.name: getattr(joint, field.name) for field in JOINTS[JointKind(joint.kind)].fields}
+    kind = JOINTS[joint.kind]
+    given = {field.name: getattr(joint, field.name) for field in kind.fields}
     at, to = read_point(element, joint.at, ("at",)), None
     if "to" in given:
         at, to = element.settle(at), element.settle(read_point(element, given["to"], ("to",)))
-    if to is not None and coincide(element, at, to):
-        element.fail("at and to are the same point", "a distance needs two", ("to",))
+    axes = {name: read_direction(element, given[name], (name,)) for name in ("axis", "axis_2") if given.get(name) is not None}
+    is_sound = _check_fields(element, kind, {"at": at, **({} if to is None else {"to": to}), **axes})
     return Joint(
         name=element.name,
-        kind=JointKind(joint.kind),
+        kind=kind.kind,
         base=base,
         follower=follower,
         at=at,
-        axes=_axes(element, JOINTS[JointKind(joint.kind)], given),
+        axes=_axes(kind, tuple(axes.values()), is_sound),
         to=to,
         pitch=element.scalar(given["pitch"], LENGTH, ("pitch",)) if "pitch" in given else None,
         cut=joint.cut,
@@ -105,26 +105,35 @@ def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
     )
 
 
-def _axes(element: Element, kind: JointElement, given: Mapping[str, Any]) -> tuple[Vector, ...]:
-    names = [name for name in ("axis", "axis_2") if given.get(name) is not None]
-    axes = tuple(read_direction(element, given[name], (name,)) for name in names)
-    if PERPENDICULAR in kind.conditions and not perpendicular(element, *axes):
-        element.fail("axis and axis_2 are not perpendicular", "", ("axis_2",))
-    if kind.axis_is_bisector and len(axes) == 2:
-        return (_bisector(element, *axes),)
-    return axes
+def _check_fields(element: Element, kind: JointElement, vectors: Mapping[str, Vector]) -> bool:
+    """Note what is wrong between fields by the checks of a kind; returns whether nothing is."""
+    is_sound = True
+    for name, check in ((field.name, field.check) for field in kind.fields if field.name in vectors):
+        if check is not None and _FAULTS[check.fault](element, vectors[check.beside], vectors[name]):
+            element.fail(f"{check.beside} and {name} {check.fault}", check.hint, (name,))
+            is_sound = False
+    return is_sound
 
 
-def _bisector(element: Element, a: Vector, b: Vector) -> Vector:
-    x, y, z = (p + q for p, q in zip(a, b, strict=True))
-    if math.hypot(*map(element.value, (x, y, z))) < OPPOSITE:
-        element.fail("axis and axis_2 are opposite", "let both point from the base to the follower", ("axis_2",))
-        return (FAILED, FAILED, FAILED)
-    return unit((x, y, z))
+def _axes(kind: JointElement, axes: tuple[Vector, ...], is_sound: bool) -> tuple[Vector, ...]:
+    if not kind.axis_is_bisector or len(axes) < 2:
+        return axes
+    x, y, z = (p + q for p, q in zip(*axes, strict=True))
+    return (unit((x, y, z)) if is_sound else (FAILED, FAILED, FAILED),)
+
+
+def _are_opposite(element: Element, a: Vector, b: Vector) -> bool:
+    return math.hypot(*(element.value(p + q) for p, q in zip(a, b, strict=True))) < OPPOSITE
 
 
 #: The least length of the sum of two unit vectors that are not opposite.
 OPPOSITE = 1e-6
+
+_FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
+    Fault.SAME_POINT: coincide,
+    Fault.OPPOSITE: _are_opposite,
+    Fault.NOT_PERPENDICULAR: lambda element, a, b: not perpendicular(element, a, b),
+}
 
 
 def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:
@@ -132,7 +141,7 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
     guide = getattr(joint, "guide", None)
     if guide is None:
         return None
-    kind = JOINTS[JointKind(joint.kind)]
+    kind = JOINTS[joint.kind]
     coordinates = kind.coordinates
     laws = guide if isinstance(guide, tuple) else (guide,)
     if joint.cut:

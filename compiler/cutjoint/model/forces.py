@@ -10,7 +10,6 @@ from typing import Any
 from cutjoint.elements.force import Law
 from cutjoint.elements.forces import FORCES
 from cutjoint.elements.forces.joint_force import JointForce, law_on
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.model import element_parts as force_parts
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.expressions import variable
@@ -56,11 +55,12 @@ class _Reader:
     def bodies(self, name: str) -> tuple[str, str]:
         return self.element.two_bodies(self.given(name))
 
-    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str]:
+    def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
         name, part = self.element.joint(self.given(joint), (joint,))
         if part is None:
-            return name, ""
-        return name, read_coordinate(self.element, name, part, self.given(coordinate), _naming((joint,), (coordinate,)))
+            return name, "", ""
+        found = read_coordinate(self.element, name, part, self.given(coordinate), _naming((joint,), (coordinate,)))
+        return name, found.name, found.unit
 
     def point(self, name: str) -> Vector:
         return read_point(self.element, self.given(name), (name,))
@@ -100,7 +100,7 @@ class _Reader:
 
 def read_force(element: Element, force: force_parts.Force) -> Force:
     """One of the elements under ``forces``."""
-    return FORCES[ForceKind(force.kind)].read(_Reader(element, force))
+    return FORCES[force.kind].read(_Reader(element, force))
 
 
 def _naming(joint: Path, coordinate: Path) -> Naming:
@@ -124,8 +124,9 @@ def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[JointFo
         yield JointForce(
             name=f"{element.name}_{suffix}",
             joint=element.name,
-            coordinate=coordinate,
-            law=_own_law(element, part, _kind_of(law_on(coordinate))),
+            coordinate=coordinate.name,
+            unit=coordinate.unit,
+            law=_own_law(element, part, _kind_of(law_on(coordinate.unit))),
             active=True,
             span=element.scope.source.key_span((*element.path, field)),
         )

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.elements.kinds import JointKind
 from cutjoint.model import document
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import nearest
-from cutjoint.model.records import COORDINATES, Gear, JointCoordinate
+from cutjoint.model.records import Gear, JointCoordinate
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import ANGLE, LENGTH, Dimension
@@ -29,13 +28,14 @@ class Naming:
     of_tree: bool = False
 
 
-def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coordinate: str | None, naming: Naming) -> str:
-    """The coordinate of a joint that an element names, its only one if it names none; empty when there is none."""
-    known, what = COORDINATES[JointKind(joint.kind)], f"the {joint.kind} joint '{name}'"
+def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coordinate: str | None, naming: Naming) -> JointCoordinate:
+    """The coordinate of a joint that an element names, its only one if it names none; without name and unit when there is none."""
+    kind = JOINTS[joint.kind]
+    known, what = kind.coordinates, f"the {joint.kind} joint '{name}'"
     if joint.cut and naming.of_tree:
         known, what = (), f"the cut joint '{name}'"
     elif joint.cut:
-        known, what = JOINTS[JointKind(joint.kind)].measurable, f"the cut {joint.kind} joint '{name}'"
+        known, what = kind.measurable, f"the cut {joint.kind} joint '{name}'"
     if not known:
         element.fail(f"{what} has no coordinates", naming.need, naming.joint)
     elif coordinate is None and len(known) > 1:
@@ -44,8 +44,9 @@ def read_coordinate(element: Element, name: str, joint: joint_parts.Joint, coord
     elif coordinate is not None and coordinate not in known:
         element.fail(f"{what} has no coordinate '{coordinate}'", nearest(coordinate, known, "coordinates"), naming.coordinate)
     else:
-        return coordinate or known[0]
-    return ""
+        found = coordinate or known[0]
+        return JointCoordinate(joint=name, name=found, unit=kind.units[found])
+    return JointCoordinate(joint=name, name="", unit="")
 
 
 _DIMENSIONS: Mapping[str, Dimension] = {"rad": ANGLE, "m": LENGTH}
@@ -74,8 +75,7 @@ def _end(element: Element, index: int, text: str) -> tuple[JointCoordinate, join
     if joint is None:
         return JointCoordinate(joint=name, name="", unit=""), None
     naming = Naming("a gear couples the coordinates of two joints in the tree", "", f"{local}.", keys, keys, of_tree=True)
-    found = read_coordinate(element, name, joint, coordinate, naming)
-    return JointCoordinate(joint=name, name=found, unit=JOINTS[JointKind(joint.kind)].units.get(found, "")), joint
+    return read_coordinate(element, name, joint, coordinate, naming), joint
 
 
 def _parted(element: Element, text: str) -> tuple[str, str | None]:

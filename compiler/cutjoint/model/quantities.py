@@ -14,7 +14,6 @@ from cutjoint.model.records import (
     Force,
     Gear,
     Joint,
-    JointKind,
     Marker,
     Model,
     Output,
@@ -54,7 +53,7 @@ _WRENCH: Mapping[str, str] = {**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.f
 
 
 #: Quantities and units of the tree joints of each kind: coordinates, then speeds.
-JOINT_QUANTITIES: Mapping[JointKind, Mapping[str, str]] = {kind: joint.units for kind, joint in JOINTS.items()}
+JOINT_QUANTITIES: Mapping[str, Mapping[str, str]] = {kind: joint.units for kind, joint in JOINTS.items()}
 
 
 def quantities(element: Element) -> Mapping[str, str]:

@@ -127,11 +127,11 @@ class Body:
 
 
 #: The scalar coordinates of each joint kind, in order.
-COORDINATES: Mapping[JointKind, tuple[str, ...]] = {kind: element.coordinates for kind, element in JOINTS.items()}
+COORDINATES: Mapping[str, tuple[str, ...]] = {kind: element.coordinates for kind, element in JOINTS.items()}
 
 #: The speeds of each joint kind, in order: the rates of the coordinates, then the angular velocity of a ball in the axes of the body before
 #: it (rad/s).
-SPEEDS: Mapping[JointKind, tuple[str, ...]] = {kind: element.speeds for kind, element in JOINTS.items()}
+SPEEDS: Mapping[str, tuple[str, ...]] = {kind: element.speeds for kind, element in JOINTS.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +146,7 @@ class Joint:
     """
 
     name: str
-    kind: JointKind
+    kind: str
     base: str
     follower: str
     at: Vector

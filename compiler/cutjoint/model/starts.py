@@ -14,7 +14,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.operations import choice
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of_state
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, JointKind, Scalar
+from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Scalar
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension
@@ -109,7 +109,7 @@ def _product(a: Quaternion, b: Quaternion) -> Quaternion:
 _DIMENSIONS: Mapping[str, Dimension] = {"m": LENGTH, "m/s": SPEED, "rad": NONE, "rad/s": ANGULAR_SPEED}
 
 #: The components of a joint that each section of a scene may give, by the joint's kind.
-_COMPONENTS: Mapping[str, Mapping[JointKind, tuple[str, ...]]] = {
+_COMPONENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "positions": {kind: (*COORDINATES[kind], *(("attitude",) if joint.has_attitude else ())) for kind, joint in JOINTS.items()},
     "rates": SPEEDS,
 }

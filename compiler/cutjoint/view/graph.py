@@ -169,7 +169,7 @@ class _Layout:
 
     def _link(self, joint: Joint, short: str, *, cut: int | None = None, members: Sequence[str] = ()) -> GraphLink:
         """A joint of the tree, or the cut joint of a number."""
-        kind = joint.kind.value + (", guided" if joint.guide is not None else "")
+        kind = joint.kind + (", guided" if joint.guide is not None else "")
         return GraphLink(
             name=joint.name, short=short, kind=kind, base=joint.base, follower=joint.follower, cut=cut is not None, members=members,
             lane=self._lane(cut or 0), heights=self._heights(joint.base, joint.follower, cut or 0),

@@ -12,7 +12,7 @@ from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide,
 from cutjoint.export.laws import Triple
 from cutjoint.export.start import Array
 from cutjoint.model.errors import Problem
-from cutjoint.model.records import GROUND, Force, JointKind
+from cutjoint.model.records import GROUND, Force
 from cutjoint_bench.export.records import Mechanism, PeerJoint
 
 #: The directions of a frame's axes.
@@ -113,7 +113,7 @@ def _of_cut(force: Force) -> Problem:
     return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write cut: true at another joint of its loop")
 
 
-def _no_part(force: Force, kind: JointKind) -> Problem:
+def _no_part(force: Force, kind: str) -> Problem:
     message = f"a force on a coordinate of a joint of kind {kind} is not exported"
     return Problem(span=force.span, element=f"force '{force.name}'", message=message, hint="write a load or a point_spring instead")
 

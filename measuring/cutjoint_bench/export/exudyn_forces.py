@@ -127,7 +127,7 @@ class ForceWriter:
             return None
         i = COORDINATES[joint.kind].index(force.coordinate_of)
         law, start = function(("position", "rate"), self.numbers.law(force.expressions[0])), joint.coordinates[i]
-        if force.coordinate_of.startswith("angle"):
+        if joint.element.units[force.coordinate_of] == "rad":
             axis, side, of_base = _turning(joint, i)
             call = f"turning({axis!r}, {side!r}, {law}, {start!r}, of_base={of_base!r})"
         else:

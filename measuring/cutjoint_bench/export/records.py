@@ -13,7 +13,7 @@ from typing import TypeAlias
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.export.laws import Triple
-from cutjoint.model.records import Force, JointKind, Scalar, Span
+from cutjoint.model.records import Force, Scalar, Span
 
 #: Three rows.
 Matrix: TypeAlias = tuple[Triple, Triple, Triple]
@@ -75,7 +75,7 @@ class PeerJoint:
     """
 
     name: str
-    kind: JointKind
+    kind: str
     base: str
     follower: str
     base_point: Triple

@@ -1,4 +1,4 @@
-"""The force kinds, each in a file of its own."""
+"""The force kinds, each in a file of its own: the list of them all."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from cutjoint.elements.forces.bushing import Bushing as Bushing
 from cutjoint.elements.forces.joint_force import JointForce as JointForce
 from cutjoint.elements.forces.point_spring import PointSpring as PointSpring
 from cutjoint.elements.forces.tyre import Tyre as Tyre
-from cutjoint.elements.kinds import ForceKind
 
-#: Each kind's record, in the order of the schema.
-FORCES: Mapping[ForceKind, type[Force]] = {
+#: The record of each kind by its name, in the order of the schema.
+FORCES: Mapping[str, type[Force]] = {
     record.element.kind: record for record in (PointSpring, AxialForce, Bushing, BodyLoad, JointForce, Tyre)
 }

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Axis, AxisForce, Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"travel": "m", "rate": "m/s"}, "N")
@@ -22,7 +21,7 @@ class AxialForce(LawForce):
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.AXIAL_FORCE,
+        kind="axial_force",
         text="A force along an axis of the base.",
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("origin", Shape.POINT, words=" of the base"),

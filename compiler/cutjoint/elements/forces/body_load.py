@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 from cutjoint.elements.force import Carrier, Choice, Force, ForceElement, ForceField, Law, Mirror, Point, Reader, Shape, Wrench
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Vector
 
 _FORCE = Law({**dict.fromkeys(("x", "y", "z"), "m"), **dict.fromkeys(("vx", "vy", "vz"), "m/s")}, "N")
@@ -31,7 +30,7 @@ class BodyLoad(Force):
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.LOAD,
+        kind="load",
         text="A force or a torque on one body.",
         fields=(
             ForceField("body", Shape.BODY), ForceField("at", Shape.POINT, None), ForceField("force", Shape.TRIPLE, None),

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 from cutjoint.elements.force import Carrier, Compliance, Force, ForceElement, ForceField, Frame, Law, Mirror, Point, Reader, Shape
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Scalar, Vector
 
 _ALONG = Law({"position": "m", "rate": "m/s"}, "N")
@@ -34,7 +33,7 @@ class Bushing(Force):
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.BUSHING,
+        kind="bushing",
         text="Six springs between two bodies at a point, in a frame of the base: along its axes and about them.",
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("at", Shape.POINT),

@@ -7,26 +7,25 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, OnCoordinate, Reader, Shape
-from cutjoint.elements.kinds import ForceKind
 
 _SLIDE = Law({"position": "m", "rate": "m/s"}, "N")
 _TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")
 
 
-def law_on(coordinate: str) -> Law:
-    """The variables and units of a law on a joint's coordinate: on angles it gives torques."""
-    return _TURN if coordinate.startswith("angle") or not coordinate else _SLIDE
+def law_on(unit: str) -> Law:
+    """The variables and units of a law on a coordinate in a unit: on angles it gives torques, and on one that is wrong."""
+    return _SLIDE if unit == "m" else _TURN
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointForce(LawForce):
-    """A generalised force on one scalar coordinate of a joint, named as in the joint's kind.
+    """A generalised force on one scalar coordinate of a joint, named as in the joint's kind, in ``unit`` "m" or "rad".
 
     ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.JOINT_FORCE,
+        kind="joint_force",
         text="A force on one of a joint's coordinates, on its only one if none is named.",
         fields=(ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None), ForceField("law", Shape.LAW)),
         interaction=OnCoordinate(),
@@ -36,17 +35,18 @@ class JointForce(LawForce):
 
     joint: str
     coordinate: str
+    unit: str
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        joint, coordinate = reader.coordinate("joint", "coordinate")
-        return cls(**reader.common(), joint=joint, coordinate=coordinate, law=reader.law("law", law=law_on(coordinate)))
+        joint, coordinate, unit = reader.coordinate("joint", "coordinate")
+        return cls(**reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=reader.law("law", law=law_on(unit)))
 
     @property
     def variables(self) -> Law:
         """The variables and units of the law."""
-        return law_on(self.coordinate)
+        return law_on(self.unit)
 
     @property
     def joint_of(self) -> str:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, LineForce, Point, Reader, Shape
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"length": "m", "rate": "m/s"}, "N")
@@ -20,7 +19,7 @@ class PointSpring(LawForce):
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.POINT_SPRING,
+        kind="point_spring",
         text="A force between two points, along the line through them.",
         fields=(
             ForceField("bodies", Shape.BODIES), ForceField("from", Shape.POINT, words=" of the base"),

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Axis, Carrier, Constants, Force, ForceElement, ForceField, Point, Reader, RoadContact, Shape
-from cutjoint.elements.kinds import ForceKind
 from cutjoint.elements.terms import Scalar, Vector
 
 #: The constants of the Calspan model.
@@ -34,7 +33,7 @@ class Tyre(Force):
     """
 
     element: ClassVar[ForceElement] = ForceElement(
-        kind=ForceKind.TYRE,
+        kind="tyre",
         text="A wheel on the road.",
         fields=(
             ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),

@@ -1,4 +1,4 @@
-"""The joint kinds, each in a file of its own."""
+"""The joint kinds, each in a file of its own: the list of them all."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from cutjoint.elements.joints import (
     spherical,
     universal,
 )
-from cutjoint.elements.kinds import JointKind
 
-#: Each kind's record, in the order of the documentation.
-JOINTS: Mapping[JointKind, JointElement] = {
+#: The record of each kind by its name, in the order of the documentation.
+JOINTS: Mapping[str, JointElement] = {
     module.ELEMENT.kind: module.ELEMENT
     for module in (
         fixed, revolute, prismatic, screw, cylindrical, universal, constant_velocity, planar, spherical, point_on_line, distance, free,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from cutjoint.elements.joint import NO_TWIST, Direction, JointElement, JointField, Operations, SamePoint, Turn
+from cutjoint.elements.joint import NO_TWIST, Check, Direction, Fault, JointElement, JointField, Operations, SamePoint, Turn
 from cutjoint.elements.kinds import JointKind
 
 _HALF = Turn("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
@@ -17,7 +17,13 @@ _HALF = Turn("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
 ELEMENT = JointElement(
     kind=JointKind.CONSTANT_VELOCITY,
     text="bends of two shafts that turn about their axes at one rate",
-    fields=(JointField("axis", " of the base's shaft"), JointField("axis_2", " of the follower's, `axis` if left out", optional=True)),
+    fields=(
+        JointField("axis", " of the base's shaft"),
+        JointField(
+            "axis_2", " of the follower's, `axis` if left out", optional=True,
+            check=Check("axis", Fault.OPPOSITE, "let both point from the base to the follower"),
+        ),
+    ),
     axis_is_bisector=True,
     chain=(_HALF, Turn("angle_2", Direction.ACROSS_2), _HALF),
     conditions=(SamePoint(), NO_TWIST),

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from cutjoint.elements.joint import PERPENDICULAR, Direction, End, JointElement, JointField, Measure, Operations, SamePoint, Turn
+from cutjoint.elements.joint import (
+    PERPENDICULAR,
+    Check,
+    Direction,
+    End,
+    Fault,
+    JointElement,
+    JointField,
+    Measure,
+    Operations,
+    SamePoint,
+    Turn,
+)
 from cutjoint.elements.kinds import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.UNIVERSAL,
     text="turns about an axis of the base and an axis of the follower across it",
-    fields=(JointField("axis", " of the base"), JointField("axis_2", " of the follower, perpendicular")),
+    fields=(
+        JointField("axis", " of the base"),
+        JointField("axis_2", " of the follower, perpendicular", check=Check("axis", Fault.NOT_PERPENDICULAR)),
+    ),
     chain=(Turn("angle_1", Direction.AXIS), Turn("angle_2", Direction.AXIS_2)),
     conditions=(SamePoint(), PERPENDICULAR),
     measures={

@@ -37,12 +37,12 @@ def restrict(joint: Joint, plane: Plane) -> InPlane:
     return found
 
 
-def in_plane_words(plane: Plane, kind: JointKind, before: JointKind) -> str:
+def in_plane_words(plane: Plane, kind: str, before: str) -> str:
     """The words about a joint that becomes one of another kind."""
     return f"moves in the plane {plane} alone: a {kind} joint in place of a {before} one"
 
 
-def _changed(joint: Joint, kind: JointKind, axes: tuple[Vector, ...], kept: Mapping[str, str]) -> InPlane:
+def _changed(joint: Joint, kind: str, axes: tuple[Vector, ...], kept: Mapping[str, str]) -> InPlane:
     """A joint of another kind that keeps some coordinates under new names, with their rates."""
     names = COORDINATES[joint.kind]
     guides = dict(zip(names, joint.guide or (), strict=False))
@@ -106,7 +106,7 @@ def _free(joint: Joint, plane: Plane) -> InPlane | None:
     return InPlane(joint=replace(joint, kind=K.PLANAR, base=GROUND, follower=body, axes=(plane.normal,), cut=False), kept=kept)
 
 
-_RULES: Mapping[JointKind, Callable[[Joint, Plane], InPlane | None]] = {
+_RULES: Mapping[str, Callable[[Joint, Plane], InPlane | None]] = {
     K.FIXED: _unchanged, K.REVOLUTE: _revolute, K.PRISMATIC: _prismatic, K.CYLINDRICAL: _cylindrical, K.UNIVERSAL: _universal,
     K.PLANAR: _planar, K.SPHERICAL: _spherical, K.FREE: _free,
 }  # fmt: skip

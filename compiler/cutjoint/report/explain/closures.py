@@ -69,7 +69,7 @@ def _entry(
     joints: Sequence[Joint], kernels: Mapping[str, ClosureKernel], formulas: Mapping[str, tuple[str, ...]], model: Model
 ) -> Entry:
     first, kernel = joints[0], kernels[joints[0].name]
-    title = f"{first.kind.value.capitalize().replace('_', ' ')}: {with_others([j.name for j in joints])}"
+    title = f"{first.kind.capitalize().replace('_', ' ')}: {with_others([j.name for j in joints])}"
     others = [j.name for j in joints if formulas[j.name] != formulas[first.name]]
     notes = [f"Equations: {code(kernel.names)}."]
     if others:

@@ -101,7 +101,7 @@ def tree_lines(topology: Topology) -> tuple[str, ...]:
     lines = [f"- {code(GROUND)}"]
     for t in topology.tree:
         depth[t.child] = depth[t.parent] + 1
-        facts = [t.joint.kind.value, unknowns_of(t), *(["reversed"] if t.reversed else [])]
+        facts = [t.joint.kind, unknowns_of(t), *(["reversed"] if t.reversed else [])]
         tail = ", massless" if t.child in massless else ""
         lines.append(f"{'  ' * depth[t.child]}- {code(t.child)} by {code(t.joint.name)} ({', '.join(facts)}){tail}")
     return tuple(lines)
@@ -116,7 +116,7 @@ def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
     sizes = {closure.joint: len(closure.names) for closure in equations.closures}
     rows = [
-        (code(c.name), c.span.place, c.kind.value, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
+        (code(c.name), c.span.place, c.kind, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
         for c in equations.topology.cuts
     ]  # fmt: skip
     return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)

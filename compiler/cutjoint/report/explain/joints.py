@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from cutjoint.elements.joint import JointElement
+from cutjoint.elements.joint import DESIGN_FRAME, JointElement
 from cutjoint.formulate.inputs import TIME, guide_rates, input_functions
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.kernels.joints import QUATERNION, JointKernel, Matrix, derive_joint, rotation_of
@@ -39,19 +39,19 @@ _BALL = rotation_of(QUATERNION)
 #: A unit quaternion without symmetry.
 _UNIT = (sympy.Float(0.1), sympy.Float(0.7), sympy.Float(-0.5), sympy.Float(0.5))
 
-_SYMBOLS = {"angle": r"\varphi", "displacement": "s", "x": "x", "y": "y", "z": "z"}
+_SYMBOLS = {"rad": r"\varphi", "m": "s"}
 
 
-def coordinate_symbol(name: str) -> str:
-    """The LaTeX of a coordinate: of angle_1, displacement, x, ..."""
+def coordinate_symbol(element: JointElement, name: str) -> str:
+    """The LaTeX of a coordinate of a kind, by its unit, or by its letter, and by the number that its name ends in."""
     word, _, digit = name.partition("_")
-    return _SYMBOLS[word] + (f"_{{{digit}}}" if digit else "")
+    return (word if word in DESIGN_FRAME else _SYMBOLS[element.units[name]]) + (f"_{{{digit}}}" if digit.isdigit() else "")
 
 
 def joint_symbols(element: JointElement) -> dict[Scalar, str]:
     """The LaTeX of a kernel's symbols."""
-    coordinates = {sympy.Symbol(f"q_{n}", real=True): coordinate_symbol(n) for n in element.coordinates}
-    rates = [rf"\dot {coordinate_symbol(n)}" for n in element.coordinates] + [rf"\omega_{{{axis}}}" for axis in "xyz"]
+    coordinates = {sympy.Symbol(f"q_{n}", real=True): coordinate_symbol(element, n) for n in element.coordinates}
+    rates = [rf"\dot {coordinate_symbol(element, n)}" for n in element.coordinates] + [rf"\omega_{{{axis}}}" for axis in "xyz"]
     speeds = {sympy.Symbol(f"u_{n}", real=True): rate for n, rate in zip(element.speeds, rates, strict=False)}
     return {**coordinates, **speeds, **{e: f"e_{{{i}}}" for i, e in enumerate(QUATERNION)}}
 
@@ -70,7 +70,7 @@ def explain_joints(equations: RecursiveEquations, counterparts: Sequence[Counter
 def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], equations: RecursiveEquations) -> Entry:
     first, model = joints[0], equations.topology.model
     kind = first.joint.kind
-    title = f"{kind.value.capitalize().replace('_', ' ')}: {with_others([t.joint.name for t in joints])}"
+    title = f"{kind.capitalize().replace('_', ' ')}: {with_others([t.joint.name for t in joints])}"
     others = [t.joint.name for t in joints if kernels[t.joint.name] != kernels[first.joint.name]]
     notes = [_coordinates(first.joint.element)]
     if others:
@@ -87,7 +87,7 @@ def _entry(joints: Sequence[TreeJoint], kernels: Mapping[str, tuple[str, ...]], 
 
 def _coordinates(element: JointElement) -> str:
     """The names of the kernel's symbols in the model file."""
-    names = [f"${coordinate_symbol(n)}$ = `{n}`" for n in element.coordinates]
+    names = [f"${coordinate_symbol(element, n)}$ = `{n}`" for n in element.coordinates]
     if element.has_ball:
         names.append(r"quaternion $e$ with angular velocity $\omega$ = `wx`, `wy`, `wz`")
     return f"Coordinates: {', '.join(names) or 'none'}."
@@ -113,7 +113,7 @@ def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:
     used = set().union(*(guide.free_symbols for guide in joint.guide))
     return (
         *(
-            f"{mark}{coordinate_symbol(name)} = {latex(rate, symbols)}"
+            f"{mark}{coordinate_symbol(joint.element, name)} = {latex(rate, symbols)}"
             for name, guide in zip(joint.element.coordinates, joint.guide, strict=True)
             for mark, rate in zip(marks, guide_rates(guide, model), strict=True)
         ),

@@ -57,8 +57,8 @@ def _equation(joint: Joint, row: JointRow) -> Equation:
         case SumRow():
             return _sum(joint, row)
         case AngleRow():
-            return _angle(row)
-    symbol = coordinate_symbol(row.coordinate)
+            return _angle(joint, row)
+    symbol = coordinate_symbol(joint.element, row.coordinate)
     return Equation(name=row.name, residual=rf"{symbol} - {symbol}(t)", directions=())
 
 
@@ -68,9 +68,9 @@ def _sum(joint: Joint, row: SumRow) -> Equation:
     arms = dict.fromkeys(f for term in row.terms for f in (term.left, term.right) if isinstance(f, Arm))
     residual = " + ".join(_term(joint, term) for term in row.terms).replace("+ - ", "- ").replace("+ -", "- ")
     if row.pitch is not None:
-        residual += rf" - h {coordinate_symbol(*joint.element.coordinates)}"
+        residual += rf" - h {coordinate_symbol(joint.element, *joint.element.coordinates)}"
     if row.guide is not None:
-        residual += f" - {coordinate_symbol(row.name.removesuffix('_guide'))}"
+        residual += f" - {coordinate_symbol(joint.element, row.name.removesuffix('_guide'))}"
     return Equation(name=row.name, residual=residual, directions=tuple((_symbol(joint, arm), arm.place) for arm in arms))
 
 
@@ -90,11 +90,11 @@ def _symbol(joint: Joint, factor: Arm | JointGap) -> str:
     return "a" if len(joint.axes) == 1 else f"a_{factor.carried.end[0]}"
 
 
-def _angle(row: AngleRow) -> Equation:
+def _angle(joint: Joint, row: AngleRow) -> Equation:
     """The equation of an angle, a coordinate or a guide; the directions of angle_1 are marked with 1."""
     mark = row.coordinate.partition("_")[2]
     b_1, b_2, f = (f"b_{{{mark}1}}", f"b_{{{mark}2}}", f"f_{{{mark}}}") if mark else ("b_1", "b_2", "f")
-    angle = coordinate_symbol(row.coordinate)
+    angle = coordinate_symbol(joint.element, row.coordinate)
     residual = rf"{f} \cdot ({b_2} \cos {angle} - {b_1} \sin {angle})"
     arms = ((b_1, row.first), (b_2, row.second), (f, row.pointer))
     return Equation(name=row.name, residual=residual, directions=tuple((symbol, arm.place) for symbol, arm in arms))
@@ -114,7 +114,7 @@ def explain_joint_constraints(d: Derivation, counterparts: Sequence[Counterparts
 def _shared(d: Derivation) -> Entry:
     layout = d.full.layout
     rows = [
-        (code(j.name), j.span.place, j.kind.value, code(j.base), code(j.follower), _what(layout, j),
+        (code(j.name), j.span.place, j.kind, code(j.base), code(j.follower), _what(layout, j),
          code(e.name for e in joint_equations(layout, j)) or "none")
         for j in d.model.joints
     ]  # fmt: skip
@@ -172,7 +172,7 @@ def _entry(d: Derivation, joints: Sequence[Joint], equations: Sequence[Sequence[
         for j, by_symbol in zip(joints, directions, strict=True)
     ]  # fmt: skip
     return Entry(
-        title=f"{first.kind.value.capitalize().replace('_', ' ')}: {with_others([j.name for j in joints])}", notes=tuple(notes),
+        title=f"{first.kind.capitalize().replace('_', ' ')}: {with_others([j.name for j in joints])}", notes=tuple(notes),
         formulas=(residual, *guides), table=make_table(headings, rows),
     )  # fmt: skip
 
