@@ -181,3 +181,11 @@ def results() -> list[object]:
 def test_a_repr_fits_a_screen() -> None:
     long = {type(found).__name__: len(repr(found)) for found in results() if len(repr(found)) > SCREEN}
     assert not long
+
+
+def test_choices_of_a_compilation_are_keywords() -> None:
+    """All of `CompileOptions`, and no other."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'methd'"):
+        cutjoint.compile_model(PRESS, methd="augmented")
+    with pytest.raises(cutjoint.RunError, match="no method 'euler'"):
+        cutjoint.compile_model(PRESS, scene="turn", method="euler", precision="double", flags=("-O1",), lanes=False)

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.emit.source import Source
 from cutjoint.methods import (
@@ -149,10 +150,9 @@ def _prepare(
     case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
     tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
 ) -> OwnRunner:  # fmt: skip
-    artifact = compile_scene(
-        case.model, case.scene, method=method, outputs=case.outputs, lanes=lanes, precision=precision,
-        comparison=solver in names_of(SOLVERS, lambda s: s.comparison),
-    )  # fmt: skip
+    comparison = solver in names_of(SOLVERS, lambda s: s.comparison)
+    options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, comparison=comparison)
+    artifact = compile_scene(case.model, case.scene, options)
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
     )
@@ -182,7 +182,7 @@ def identity(source: Source, implementation: str = Implementation.GENERATED) -> 
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:
     variant = _last_exact(case, method)
-    artifact = compile_scene(variant.model, variant.scene, method=method)
+    artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=method))
     return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
 
 

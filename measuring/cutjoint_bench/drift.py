@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.records import GROUND, Body, Joint, JointKind, Model, Output
@@ -53,7 +54,7 @@ def compile_for_drift(case: Case) -> Mapping[str, Artifact]:
     if not conserves_energy(case.model) and vertical_axis(case.model) is None:
         return {}
     spans = [Output(element=b.name, quantity=q, span=b.span) for b in case.model.bodies if not b.is_massless for q in _ROTATION]
-    return {m: compile_scene(case.model, case.scene, method=m, outputs=(*case.outputs, *spans)) for m in METHODS}
+    return {m: compile_scene(case.model, case.scene, CompileOptions(method=m, outputs=(*case.outputs, *spans))) for m in METHODS}
 
 
 def measure_drift(case: Case, artifacts: Mapping[str, Artifact], dt: float) -> dict[str, Any]:

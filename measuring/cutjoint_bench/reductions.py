@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.methods import METHODS
 from cutjoint.reduce.sequence import APPROXIMATIONS, ROLLING, STEPS, ReducedModel, reduction_sequence
@@ -33,7 +34,7 @@ def reduced_contenders() -> Iterator[Contender]:
 
 def _prepare(case: Case, *, method: str, name: str) -> OwnRunner:
     variant = _variant(case, method, name)
-    return OwnRunner(artifact=compile_scene(variant.model, variant.scene, method=method), parameters=case.parameters)
+    return OwnRunner(artifact=compile_scene(variant.model, variant.scene, CompileOptions(method=method)), parameters=case.parameters)
 
 
 def _identify(case: Case, *, method: str, name: str) -> Mapping[str, str]:

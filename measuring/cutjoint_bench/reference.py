@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS, PLAIN_CLOSURE, Formulation
 from cutjoint.model.records import Scene
@@ -95,7 +96,7 @@ def _exact(case: Case) -> Reference:
 def _compiled(case: Case, method: str, precision: str) -> Artifact | None:
     """The route's simulator; None where its formulation does not take the case."""
     try:
-        return compile_scene(case.model, case.scene, method=method, outputs=case.outputs, precision=precision)
+        return compile_scene(case.model, case.scene, CompileOptions(method=method, outputs=case.outputs, precision=precision))
     except RunError:
         return None
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array, FailureReport, Trajectory
@@ -224,7 +225,7 @@ def test_a_long_chain_needs_more_corrections_of_its_multipliers(tmp_path: Path) 
     """Ten windows in steps of 20 ms: with 4 a step what the loops lack does not reach the ends of the chain, with 8 it does."""
     chain = Chain(windows=10)
     case = case_of(tmp_path, write_chain(chain), 10.0)
-    artifact = compile_scene(case.model, case.scene, outputs=case.outputs)
+    artifact = compile_scene(case.model, case.scene, CompileOptions(outputs=case.outputs))
     truth = exact_truth(partial(chain_motion, chain), 10.0)
     errors = [
         try_run(case, artifact, truth, dt=0.02, row=0.02, settings={"multiplier_updates": updates}).position

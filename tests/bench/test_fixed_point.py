@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
@@ -29,7 +30,7 @@ scenes: {{swing: {{end: 0.1, output_step: 0.01, positions: {{rail.displacement: 
 
 
 def compiled(case: Case) -> Artifact:
-    return compile_scene(case.model, case.scene, outputs=case.outputs)
+    return compile_scene(case.model, case.scene, CompileOptions(outputs=case.outputs))
 
 
 @pytest.mark.parametrize(("k", "c"), [(800.0, 0.0), (0.0, 40.0), (800.0, 40.0)])

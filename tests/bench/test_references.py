@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
@@ -55,7 +56,7 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
 def test_a_route_that_needs_endlessly_short_steps_ends() -> None:
     """A force that jumps needs steps of about the relative error that is asked for, below a millionth of a row."""
     model = read_model_text(SWITCHED, "switched.yaml")
-    artifact = compile_scene(model, model.scenes["run"], method="classical", precision="extended")
+    artifact = compile_scene(model, model.scenes["run"], CompileOptions(method="classical", precision="extended"))
     run = simulate(artifact, integrator="reference", dt=1.0, tolerance=1e-12, check=False)
     assert run.failure is not None
     assert run.failure.message == "no step is small enough for the tolerance"
@@ -89,7 +90,7 @@ def test_rounding_falls_with_the_precision(tmp_path: Path) -> None:
     case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
     residuals = {}
     for precision in ("double", "quad"):
-        artifact = compile_scene(case.model, case.scene, method="classical", outputs=case.outputs, precision=precision)
+        artifact = compile_scene(case.model, case.scene, CompileOptions(method="classical", outputs=case.outputs, precision=precision))
         run = simulate(artifact, dt=1e-3, tolerance=TOLERANCES[precision], steps=tmp_path / "steps.csv")
         assert run.failure is None, precision
         residuals[precision] = read_table(tmp_path / "steps.csv")[1]["velocity"][-1]
@@ -100,7 +101,7 @@ def test_rounding_falls_with_the_precision(tmp_path: Path) -> None:
 def test_factors_in_double_do_for_a_longer_balance() -> None:
     """Newton's iteration corrects what rounded factors leave: the motion is that of factors in the longer type."""
     case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
-    artifact = compile_scene(case.model, case.scene, method="augmented", outputs=case.outputs, precision="quad")
+    artifact = compile_scene(case.model, case.scene, CompileOptions(method="augmented", outputs=case.outputs, precision="quad"))
     runs = [simulate(artifact, dt=1e-3, tolerance=1e-16, solver=solver) for solver in ("emitted", "double-ldlt")]
     assert all(run.failure is None for run in runs)
     for name in runs[0].columns:
@@ -110,7 +111,7 @@ def test_factors_in_double_do_for_a_longer_balance() -> None:
 def test_errors_of_a_run_fall_with_the_square_of_its_step() -> None:
     case = make_case(MODELS / "pendulum.yaml", end=2.0, row=0.1)
     reference = find_reference(case)
-    artifact = compile_scene(case.model, case.scene, outputs=case.outputs)
+    artifact = compile_scene(case.model, case.scene, CompileOptions(outputs=case.outputs))
     coarse, fine = (measure_errors(case, simulate(artifact, dt=dt, tolerance=1e-10), reference) for dt in (2e-3, 1e-3))
     assert coarse.position / fine.position == pytest.approx(4.0, rel=0.02)
     assert coarse.velocity / fine.velocity == pytest.approx(4.0, rel=0.02)
@@ -119,11 +120,11 @@ def test_errors_of_a_run_fall_with_the_square_of_its_step() -> None:
 def test_a_precision_that_there_is_not() -> None:
     case = make_case(MODELS / "pendulum.yaml")
     with pytest.raises(RunError, match="no precision 'half' here: there is single, double, extended, quad"):
-        compile_scene(case.model, case.scene, precision="half")
+        compile_scene(case.model, case.scene, CompileOptions(precision="half"))
 
 
 def test_what_the_reference_integrator_takes() -> None:
     case = make_case(MODELS / "pendulum.yaml", end=0.1)
-    artifact = compile_scene(case.model, case.scene, method="augmented")
+    artifact = compile_scene(case.model, case.scene, CompileOptions(method="augmented"))
     with pytest.raises(RunError, match="takes generated code of the method recursive or classical"):
         simulate(artifact, integrator="reference")

@@ -159,7 +159,7 @@ def test_what_was_generated_is_interpreted_the_same(method: str) -> None:
     model = read_model(MODELS / "slider_crank.yaml")
     scene = next(iter(model.scenes.values()))
     made = generate(model, scene, scene.outputs, method=method)[:2]
-    anew, again = (compile_interpreted(model, scene, method=method, made=m) for m in (None, made))
+    anew, again = (compile_interpreted(model, scene, method=method, scheduled=m) for m in (None, made))
     assert anew.description == again.description
 
 

@@ -13,6 +13,7 @@ import sympy
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
@@ -122,7 +123,7 @@ def test_runs_with_other_numbers_are_those_of_another_file(method: str, tmp_path
     artifact = compile_model(PRESS, opened=["*.mass", "B.?"], method=method)
     run = simulate(artifact, parameters={"rod.mass": 3, "B.z": 0.11}, error=False, dt=1e-3, end=0.5)
     model = read_model_text(other, "other.yaml")
-    wanted = simulate(compile_scene(model, model.scenes["turn"], method=method), error=False, dt=1e-3, end=0.5)
+    wanted = simulate(compile_scene(model, model.scenes["turn"], CompileOptions(method=method)), error=False, dt=1e-3, end=0.5)
     for name in run.columns:
         assert np.max(np.abs(run[name] - wanted[name])) < 1e-6 * (1 + np.max(np.abs(wanted[name])))
 

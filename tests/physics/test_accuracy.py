@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.accuracy import compare
@@ -66,7 +67,7 @@ scenes: {turn: {end: 2, output_step: 10 ms, rates: {pin.angle_rate: 10}}}
 def compiled(text: str, method: str = "recursive") -> Artifact:
     model = read_model_text(text, "model.yaml")
     (scene,) = model.scenes.values()
-    return compile_scene(model, scene, method=method)
+    return compile_scene(model, scene, CompileOptions(method=method))
 
 
 def oscillator(method: str = "recursive", scene: str = "") -> Artifact:

@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.simulation import simulate
@@ -30,7 +31,7 @@ ON_DEAD_CENTRE = (
 def test_steps_that_end_on_a_dead_centre_keep_the_branch(method: str, integrator: str | None, parts: int) -> None:
     model = read_model_text(ON_DEAD_CENTRE, "equal_bars.yaml")
     (scene,) = model.scenes.values()
-    run = completed(simulate(compile_scene(model, scene, method=method), integrator=integrator, dt=STEP / parts))
+    run = completed(simulate(compile_scene(model, scene, CompileOptions(method=method)), integrator=integrator, dt=STEP / parts))
     assert np.abs(run["slider.x"] - 2 * np.cos(run.t)).max() < 2e-4
     assert run["slider.x"].min() < -1.99
 
@@ -52,5 +53,5 @@ def test_equal_steps_stay(name: str, dt: float) -> None:
     text, zero = MECHANISMS[name]
     model = read_model_text(text.replace("START", "0.2"), f"{name}.yaml")
     (scene,) = model.scenes.values()
-    run = simulate(compile_scene(model, scene, method="recursive-newton"), integrator="trapezoidal", dt=dt)
+    run = simulate(compile_scene(model, scene, CompileOptions(method="recursive-newton")), integrator="trapezoidal", dt=dt)
     assert judge(run, zero).kind == "stays"

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
@@ -71,7 +72,7 @@ scenes: {swing: {end: 5, output_step: 10 ms, positions: {pin.angle: 0.2}}}
 def compiled(text: str, method: str = "recursive") -> Artifact:
     model = read_model_text(text, "model.yaml")
     (scene,) = model.scenes.values()
-    return compile_scene(model, scene, method=method)
+    return compile_scene(model, scene, CompileOptions(method=method))
 
 
 def driven(method: str = "recursive", numerics: str = "", guide: str = GUIDE) -> Artifact:

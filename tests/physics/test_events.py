@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
@@ -109,7 +110,7 @@ def test_order_of_rules_with_loops(integrator: str, method: str, closure: str, t
     """Against the explicit method of order 5; stabilised loops stay as open as the step leaves them, all others are closed."""
     truth = completed(simulate(compiled(tmp_path, swaying_text(), "recursive"), integrator="dormand-prince", tolerance=1e-11))
     model = read_model_text(swaying_text(), "swaying.yaml")
-    artifact = compile_scene(model, with_closure(find_scene(model, None), closure), method=method)
+    artifact = compile_scene(model, with_closure(find_scene(model, None), closure), CompileOptions(method=method))
 
     def error(dt: float) -> float:
         run = completed(simulate(artifact, integrator=integrator, events="located", tolerance=1e-9, dt=dt, steps=tmp_path / "steps.csv"))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import Artifact, compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.results import Trajectory
@@ -22,7 +23,7 @@ pytestmark = needs_cpp
 @cache
 def compiled(method: str) -> Artifact:
     model = read_model_text(gears.TEXT, "gears.yaml")
-    return compile_scene(model, model.scenes["run"], method=method)
+    return compile_scene(model, model.scenes["run"], CompileOptions(method=method))
 
 
 def finished(method: str, **how: object) -> Trajectory:

@@ -14,6 +14,7 @@ import pytest
 
 import cutjoint
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
@@ -64,8 +65,9 @@ def test_a_force_holds_what_is_held() -> None:
 @pytest.mark.parametrize("compiled", [False, True])
 def test_runs_begin_there(method: str, compiled: bool) -> None:
     model = hanging()
-    how = compile_scene if compiled else compile_interpreted
-    run = simulate(how(model, model.scenes["start"], method=method), check=False)
+    start = model.scenes["start"]
+    generated = compile_scene(model, start, CompileOptions(method=method)) if compiled else None
+    run = simulate(generated or compile_interpreted(model, start, method=method), check=False)
     assert run["lower.pitch"][0] == pytest.approx(0.0, abs=1e-8)
     assert run["lower.x"][0] == pytest.approx(-sin(HELD), abs=1e-8)
     assert run["upper.pitch"][-1] < HELD  # released, it falls

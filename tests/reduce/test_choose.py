@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile import prepared
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
@@ -47,7 +48,7 @@ def auto(name: str, tolerance: float, end: float) -> tuple[Model, Scene]:
 
 def picked_run(model: Model, scene: Scene, choice: Choice) -> Trajectory:
     variant = chosen_model(model, scene, choice)
-    run = simulate(compile_scene(variant.model, variant.scene, method=variant.method))
+    run = simulate(compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method)))
     assert run.failure is None
     return run
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
@@ -78,7 +79,7 @@ def without(*names: str) -> Model:
 
 @cache
 def compiled(method: str, out: tuple[str, ...] = OUT) -> Artifact:
-    return compile_scene(without(*out), hammer().scenes["swing"], method=method)
+    return compile_scene(without(*out), hammer().scenes["swing"], CompileOptions(method=method))
 
 
 def run(method: str, scene: str, out: tuple[str, ...] = OUT, **how: Any) -> Trajectory:

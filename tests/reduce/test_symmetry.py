@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
@@ -63,7 +64,8 @@ def both(method: str) -> tuple[Artifact, Artifact]:
     """The car and its half in simul1."""
     model = iltis()
     outcome = halve(model, model.scenes["simul1"])
-    return tuple(compile_scene(m, s, method=method) for m, s in ((model, model.scenes["simul1"]), (outcome.model, outcome.scene)))  # type: ignore[return-value]
+    both, options = ((model, model.scenes["simul1"]), (outcome.model, outcome.scene)), CompileOptions(method=method)
+    return tuple(compile_scene(m, s, options) for m, s in both)  # type: ignore[return-value]
 
 
 # The same motion

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
@@ -35,7 +36,7 @@ scenes: {fall: {end: 0.5, output_step: 0.05, numerics: {dt: 0.005}}}
 
 def simulate(method: str, integrator: str, *, wanted: bool = True) -> Trajectory:
     model = read_model_text(SWING, "swing.yaml")
-    artifact = compile_scene(model, model.scenes["fall"], method=method)
+    artifact = compile_scene(model, model.scenes["fall"], CompileOptions(method=method))
     return start(replace(make_simulator_run(artifact, Options(integrator=integrator)), with_coordinates=wanted))
 
 

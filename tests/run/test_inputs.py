@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,11 @@ from scipy.interpolate import CubicHermiteSpline
 
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
-from cutjoint.model.records import Model
+from cutjoint.model.records import Model, Scene
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
@@ -31,9 +33,11 @@ from tests.physics.simulation import completed
 
 TABLES = {"lift": table(LIFT), "push": table(PUSH)}
 
-MAKERS = {
-    Implementation.GENERATED: compile_scene, Implementation.INTERPRETED: compile_interpreted, Implementation.GENERIC: compile_generic,
-}  # fmt: skip
+MAKERS: dict[Implementation, Callable[[Model, Scene, str], Artifact]] = {
+    Implementation.GENERATED: lambda model, scene, method: compile_scene(model, scene, CompileOptions(method=method)),
+    Implementation.INTERPRETED: lambda model, scene, method: compile_interpreted(model, scene, method=method),
+    Implementation.GENERIC: lambda model, scene, method: compile_generic(model, scene, method=method),
+}
 
 #: Each method with generated code, by the interpreter and by the twin where it has one.
 WAYS = [
@@ -49,7 +53,7 @@ def model() -> Model:
 
 @cache
 def compiled(scene: str, method: str = "recursive", how: Implementation = Implementation.GENERIC) -> Artifact:
-    return MAKERS[how](model(), model().scenes[scene], method=method)
+    return MAKERS[how](model(), model().scenes[scene], method)
 
 
 def run(scene: str, method: str = "recursive", how: Implementation = Implementation.GENERIC, **given: Any) -> Trajectory:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -45,7 +46,7 @@ def falling(law: str = "0.1*sqrt(position - zero)") -> Model:
 
 @cache
 def compiled(method: str, law: str = "0.1*sqrt(position - zero)") -> Artifact:
-    return compile_scene(falling(law), falling(law).scenes["fall"], method=method)
+    return compile_scene(falling(law), falling(law).scenes["fall"], CompileOptions(method=method))
 
 
 def check(failure: FailureReport | None, message: str, time: float) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.read import read_model, read_model_text
@@ -83,7 +84,8 @@ def test_projected_steps_do_not_allocate(check: Check) -> None:
 )  # fmt: skip
 def test_events_do_not_allocate(integrator: str, method: str, check: Check) -> None:
     model = read_model_text(bouncing_text(0.0, 0.5), "bounce.yaml")
-    check(compile_scene(model, find_scene(model, None), method=method), 5.0, integrator=integrator, tolerance=1e-8, events="located")
+    artifact = compile_scene(model, find_scene(model, None), CompileOptions(method=method))
+    check(artifact, 5.0, integrator=integrator, tolerance=1e-8, events="located")
 
 
 @cache
@@ -91,7 +93,7 @@ def vehicle(method: str, closure: str = "penalty") -> Artifact:
     """Four suspensions in lanes, tyres, a road of steps, bumpers; with the closure "proximal" no bumpers, as in test_proximal.py."""
     model = read_model(MODELS / "iltis.yaml")
     scene = find_scene(model, "simul1s" if closure == "penalty" else "simul1")
-    return compile_scene(model, with_closure(scene, closure), method=method)
+    return compile_scene(model, with_closure(scene, closure), CompileOptions(method=method))
 
 
 LAGRANGIAN = [(method, "penalty", {"dt": 5e-3}) for method in ("augmented", "classical")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
@@ -32,7 +33,7 @@ scenes:
 @pytest.mark.parametrize("method", ["recursive", "augmented"])
 def test_no_number_beside_others_that_are(method: str) -> None:
     model = read_model_text(MODEL, "apart.yaml")
-    run = simulate(compile_scene(model, find_scene(model, None), method=method), check=False)
+    run = simulate(compile_scene(model, find_scene(model, None), CompileOptions(method=method)), check=False)
     assert run.failure is not None
     assert run.failure.element == "push"
     assert "sqrt" in str(run.failure)

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model
 from cutjoint.run.errors import RunError
@@ -49,7 +50,7 @@ def test_steps_of_fixed_cost_keep_loops_closed_by_projection(tmp_path: Path) -> 
 def test_what_has_no_fixed_cost(how: dict[str, str]) -> None:
     model = read_model(MODELS / "four_bar.yaml")
     scene = with_closure(find_scene(model, None), "penalty")
-    artifact = compile_scene(model, scene, method=how.get("method", "recursive"))
+    artifact = compile_scene(model, scene, CompileOptions(method=how.get("method", "recursive")))
     with pytest.raises(RunError, match=r"a fixed number of iterations needs the method recursive with the integrator trapezoidal"):
         simulate(artifact, iterations=4, integrator=how.get("integrator"))
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import needs_cpp
@@ -24,7 +25,7 @@ MISSING = object()
 
 @cache
 def binary(method: str) -> Path:
-    artifact = compiled() if method == "recursive" else compile_scene(pendulum(), pendulum().scenes["rest"], method=method)
+    artifact = compiled() if method == "recursive" else compile_scene(pendulum(), pendulum().scenes["rest"], CompileOptions(method=method))
     return artifact.binary.path
 
 

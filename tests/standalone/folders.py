@@ -43,8 +43,8 @@ def folder_of(
     """The folder of a model that is given as text."""
     model = read_model_text(text, name)
     chosen = find_scene(model, scene)
-    equations, program, source = generate(model, chosen, chosen.outputs, method=method)
-    return make_standalone(equations, program, source, integrator=integrator, equal_steps=True, linearise=linearise)
+    generated = generate(model, chosen, chosen.outputs, method=method)
+    return make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
 
 
 def standalone_of(name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD) -> Standalone:

@@ -117,8 +117,8 @@ def check_table(artifact: Artifact, folder: Path) -> None:
 def test_a_force_that_was_left_out_and_would_act_ends_the_motion(method: str, tmp_path: Path) -> None:
     model = read_model_text(HAMMER, "hammer.yaml")
     reduced = guard_forces(model, model.scenes["swing"], ("floor",))
-    equations, program, source = generate(reduced.model, reduced.scene, reduced.scene.outputs, method=method)
-    write(make_standalone(equations, program, source, equal_steps=True), tmp_path)
+    generated = generate(reduced.model, reduced.scene, reduced.scene.outputs, method=method)
+    write(make_standalone(generated, equal_steps=True), tmp_path)
     compile_object(tmp_path, "hammer")
     (tmp_path / "high.run").write_text("end 0.7\nparameter depth 0.1\n")
     program = link(tmp_path, "hammer_simulator", ["hammer_simulator.c", "hammer.o"])

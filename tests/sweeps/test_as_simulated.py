@@ -171,10 +171,10 @@ def test_what_decides(numerics: dict[str, Any], method: str, expected: tuple[str
     model = read_model(_write("press", tmp_path, **numerics))
     scene = find_scene(model, None)
     made = generate(model, scene, scene.outputs, method=method)
-    found = make_standalone(*made).settings
+    found = make_standalone(made).settings
     assert (found.integrator, found.tolerance) == expected
     assert found.integrator == find_integrator(scene.numerics, METHODS[method], Implementation.GENERATED, Options()).name
-    folder = make_standalone(*made, equal_steps=True)
+    folder = make_standalone(made, equal_steps=True)
     assert folder.integrator == (numerics.get("integrator", "trapezoidal") if method == "recursive" else "trapezoidal")
 
 
@@ -186,7 +186,7 @@ def test_a_scene_that_wants_more_has_smaller_tolerances(tmp_path: Path) -> None:
         file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
         model = read_model(file)
         scene = find_scene(model, None)
-        assert make_standalone(*generate(model, scene, scene.outputs)).settings.tolerance == pytest.approx(tolerance)
+        assert make_standalone(generate(model, scene, scene.outputs)).settings.tolerance == pytest.approx(tolerance)
 
 
 def test_the_command_says_how_runs_step(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.records import Scene
 from cutjoint.run.outputs import OutputError
@@ -71,8 +72,8 @@ def test_integrators_and_methods(tmp_path: Path) -> None:
         done = cutjoint.sweep(study(tmp_path, **asked, **how), tmp_path / "out.parquet")
         options = {"dt": 1e-3, "end": 0.2, **how}
         method = str(options.pop("method", "recursive"))
-        alone = simulate(compile_scene(read_model(MODELS / "press.yaml"), scene, method=method), parameters={"stiffness": 3000.0},
-                         error=False, **options)  # type: ignore[arg-type]
+        artifact = compile_scene(read_model(MODELS / "press.yaml"), scene, CompileOptions(method=method))
+        alone = simulate(artifact, parameters={"stiffness": 3000.0}, error=False, **options)  # type: ignore[arg-type]
         error = 1e-13 if "tolerance" not in how else 1e-7  # its steps end at rows here, and are interpolated there
         assert done["top"][0] == pytest.approx(max(alone["slider.x"][10:]), rel=error), how
 

@@ -49,7 +49,7 @@ def source_of(text: str, folder: Path, scene: str, *, library: bool = False) -> 
     file.write_text(text, encoding="utf-8")
     model = read_model(file)
     made = generate(model, model.scenes[scene], model.scenes[scene].outputs)
-    return make_standalone(*made, equal_steps=True, side_by_side=True).library if library else made[2]
+    return make_standalone(made, equal_steps=True, side_by_side=True).library if library else made.source
 
 
 def objects(source: Source) -> set[Object]:

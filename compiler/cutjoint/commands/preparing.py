@@ -11,6 +11,7 @@ from typing import Any
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
 from cutjoint.commands import options
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.compile.prepared import PreparedRun, Request, cache_run
 from cutjoint.formulate.inputs import input_parameters, open_parameters
@@ -115,7 +116,7 @@ def _play_meanwhile(
         if compiling.later.done:
             raise _CompiledFirst
 
-    artifact = _compile_interpreted(request, model, scene, method, compiling.made[:2])
+    artifact = _compile_interpreted(request, model, scene, method, compiling.generated[:2])
     artifact = replace(artifact, generate_seconds=compiling.seconds + artifact.generate_seconds)
     prepared = prepare(artifact, request.options, parameters)
     run = play(prepared, watch)
@@ -142,7 +143,8 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
         comparison = solver is not None and SOLVERS[solver].comparison
         if request.precision != DEFAULT_PRECISION or comparison:
             patience = inf  # only generated code has that
-        return compile_scene(model, scene, method=method, precision=request.precision, comparison=comparison, patience=patience)
+        choices = CompileOptions(method=method, precision=request.precision, comparison=comparison)
+        return compile_scene(model, scene, choices, patience=patience)
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
@@ -154,7 +156,7 @@ def _compile_generic(request: Request, model: Model, scene: Scene, method: str) 
 
 
 def _compile_interpreted(
-    request: Request, model: Model, scene: Scene, method: str, made: tuple[Equations, Program] | None = None
+    request: Request, model: Model, scene: Scene, method: str, scheduled: tuple[Equations, Program] | None = None
 ) -> Artifact:  # fmt: skip
     from cutjoint.compile.interpreted import compile_interpreted
 
@@ -162,7 +164,7 @@ def _compile_interpreted(
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")
     if request.options.solver is not None and SOLVERS[request.options.solver].comparison:
         raise RunError(f"--solver {request.options.solver} is for comparison: use --implementation generated")
-    return compile_interpreted(model, scene, method=method, made=made)
+    return compile_interpreted(model, scene, method=method, scheduled=scheduled)
 
 
 def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] | None = None) -> PreparedRun:

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import SimulationCode, System
 from cutjoint.emit.library import emit_library
-from cutjoint.emit.source import Source
+from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
@@ -32,7 +33,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Scene
-from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
@@ -139,8 +140,8 @@ class Standalone:
 
 
 def make_standalone(
-    equations: Equations, program: Program, source: Source, *, integrator: str | None = None, equal_steps: bool = False,
-    lanes: bool = True, linearise: bool = False, side_by_side: bool = False,
+    generated: Generated, *, integrator: str | None = None, equal_steps: bool = False, lanes: bool = True, linearise: bool = False,
+    side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
 
@@ -152,6 +153,7 @@ def make_standalone(
         RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
             coordinates, which have no derivatives, or the scene has a setting or a start without a finite value.
     """
+    equations, program, source = generated
     _require_unknowns(equations)
     if linearise:
         _require_relative(equations)
@@ -242,27 +244,26 @@ class Delivery:
 
 
 def plan_delivery(
-    out: AnyPath | None, generated: tuple[Equations, Program, Source], *, method: str, precision: str, integrator: str | None, lanes: bool,
-    linearise: bool,
-) -> Delivery | None:  # fmt: skip
-    """Plan a folder for the results of `pipeline.generate`; None if there is no ``out``.
+    generated: Generated, options: CompileOptions
+) -> Delivery | None:
+    """Plan a folder for the results of `pipeline.generate`; None if the options have no ``out``.
 
     Raises:
         RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) of a folder that has none.
         OutputError: one of the files is the model.
     """
-    folder, (equations, program, source) = path_of(out), generated
-    if folder is None or not METHODS[method].stands_alone or precision != DEFAULT_PRECISION:
+    folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise
+    if folder is None or not METHODS[options.method].stands_alone or options.precision != DEFAULT_PRECISION:
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
         if linearise:
             able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
             raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
-        delivery = None if folder is None else Delivery(folder=folder, files=source.files, program="simulator", alone=None)
+        delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
-        alone = make_standalone(equations, program, source, integrator=integrator, equal_steps=True, lanes=lanes, linearise=linearise)
+        alone = make_standalone(generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise)
         delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:
-        model, names = Path(equations.topology.model.span.file), (*delivery.files, delivery.program)
+        model, names = Path(generated.equations.topology.model.span.file), (*delivery.files, delivery.program)
         require_apart({"the model": model}, documents=[(f"--out {folder}: file", delivery.folder / name) for name in names])
     return delivery

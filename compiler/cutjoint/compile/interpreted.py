@@ -19,9 +19,9 @@ from cutjoint.toolchain.build import FLAGS, build_interpreter
 
 def compile_interpreted(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None,
-    made: tuple[Equations, Program] | None = None,
+    scheduled: tuple[Equations, Program] | None = None,
 ) -> Artifact:  # fmt: skip
-    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.  ``made`` is what
+    """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.  ``scheduled`` is what
     `pipeline.schedule_method` has made of it already.
 
     Raises:
@@ -34,7 +34,7 @@ def compile_interpreted(
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs
-    equations, program = made or schedule_method(model, scene, outputs, method=method)
+    equations, program = scheduled or schedule_method(model, scene, outputs, method=method)
     source, description = _interpret(equations, program)
     generated = perf_counter()
     # Binary

@@ -14,7 +14,8 @@ from typing import Any
 
 from cutjoint.analysis.mobility import require_soundness
 from cutjoint.compile.folders import plan_delivery
-from cutjoint.emit.source import Source, emit
+from cutjoint.compile.options import DEFAULT, CompileOptions
+from cutjoint.emit.source import Generated, Source, emit
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.recursive.lanes import schedule_recursive
@@ -24,31 +25,25 @@ from cutjoint.package.locations import AnyPath
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.build import FLAGS, build
+from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 
 
-def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), **how: Any) -> Artifact:
-    """Compile a model file for a scene, the only one if none is named, the rest as in `compile_scene`; numbers whose names match one of the
-    patterns ``opened``, such as "*.stiffness", become parameters."""
+def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
+    """Compile a model file for a scene, the only one if none is named; numbers whose names match one of the patterns ``opened``, such as
+    "*.stiffness", become parameters.  The other ``choices`` are those of `CompileOptions`, errors as of `compile_scene`."""
     model = read_model(path, opened=opened)  # model.yaml -> Model
-    return compile_scene(model, find_scene(model, scene), **how)
+    return compile_scene(model, find_scene(model, scene), CompileOptions(**choices))
 
 
 def compile_scene(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, out: AnyPath | None = None, flags: Sequence[str] = FLAGS,
-    outputs: Sequence[Output] | None = None, lanes: bool = True, comparison: bool = False, precision: str = DEFAULT_PRECISION,
-    integrator: str | None = None, linearise: bool = False, patience: float = inf, made: tuple[Equations, Program, Source] | None = None,
+    model: Model, scene: Scene, options: CompileOptions = DEFAULT, *, generated: Generated | None = None, patience: float = inf
 ) -> Artifact:  # fmt: skip
-    """Compile a model for a scene; ``out`` receives a folder (`delivery`), which may have steps by another ``integrator`` than the scene's,
-    and with ``linearise`` derivatives at a state.
-
-    ``outputs`` are instead of the scene's.  ``comparison`` links the solvers of SuiteSparse too.  ``precision`` is one of PRECISIONS, the
-    number type of the run; the start is found in double.  Compiling that takes more than ``patience`` (s) goes on in another process.
-    ``made`` is what `generate` has made of all this already.
+    """Compile a model for a scene.  ``generated`` is what `generate` has made of it already.  Compiling that takes more than ``patience``
+    (s) goes on in another process.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the choice is wrong, or they do not go together.
@@ -56,36 +51,39 @@ def compile_scene(
         TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
-    require_choice(method, precision, comparison=comparison)
+    require_choice(options.method, options.precision, comparison=options.comparison)
     # Model -> Source
     begin = perf_counter()
-    outputs = scene.outputs if outputs is None else outputs
-    equations, program, source = made = made or generate(model, scene, outputs, method=method, lanes=lanes, precision=precision)
-    delivery = plan_delivery(out, made, method=method, precision=precision, integrator=integrator, lanes=lanes, linearise=linearise)
-    generated = perf_counter()
+    if generated is None:
+        outputs = scene.outputs if options.outputs is None else options.outputs
+        generated = generate(model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision)
+    made, delivery = generated, plan_delivery(generated, options)
+    seconds, written = perf_counter() - begin, perf_counter()
     # Source -> Binary
     def finish() -> Artifact:
-        binary = build(source, flags=(*flags, *PRECISIONS[precision].flags), kind=Kind(comparison=comparison, precision=precision))
+        kind = Kind(comparison=options.comparison, precision=options.precision)
+        binary = build(made.source, flags=(*options.flags, *PRECISIONS[options.precision].flags), kind=kind)
         if delivery is not None:
-            delivery.write(binary.path, flags)
+            delivery.write(binary.path, options.flags)
         return Artifact(
-            scene=scene, equations=equations, program=program, source=source, binary=binary, method=method, precision=precision,
-            implementation=Implementation.GENERATED, generate_seconds=generated - begin, compile_seconds=perf_counter() - generated,
+            scene=scene, equations=made.equations, program=made.program, source=made.source, binary=binary, method=options.method,
+            precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
+            compile_seconds=perf_counter() - written,
         )  # fmt: skip
 
-    if patience < inf and (later := build_later(source, flags=flags, patience=patience)) is not None:
-        raise TakesLong(later, made, generated - begin, finish)
+    if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
+        raise TakesLong(later, made, seconds, finish)
     return finish()
 
 
 def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
     precision: str = DEFAULT_PRECISION,
-) -> tuple[Equations, Program, Source]:  # fmt: skip
+) -> Generated:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register."""
     lanes = lanes and PRECISIONS[precision].packed
     equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes)
-    return equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision)
+    return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
 
 
 def schedule_method(

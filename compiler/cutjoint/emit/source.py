@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import jinja2
 
@@ -59,6 +60,14 @@ class Source:
     def __repr__(self) -> str:
         size = sum(len(text) for text in self.files.values())
         return f"<Source '{self.stem}': {len(self.files)} files, {size} characters, driver {self.driver}, digest {self.digest[:12]}>"
+
+
+class Generated(NamedTuple):
+    """The symbolic half of a compilation: each stage's record before the binary."""
+
+    equations: Equations
+    program: Program
+    source: Source
 
 
 def emit(program: Program, equations: Equations, *, batch: bool = False) -> Source:

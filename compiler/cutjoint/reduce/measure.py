@@ -11,6 +11,7 @@ from math import ceil, floor, inf
 
 import numpy as np
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
@@ -135,7 +136,7 @@ def measure_reduced(
     costs: list[Cost] = []
     truth: Trajectory | None = None
     for variant in variants:
-        artifact = compile_scene(variant.model, variant.scene, method=variant.method)
+        artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method))
         run = simulate(artifact, dt=dt, parameters=parameters, check=False)
         truth = truth or _finished(run, variant)
         costs.append(replace(time_run(artifact, dt, parameters), error=distance(run, truth)))

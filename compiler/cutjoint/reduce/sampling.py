@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.evaluate import evaluate
@@ -35,7 +36,7 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
     operations = artifact.compilation.operations
     steps = scene.end / scene.numerics.of_method(DEFAULT_METHOD).step
     if _INTERPRETING * steps * operations > compiling_seconds(operations, DEFAULT_METHOD):
-        artifact = compile_scene(model, scene, outputs=outputs)
+        artifact = compile_scene(model, scene, CompileOptions(outputs=outputs))
     return simulate(artifact, check=False)
 
 

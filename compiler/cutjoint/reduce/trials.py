@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, emit_scheduled, schedule_method
+from cutjoint.emit.source import Generated
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
@@ -32,7 +34,7 @@ class Trials:
         self._model, self._scene, self._method = model, scene, method
         with DERIVING:
             self._scheduled = scheduled or schedule_method(model, scene, scene.outputs, method=method)
-            interpreted = compile_interpreted(model, scene, method=method, made=self._scheduled)
+            interpreted = compile_interpreted(model, scene, method=method, scheduled=self._scheduled)
             self._interpreted = interpreted.with_rows(scene.output_step)  # which finds what its loops leave open
         self._left = compiling_seconds(self._operations, method)
         self._step_seconds = _INTERPRETING * self._operations
@@ -59,8 +61,8 @@ class Trials:
 
     def _compile(self) -> Artifact:
         with DERIVING:
-            made = (*self._scheduled, emit_scheduled(*self._scheduled))
-        return compile_scene(self._model, self._scene, method=self._method, made=made)
+            generated = Generated(*self._scheduled, emit_scheduled(*self._scheduled))
+        return compile_scene(self._model, self._scene, CompileOptions(method=self._method), generated=generated)
 
     def run(self, dt: float, parameters: Mapping[str, float]) -> Trajectory:
         """A run of steps dt (s), whose rows are some of the scene's; it may have failed.

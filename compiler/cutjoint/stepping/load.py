@@ -50,18 +50,18 @@ def load_scene(
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
-    equations, program, source = generate(model, scene, scene.outputs, method=method)
-    alone = partial(make_standalone, equations, program, source, integrator=integrator, linearise=linearise)
+    generated = generate(model, scene, scene.outputs, method=method)
+    alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise)
     standalone = alone()
-    mechanism = equations.mechanism
+    mechanism = generated.equations.mechanism
 
     def build() -> Path:
         return with_rollout(alone(side_by_side=True)).build_library(flags)
 
-    lanes = Lanes(standalone.name, program.operations("evaluate"), build) if standalone.fits_lanes else None
+    lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if standalone.fits_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
+        equations=len(generated.equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
         settings=standalone.settings, lanes=lanes,
     ))  # fmt: skip
 

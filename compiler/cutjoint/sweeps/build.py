@@ -28,12 +28,13 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
 
 
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
-    equations, program, source = generate(study.model, scene, study.outputs, method=study.method)
-    alone = make_standalone(equations, program, source, integrator=study.integrator)
+    generated = generate(study.model, scene, study.outputs, method=study.method)
+    alone = make_standalone(generated, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)
     may = alone.fits_lanes and rows * LANES <= _MOST_ROWS
-    if may and (_pays(study, program, alone) if lanes is None else lanes):
-        alone = make_standalone(equations, program, source, integrator=study.integrator, side_by_side=True)
+    if may and (_pays(study, generated.program, alone) if lanes is None else lanes):
+        alone = make_standalone(generated, integrator=study.integrator, side_by_side=True)
+    equations = generated.equations
     start = equations.mechanism
     names = {
         "parameter": [p.name for p in equations.parameters], "input": [p.name for p in input_parameters(study.model)],

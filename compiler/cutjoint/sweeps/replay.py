@@ -10,6 +10,7 @@ from pathlib import Path
 import sympy
 
 from cutjoint.compile.folders import choose_steps
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import naming_output
@@ -56,7 +57,7 @@ def replay(study: Study, run: int, view: Path) -> Path:
     steps = choose_steps(scene, study.method, study.integrator)
     model = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
     done = simulate(
-        compile_scene(model, scene, method=study.method, flags=study.flags), parameters=parameters,
+        compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags)), parameters=parameters,
         integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True, error=False, check=False,
     )  # fmt: skip
     if done.failure is not None and not done.t.size:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
@@ -99,7 +100,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
 def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArtifact:
     """Steps of runs that are made one by one."""
-    alone = compile_scene(model, scene, method=METHOD, flags=flags)
+    alone = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
     assert isinstance(alone.equations, RecursiveEquations)
     return BatchArtifact(
         model=model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,

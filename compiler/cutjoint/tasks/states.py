@@ -14,6 +14,7 @@ from cutjoint.analysis.linearise import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
@@ -128,7 +129,7 @@ def find_scene_modes(
     """
     require_settings(at=at)
     # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
-    artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, method=LINEARISED)
+    artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, CompileOptions(method=LINEARISED))
     equations = formulate_implicit(artifact.mechanism, ())
     where = f"{scene.span}: scene '{scene.name}'"
     try:

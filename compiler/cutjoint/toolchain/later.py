@@ -14,9 +14,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any
 
-from cutjoint.emit.source import Source
-from cutjoint.formulate.records import Equations
-from cutjoint.program.records import Program
+from cutjoint.emit.source import Generated, Source
 from cutjoint.toolchain.build import build, is_built
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler
@@ -42,12 +40,11 @@ class Later:
 
 
 class TakesLong(Exception):  # noqa: N818 -- no error
-    """Compiling what was ``made`` in so many ``seconds`` goes on in another process: ``later`` knows about it, ``wait`` gives what comes
-    of it."""
+    """Compiling of code that was ``generated`` in so many ``seconds`` goes on in another process, ``later``; ``wait`` gives its result."""
 
-    def __init__(self, later: Later, made: tuple[Equations, Program, Source], seconds: float, wait: Callable[[], Any]) -> None:
+    def __init__(self, later: Later, generated: Generated, seconds: float, wait: Callable[[], Any]) -> None:
         super().__init__(f"compiling takes about {later.seconds:.0f} s")
-        self.later, self.made, self.seconds, self.wait = later, made, seconds, wait
+        self.later, self.generated, self.seconds, self.wait = later, generated, seconds, wait
 
 
 def build_later(source: Source, *, flags: Sequence[str], patience: float) -> Later | None:

@@ -9,6 +9,7 @@ from functools import partial
 from itertools import product
 from typing import Any
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
@@ -114,7 +115,7 @@ def map_case(
     for method, precision in product(grid.methods, grid.precisions):
         say(f"{case.name}: compiling {method} in {precision}")
         try:
-            artifact = compile_scene(case.model, case.scene, method=method, outputs=case.outputs, precision=precision)
+            artifact = compile_scene(case.model, case.scene, CompileOptions(method=method, outputs=case.outputs, precision=precision))
         except (RunError, ModelError, ToolchainError) as error:
             refused[f"{method}, {precision}"] = str(error)
             continue

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.errors import ModelError
 from cutjoint.run.artifact import Artifact
@@ -90,7 +91,7 @@ def case_of(situation: Situation) -> Case:
 def _compiled(case: Case, trial: Trial) -> Artifact | str:
     """The simulator, or why there is none."""
     try:
-        return compile_scene(case.model, case.scene, method=trial.method, outputs=case.outputs, precision=trial.precision)
+        return compile_scene(case.model, case.scene, CompileOptions(method=trial.method, outputs=case.outputs, precision=trial.precision))
     except (RunError, ModelError, ToolchainError) as error:
         return str(error)
 

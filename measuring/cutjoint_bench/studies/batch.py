@@ -18,6 +18,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
@@ -58,7 +59,7 @@ def peak() -> dict[int, float]:
 
 def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Table, at_most: dict[int, float]) -> None:
     """The lines of one model."""
-    lanes, scalar = (compile_scene(model, scene, lanes=lanes) for lanes in (True, False))
+    lanes, scalar = (compile_scene(model, scene, CompileOptions(lanes=lanes)) for lanes in (True, False))
     batch = compile_scene_batch(model, scene)
     operations, evaluations = scalar.program.operations("evaluate"), simulate(scalar).evaluations
     single = {"one at a time, lanes in it": (steps(lanes), whole(lanes)), "one at a time, no lanes": (steps(scalar), whole(scalar))}

@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.read import read_model_text
@@ -119,7 +120,7 @@ def search(model: Model, zero: Callable[[Columns], np.ndarray]) -> Iterator[tupl
     """Method, integrator, settings and outcome of each run of a model."""
     (scene,) = model.scenes.values()
     for method in METHODS:
-        artifact = compile_scene(model, scene, method=method)
+        artifact = compile_scene(model, scene, CompileOptions(method=method))
         for integrator, settings in settings_of(method):
             yield method, integrator, settings, judge(simulate(artifact, check=False, **settings), zero)
 

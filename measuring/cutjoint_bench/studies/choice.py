@@ -18,6 +18,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
@@ -122,7 +123,7 @@ class Comparison:
 
     def _seconds(self, method: str, name: str, dt: float) -> float:
         variant = next(r for r in self._variants(method) if r.name == name)
-        return time_run(at_step(compile_scene(variant.model, variant.scene, method=method), dt), dt).seconds
+        return time_run(at_step(compile_scene(variant.model, variant.scene, CompileOptions(method=method)), dt), dt).seconds
 
     def _get(self, of: dict[str, Any], make: Any) -> Record:
         about = {"model": self.model.text, "scene": repr(asdict(self.scene)), "version": __version__, "runtime": runtime_digest(), **of}

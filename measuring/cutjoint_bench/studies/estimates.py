@@ -21,6 +21,7 @@ from rich.table import Table
 
 import cutjoint
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
@@ -140,7 +141,7 @@ def judge_scene(model: Model, scene: Scene) -> Iterator[Row]:
         return
     for method in METHODS:
         try:
-            artifact = compile_scene(model, scene, method=method)
+            artifact = compile_scene(model, scene, CompileOptions(method=method))
         except (ModelError, RunError) as error:
             yield Row(method=method, settings="", judgement=Judgement(failure=str(error)))
             continue

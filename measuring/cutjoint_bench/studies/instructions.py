@@ -21,6 +21,7 @@ from rich.table import Table
 
 from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import compile_model
+from cutjoint.emit.source import Generated
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.options import Options
@@ -66,7 +67,7 @@ def collected(done: subprocess.CompletedProcess[str]) -> int:
 
 def per_step_alone(artifact: Artifact, ends: tuple[float, float]) -> float:
     """Instructions of a step of the folder that stands alone, in whole steps of the scene's length."""
-    standalone = make_standalone(artifact.equations, artifact.program, artifact.source, equal_steps=True)
+    standalone = make_standalone(Generated(artifact.equations, artifact.program, artifact.source), equal_steps=True)
     program, dt = standalone.build_simulator(FLAGS), artifact.scene.numerics.of_method(artifact.method).step
     totals, steps = [], [round(end / dt) for end in ends]
     with TemporaryDirectory() as name:

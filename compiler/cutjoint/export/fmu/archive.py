@@ -112,9 +112,10 @@ def make_fmu(
         others: as of `pipeline.generate`, `make_standalone`.
     """
     _require_method(method, kind)
-    equations, program, source = generate(model, scene, scene.outputs, method=method)
+    generated = generate(model, scene, scene.outputs, method=method)
+    equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
-    standalone = make_standalone(equations, program, source, integrator=integrator, linearise=KINDS[kind][1])
+    standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1])
     interface = make_interface(described, standalone.run_file, standalone.freedoms)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)

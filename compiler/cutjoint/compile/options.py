@@ -1,0 +1,36 @@
+"""The choices of a compilation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION
+from cutjoint.model.records import Output
+from cutjoint.package.locations import AnyPath
+from cutjoint.toolchain.build import FLAGS
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompileOptions:
+    """The choices of a compilation besides a model and its scene.
+
+    ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
+    PRECISIONS, the number type of the run; the start is found in double.  ``comparison`` links the solvers of SuiteSparse too.  ``out``
+    receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's, and with ``linearise``
+    derivatives at a state.
+    """
+
+    method: str = DEFAULT_METHOD
+    precision: str = DEFAULT_PRECISION
+    flags: Sequence[str] = FLAGS
+    outputs: Sequence[Output] | None = None
+    lanes: bool = True
+    comparison: bool = False
+    out: AnyPath | None = None
+    integrator: str | None = None
+    linearise: bool = False
+
+
+#: The choices where none is made.
+DEFAULT = CompileOptions()
