@@ -15,6 +15,7 @@ from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
+from cutjoint.emit.beginning import Beginning
 from cutjoint.emit.classes import SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Source
@@ -114,12 +115,23 @@ class Standalone:
     @cached_property
     def files(self) -> Mapping[str, str]:
         """The files of the folder by name."""
-        return emit_standalone(self.parts, self.run_file, self.digest)
+        return emit_standalone(self.parts, self._beginning, self.digest)
 
     @cached_property
     def library(self) -> Source:
         """The source of the shared library with the same interface."""
-        return emit_library(self.parts, self.run_file, self.digest, self.code)
+        return emit_library(self.parts, self._beginning, self.digest, self.code)
+
+    @property
+    def _beginning(self) -> Beginning:
+        """The part of the run file that generated code begins with."""
+        file, numerics, held = self.run_file, self.run_file["numerics"], self.run_file["stabilisation"]
+        names = ("dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance")
+        return Beginning(
+            integrator=file["integrator"], closure=held["closure"], closure_penalty=held["penalty"], damping_ratio=held["damping_ratio"],
+            frequency=held["frequency"], **{name: numerics[name] for name in names}, end=file["end"], output_step=file["output_step"],
+            pose=file["pose"], parameters=file["parameters"], positions=file["positions"], rates=file["rates"], roads=file["roads"],
+        )  # fmt: skip
 
     @property
     def settings(self) -> StepSettings:

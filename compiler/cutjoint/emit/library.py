@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from cutjoint.emit.beginning import Beginning
 from cutjoint.emit.classes import LANES, CppClass, SimulationCode, class_of_mechanism, class_of_system
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
@@ -68,12 +68,12 @@ class _Placed:
         return {f"{self.prefix}{file}": text for file, text in some.items()}
 
 
-def emit_library(parts: SimulationCode, run_file: Mapping[str, Any], digest: str, code: str = "") -> Source:
-    """The files of a library and of the project that builds it; ``run_file`` and ``digest`` as of `emit_standalone`, ``code`` is what it
+def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str = "") -> Source:
+    """The files of a library and of the project that builds it; ``begin`` and ``digest`` as of `emit_standalone`, ``code`` is what it
     has behind its interface."""
-    parts, view = prepare(parts, run_file, digest)
+    parts, view = prepare(parts, begin, digest)
     page, classes = parts.page, list(_classes(parts))
-    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, run_file, view) + code}
+    files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, begin, view) + code}
     sources: dict[str, list[str]] = {"mechanism": [], "system": []}
     for each in classes:
         files |= each.files
@@ -100,10 +100,10 @@ def _classes(parts: SimulationCode) -> Iterator[_Placed]:
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 
-def _interface(parts: SimulationCode, classes: Sequence[_Placed], run_file: Mapping[str, Any], view: Mapping[str, object]) -> str:
+def _interface(parts: SimulationCode, classes: Sequence[_Placed], begin: Beginning, view: Mapping[str, object]) -> str:
     """The C++ file of the C interface, with the simulation and its integrator."""
     page, has_lanes = parts.page, any("Lanes<Real, " in each.made.header for each in classes)
-    runtime = headers_of(parts, STEPS[parts.method][run_file["integrator"]], has_lanes=has_lanes)
+    runtime = headers_of(parts, STEPS[parts.method][begin.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]
     return page.render(
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],

@@ -14,6 +14,7 @@ import sympy
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
+from cutjoint.emit.beginning import Beginning
 from cutjoint.emit.classes import SimulationCode, System, class_of_mechanism, class_of_system, sizes_of
 from cutjoint.emit.source import Page, switches_of, system_class
 from cutjoint.emit.view import on_one_line
@@ -110,15 +111,15 @@ TORN = 0.01
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
-def emit_standalone(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> dict[str, str]:
-    """The files by name; ``run_file`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
+def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, str]:
+    """The files by name; ``begin`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
     tells its snapshots from those of other models."""
-    parts, view = prepare(parts, run_file, digest)
+    parts, view = prepare(parts, begin, digest)
     page = parts.page
     p, header = page.stem, str(view["header"])
     return {
         f"{header}.h": render_header(page, view),
-        f"{header}.cpp": _source(page, parts, STEPS[parts.method][run_file["integrator"]], view),
+        f"{header}.cpp": _source(page, parts, STEPS[parts.method][begin.integrator], view),
         "CMakeLists.txt": page.render("standalone/CMakeLists.txt.jinja", **view),
         "example.c": page.render("standalone/example.c.jinja", **_in_c(page), **view),
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
@@ -127,11 +128,11 @@ def emit_standalone(parts: SimulationCode, run_file: Mapping[str, Any], digest: 
     }
 
 
-def prepare(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> tuple[SimulationCode, dict[str, object]]:
+def prepare(parts: SimulationCode, begin: Beginning, digest: str) -> tuple[SimulationCode, dict[str, object]]:
     """The code that is compiled, without events if its steps need not find them, and the templates' view of it."""
-    if not run_file["numerics"]["events"] and (parts.freedoms is None or parts.system is not None):
+    if not begin.events and (parts.freedoms is None or parts.system is not None):
         parts = parts.over_events()
-    return parts, _view(parts, run_file, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
+    return parts, _view(parts, begin, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
 
 
 def render_header(page: Page, view: Mapping[str, object]) -> str:
@@ -172,9 +173,9 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     return [*lanes, _CORE, steps.header, *more]
 
 
-def _view(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> dict[str, object]:
+def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, object]:
     """The view for the templates of the folder."""
-    equations, integrator = parts.stepped, run_file["integrator"]
+    equations, integrator = parts.stepped, begin.integrator
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     start, tables = parts.mechanism, _tables(equations)
     if parts.freedoms is not None:
@@ -190,15 +191,15 @@ def _view(parts: SimulationCode, run_file: Mapping[str, Any], digest: str) -> di
         "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
         "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
-        "settings": _settings(run_file), "by_step": _by_step(equations.scene), "tables": tables,
-        "gap_limits": _gap_limits(equations, run_file["parameters"]),
-        "end": repr(float(run_file["end"])), "output_step": repr(float(run_file["output_step"])),
-        "parameters": [repr(float(run_file["parameters"][p.name])) for p in equations.parameters],
-        "parameter_table": [(p.name, p.unit, repr(float(run_file["parameters"][p.name]))) for p in equations.parameters],
+        "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
+        "gap_limits": _gap_limits(equations, begin.parameters),
+        "end": repr(float(begin.end)), "output_step": repr(float(begin.output_step)),
+        "parameters": [repr(float(begin.parameters[p.name])) for p in equations.parameters],
+        "parameter_table": [(p.name, p.unit, repr(float(begin.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
-        "positions": _given(run_file["positions"], start.coordinate_names), "rates": _given(run_file["rates"], start.speed_names),
-        **_roads(equations, run_file),
+        "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
+        **_roads(equations, begin),
     }  # fmt: skip
 
 
@@ -230,18 +231,17 @@ def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, 
     return [{"index": names.index(name), "name": name, "value": repr(float(value))} for name, value in values.items()]
 
 
-def _settings(run_file: Mapping[str, Any]) -> dict[str, object]:
-    numerics, held = run_file["numerics"], run_file["stabilisation"]
-    is_proximal = held["closure"] == "proximal"
-    steps = count_steps(numerics["dt"], run_file["end"], run_file["output_step"])
+def _settings(begin: Beginning) -> dict[str, object]:
+    is_proximal = begin.closure == "proximal"
+    steps = count_steps(begin.dt, begin.end, begin.output_step)
     return {
-        "closure": held["closure"], "penalty": _optional(held["penalty"]),
-        "damping_ratio": repr(float(held["damping_ratio"])), "frequency": repr(float(held["frequency"])),
-        "tolerance": repr(float(numerics["tolerance"])), "iterations": numerics["iterations"],
-        "multiplier_updates": numerics["multiplier_updates"], "proximal": _truth(is_proximal), "fixed_cost": _truth(numerics["fixed_cost"]),
-        "dt": repr(float(numerics["dt"])), "end": repr(steps.number * float(numerics["dt"])),
-        "absolute_tolerance": repr(float(numerics["absolute_tolerance"] or 0.0)), "penalty_of_steps": _optional(numerics["penalty"]),
-        "equilibrium": _truth(run_file["pose"] == "equilibrium"),
+        "closure": begin.closure, "penalty": _optional(begin.closure_penalty),
+        "damping_ratio": repr(float(begin.damping_ratio)), "frequency": repr(float(begin.frequency)),
+        "tolerance": repr(float(begin.tolerance)), "iterations": begin.iterations,
+        "multiplier_updates": begin.multiplier_updates, "proximal": _truth(is_proximal), "fixed_cost": _truth(begin.fixed_cost),
+        "dt": repr(float(begin.dt)), "end": repr(steps.number * float(begin.dt)),
+        "absolute_tolerance": repr(float(begin.absolute_tolerance or 0.0)), "penalty_of_steps": _optional(begin.penalty),
+        "equilibrium": _truth(begin.pose == "equilibrium"),
     }  # fmt: skip
 
 
@@ -295,13 +295,13 @@ def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
     return names
 
 
-def _roads(equations: RecursiveEquations | SystemEquations, run_file: Mapping[str, Any]) -> dict[str, object]:
+def _roads(equations: RecursiveEquations | SystemEquations, begin: Beginning) -> dict[str, object]:
     """The tracks that the tyres' roads have, each once, and the road of each tyre."""
     tracks: dict[str, dict[str, object]] = {}
     known: dict[tuple[object, ...], str] = {}
     roads = []
     for tyre in equations.roads:
-        road = run_file["roads"][tyre]
+        road = begin.roads[tyre]
         names = {}
         for side in ("left", "right"):
             key = tuple(chain.from_iterable(piece.values() for piece in road[side]))
