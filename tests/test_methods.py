@@ -78,9 +78,9 @@ def asked() -> Iterator[Options]:
 
 
 def told(scene: Scene, method: str, implementation: Implementation, options: Options) -> dict[str, Any] | str:
-    """The run file, or what is wrong with the options."""
+    """The entries of the run file, or what is wrong with the options."""
     try:
-        return make_run_file(MODEL, scene, {}, task="simulate", method=method, implementation=implementation, options=options)
+        return make_run_file(MODEL, scene, {}, task="simulate", method=method, implementation=implementation, options=options).entries()
     except RunError as error:
         return str(error)
 

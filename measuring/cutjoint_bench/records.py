@@ -40,7 +40,7 @@ class Case:
         method (of the default one for a peer), start, roads."""
         method = simulator if simulator in METHODS else DEFAULT_METHOD
         given = make_run_file(self.model, self.scene, self.parameters, task="simulate", method=method, options=PLAIN_STEPS)
-        return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()[:32]
+        return sha256(json.dumps(given.entries(), sort_keys=True).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True, kw_only=True)

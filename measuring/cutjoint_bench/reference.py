@@ -104,7 +104,7 @@ def _compiled(case: Case, method: str, precision: str) -> Artifact | None:
 def _key(case: Case, artifacts: Mapping[str, Artifact | None], tolerance: float) -> str:
     """Covers the model, the simulators and their input."""
     runs = [
-        make_run_file(case.model, case.scene, case.parameters, task="simulate", method=a.method, options=PLAIN_STEPS)
+        make_run_file(case.model, case.scene, case.parameters, task="simulate", method=a.method, options=PLAIN_STEPS).entries()
         for a in artifacts.values() if a
     ]  # fmt: skip
     binaries = [a.binary.path.parent.name for a in artifacts.values() if a]

@@ -60,7 +60,7 @@ def run_evaluate(
     binary: Path, model: Model, scene: Scene, states: list[At], description: Mapping[str, Any] | None = None
 ) -> list[dict[str, np.ndarray]]:  # fmt: skip
     """Results of the simulator's functions at the states; ``description`` is the description of the model, if the simulator reads one."""
-    run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS)
+    run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS).entries()
     run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
     if description is not None:
         run_file["model"] = description

@@ -99,7 +99,7 @@ def test_systems_as_their_programs_say(method: str, name: str) -> None:
     at = {key: value.tolist() for key, value in state.items() if key in ("q", "v", "vdot", "lambda", "w", "right")}
     at |= {"t": 0.3, "penalty": 1e4, "weights": {"damping": 2e-3, "stiffness": 1e-6, "constraint": 0.6}}
     at["relative"] = {key: state[f"relative_{key}"].tolist() for key in "qv"}
-    (found,) = call_simulator(artifact.binary.path, {**run_file, "states": [at], "model": artifact.description})["results"]
+    (found,) = call_simulator(artifact.binary.path, {**run_file.entries(), "states": [at], "model": artifact.description})["results"]
     pattern: Any = artifact.description["description"]["pattern"] if artifact.description else {}
     for function, names in RESULTS.items():
         for array, values in system_results(artifact.program, equations, function, state).items():
@@ -253,7 +253,7 @@ def check_refusal(artifact: Artifact, change: Callable[[Any], None], message: st
     description = json.loads(json.dumps(run.description))
     change(description)
     with pytest.raises(SimulatorError, match=message):
-        call_simulator(run.simulator, {**run.run_file, "model": description})
+        call_simulator(run.simulator, {**run.run_file.entries(), "model": description})
 
 
 @pytest.mark.parametrize("damage", DAMAGES)

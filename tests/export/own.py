@@ -164,7 +164,7 @@ def run_generic(
             topology.model, with_closure(scene, PLAIN_CLOSURE), parameters, task="simulate", out=str(folder / "table.csv"),
             implementation=Implementation.GENERIC, options=PLAIN_STEPS,
         )  # fmt: skip
-        summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
+        summary = call_simulator(build_generic().path, {**run_file.entries(), "model": str(folder / "model.json")})
         if (failure := failure_of(summary)) is not None:
             where = places_of(topology, scene)
             raise RunError(describe_failure(failure, scene.name, where, Path(topology.model.span.file), parameters))

@@ -32,7 +32,7 @@ def _template() -> tuple[Path, str]:
     with TemporaryDirectory() as folder:
         artifact = compile_press(Path(folder))
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", out="table.csv")
-    return artifact.binary.path, json.dumps({**file, "end": 0.02, "steps_out": "steps.csv"})
+    return artifact.binary.path, json.dumps({**file.entries(), "end": 0.02, "steps_out": "steps.csv"})
 
 
 def _places(node: Any) -> Iterator[tuple[Any, Any]]:

@@ -83,7 +83,7 @@ def test_a_sample_compiles_and_runs() -> None:
         assert outcome.scene is not None
         short = replace(outcome.scene, end=2 * outcome.scene.numerics.step, output_step=outcome.scene.numerics.step)
         run = make_run_file(outcome.model, short, {}, task="simulate", out=os.devnull)
-        summary = call_simulator(build(outcome.source, flags=("-O0",)).path, run)
+        summary = call_simulator(build(outcome.source, flags=("-O0",)).path, run.entries())
         assert summary["status"] == "done" or summary["message"], summary
 
 

@@ -35,7 +35,7 @@ def attitude_of(written: object, **changes: float) -> Rotation:
     """The rotation that a run file has for what is written."""
     text = TOP.replace("ATTITUDE", written if isinstance(written, str) else json.dumps(written))
     model = read_model_text(text, "top.yaml")
-    positions = make_run_file(model, model.scenes["spin"], changes, task="simulate")["positions"]
+    positions = make_run_file(model, model.scenes["spin"], changes, task="simulate").positions
     assert set(positions) == {f"ball.{name}" for name in ATTITUDE}
     quaternion = [positions[f"ball.{name}"] for name in ATTITUDE]
     assert np.linalg.norm(quaternion) == pytest.approx(1, abs=1e-15)

@@ -57,8 +57,8 @@ def test_they_change_with_what_they_follow_from() -> None:
     values = {p.symbol: 1.0 if p.name == "half" else p.value for p in model.parameters}
     assert evaluate(model.bodies[0].mass, values) == pytest.approx(1.6, rel=1e-15)
     found = make_run_file(model, model.scenes["fall"], {"half": 1.0}, task="simulate")
-    assert found["parameters"] == {"half": 1.0}
-    assert found["positions"]["hinge.angle"] == pytest.approx(10.0, rel=1e-15)
+    assert found.parameters == {"half": 1.0}
+    assert found.positions["hinge.angle"] == pytest.approx(10.0, rel=1e-15)
 
 
 def test_they_are_not_set_themselves() -> None:

@@ -34,7 +34,7 @@ OTHERS: Mapping[str, Callable[[Path], Artifact]] = {
 
 def told(artifact: Artifact, **how: Any) -> bool | None:
     """The setting of events in the run file; None for nothing."""
-    found: bool | None = make_simulator_run(artifact, Options(**how)).run_file["numerics"]["events"]
+    found: bool | None = make_simulator_run(artifact, Options(**how)).run_file.settings.events
     return found
 
 

@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from textwrap import dedent
 
@@ -18,11 +19,14 @@ import pytest
 from click.testing import Result
 
 from cutjoint.run.outputs import OutputError, partial_of, reason_of, require_apart, units_of
+from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import TableFile, write_whole
 from cutjoint.run.results import read_table
+from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
-from tests.conftest import ROOT
+from cutjoint.topology.reading import read_model
+from tests.conftest import MODELS, ROOT
 from tests.run.program import PATIENCE, call, files, has_content, launch, run, small_disk, wait_for
 from tests.runtime.test_last_row import DRIVEN
 
@@ -178,6 +182,12 @@ def test_a_run_that_fails_leaves_an_earlier_table_and_says_where_its_rows_are(fo
     assert files(folder) == ["run.csv", "run.error.json", "run.units.json", "steps.csv"]  # nothing stale
 
 
+@cache
+def any_run_file() -> RunFile:
+    model = read_model(MODELS / "press.yaml")
+    return make_run_file(model, model.scenes["turn"], {}, task="simulate")
+
+
 @pytest.fixture
 def script(tmp_path: Path) -> Callable[[str], SimulatorRun]:
     """A run whose simulator is a program in Python."""
@@ -187,7 +197,7 @@ def script(tmp_path: Path) -> Callable[[str], SimulatorRun]:
         head = "import json, os, sys, time\nrun = json.load(open(sys.argv[1]))\nout = os.fdopen(run['out']['descriptor'], 'w')\n"
         path.write_text(f"#!{sys.executable}\n{head}{dedent(text)}", encoding="utf-8")
         path.chmod(0o755)
-        return SimulatorRun(simulator=path, run_file={}, description=None, units={"a.x": "m"})
+        return SimulatorRun(simulator=path, run_file=any_run_file(), description=None, units={"a.x": "m"})
 
     return write
 

@@ -239,5 +239,5 @@ def test_an_input_is_given_once() -> None:
 def test_what_simulators_refuse(inputs: Any, message: str) -> None:
     plan = make_simulator_run(compiled("free"), Options())
     with pytest.raises(SimulatorError) as error:
-        call_simulator(plan.simulator, {**plan.run_file, "model": plan.description, "inputs": inputs})
+        call_simulator(plan.simulator, {**plan.run_file.entries(), "model": plan.description, "inputs": inputs})
     assert str(error.value) == f"run file: {message}"

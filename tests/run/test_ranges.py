@@ -116,7 +116,7 @@ def test_motions_are_linearised_at_times_that_are_reached() -> None:
 def test_rows_of_adaptive_runs_end_with_the_run() -> None:
     scene = replace(pendulum().scenes["rest"], output_step=5.0)
     file = make_run_file(pendulum(), scene, {}, task="simulate", options=Options(integrator="dormand-prince"))
-    assert file["numerics"]["dt"] == scene.end
+    assert file.settings.dt == scene.end
 
 
 def scene_text(settings: str) -> str:

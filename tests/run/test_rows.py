@@ -25,10 +25,10 @@ def steps_of(row: str, dt: str, method: str = "recursive", task: str = "simulate
     assert text != PENDULUM
     model = read_model_text(text, "pendulum.yaml")
     file = make_run_file(model, model.scenes["rest"], {}, task=task, method=method, options=options or Options())
-    dt_ = file["numerics"]["dt"]
+    dt_ = file.settings.dt
     if method == "recursive":
-        assert file["stabilisation"]["frequency"] == pytest.approx(0.1 / dt_)
-    return dt_, dt_ * count_steps(dt_, file["end"], file["output_step"]).stride
+        assert file.settings.stabilisation.frequency == pytest.approx(0.1 / dt_)
+    return dt_, dt_ * count_steps(dt_, file.end, file.output_step).stride
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])

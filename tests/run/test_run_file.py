@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -10,6 +13,7 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
+from cutjoint.run.record import RunFile
 from cutjoint.run.run_file import make_run_file
 
 #: A wheel on a strut whose place, speed and radius follow from parameters.
@@ -40,15 +44,45 @@ scenes:
 """
 
 
-def follow(scene: str, **changes: float) -> dict[str, object]:
+def follow(scene: str, **changes: float) -> RunFile:
     model = read_model_text(STRUT, "strut.yaml")
     return make_run_file(model, model.scenes[scene], changes, task="simulate")
 
 
+def test_the_file_is_plain_data_in_an_order_that_stays() -> None:
+    found = follow("placed").entries()
+    assert list(found) == [
+        "task", "parameters", "integrator", "solver", "stabilisation", "numerics", "end", "output_step", "pose", "positions", "rates",
+        "roads", "out",
+    ]  # fmt: skip
+    assert list(found["numerics"]) == [
+        "dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance", "spectral_radius",
+    ]  # fmt: skip
+    assert (found["task"], found["end"], found["positions"]) == ("simulate", 0.1, {"rail.displacement": 0.25})
+    assert json.loads(json.dumps(found)) == found
+
+
+@pytest.mark.parametrize("changes", [{}, {"energy": True}, {"inputs": {"push": {"value": 1.0}}}])
+def test_the_record_comes_back_from_its_data(changes: dict[str, Any]) -> None:
+    file = replace(follow("rolled"), **changes)
+    again = RunFile.of(json.loads(json.dumps(asdict(file))))
+    assert again == file
+    assert again.entries() == file.entries()
+    assert {key for key in file.entries() if key in ("energy", "inputs")} == set(changes)
+
+
+def test_other_settings_leave_the_file_as_it_was() -> None:
+    file = follow("placed")
+    other = file.with_settings(dt=0.5 * file.settings.dt)
+    assert other.entries() == {**file.entries(), "numerics": {**file.entries()["numerics"], "dt": 0.5 * file.settings.dt}}
+    with pytest.raises(TypeError, match="unexpected keyword argument 'step'"):
+        file.with_settings(step=1.0)
+
+
 def test_numbers_follow() -> None:
-    assert follow("placed")["positions"] == {"rail.displacement": 0.25}
-    assert follow("placed", k=4.0, a=1.0)["positions"] == {"rail.displacement": 0.25}
-    assert follow("thrown", k=9.0)["rates"] == {"rail.displacement_rate": 3.0}
+    assert follow("placed").positions == {"rail.displacement": 0.25}
+    assert follow("placed", k=4.0, a=1.0).positions == {"rail.displacement": 0.25}
+    assert follow("thrown", k=9.0).rates == {"rail.displacement_rate": 3.0}
 
 
 @pytest.mark.parametrize(
@@ -96,7 +130,7 @@ joints: {rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1
 scenes: {still: {end: 1}}
 """
     model = read_model_text(text, "cart.yaml")
-    assert make_run_file(model, model.scenes["still"], {"m": 2.0}, task="simulate")["parameters"] == {"m": 2.0}
+    assert make_run_file(model, model.scenes["still"], {"m": 2.0}, task="simulate").parameters == {"m": 2.0}
     with pytest.raises(RunError) as error:
         make_run_file(model, model.scenes["still"], {"m": m}, task="simulate")
     assert message in str(error.value)

@@ -78,7 +78,7 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
                      integrator="dormand-prince")  # fmt: skip
     assert cells(completed(simulate(artifact))) == cells(completed(asked))
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
-    assert (file["numerics"]["tolerance"], file["numerics"]["absolute_tolerance"], file["numerics"]["dt"]) == (1e-7, 1e-9, 0.05)
+    assert (file.settings.tolerance, file.settings.absolute_tolerance, file.settings.dt) == (1e-7, 1e-9, 0.05)
     assert completed(simulate(compile_generic_model(path))).effort.events == 0
 
 

@@ -355,7 +355,7 @@ def run_four_bar(folder: Path, method: str, solver: str | None) -> Mapping[str, 
         model, scene, {}, task="simulate", method=method, options=Options(solver=solver), out=str(folder / "table.csv"),
         implementation=Implementation.GENERIC,
     )
-    summary = call_simulator(build_generic().path, {**run_file, "model": str(folder / "model.json")})
+    summary = call_simulator(build_generic().path, {**run_file.entries(), "model": str(folder / "model.json")})
     assert failure_of(summary) is None
     return read_table(folder / "table.csv")[1]
 

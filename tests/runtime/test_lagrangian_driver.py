@@ -136,7 +136,7 @@ def test_steps_of_the_recursive_method_are_measured_when_asked_for(tmp_path: Pat
     for more in places:
         out = tmp_path / "table.csv"
         file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", out=str(out))
-        summary = call_simulator(artifact.binary.path, {**file, **more, "end": 0.5})
+        summary = call_simulator(artifact.binary.path, {**file.entries(), **more, "end": 0.5})
         effort = read_effort(summary)
         assert effort.solver == ""
         assert effort.iterations == summary["evaluations"]
@@ -154,4 +154,4 @@ def test_the_recursive_method_has_no_solver() -> None:
     artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
     with pytest.raises(SimulatorError, match="the recursive method has no linear solver to choose; write null for 'solver'"):
-        call_simulator(artifact.binary.path, {**file, "solver": "klu"})
+        call_simulator(artifact.binary.path, {**file.entries(), "solver": "klu"})

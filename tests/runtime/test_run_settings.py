@@ -31,7 +31,8 @@ def binary(method: str) -> Path:
 
 def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
     """The simulator's message about a run file with some values changed, by their keys joined by dots."""
-    file = deepcopy(make_run_file(pendulum(), pendulum().scenes["rest"], {}, task="simulate", method=method, out=str(folder / "run.csv")))
+    made = make_run_file(pendulum(), pendulum().scenes["rest"], {}, task="simulate", method=method, out=str(folder / "run.csv"))
+    file = deepcopy(made.entries())
     for name, value in changes.items():
         *parents, key = name.split(".")
         place = file

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
 from pathlib import Path
-from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
@@ -39,6 +38,7 @@ from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance
@@ -74,7 +74,7 @@ class Standalone:
     digest: str
     parts: SimulationCode
     integrator: str
-    run_file: Mapping[str, Any]
+    run_file: RunFile
     code: str = ""
 
     @property
@@ -125,18 +125,19 @@ class Standalone:
     @property
     def _beginning(self) -> Beginning:
         """The part of the run file that generated code begins with."""
-        file, numerics, held = self.run_file, self.run_file["numerics"], self.run_file["stabilisation"]
-        names = ("dt", "penalty", "tolerance", "iterations", "multiplier_updates", "fixed_cost", "events", "absolute_tolerance")
+        file, settings, held = self.run_file, self.run_file.settings, self.run_file.settings.stabilisation
         return Beginning(
-            integrator=file["integrator"], closure=held["closure"], closure_penalty=held["penalty"], damping_ratio=held["damping_ratio"],
-            frequency=held["frequency"], **{name: numerics[name] for name in names}, end=file["end"], output_step=file["output_step"],
-            pose=file["pose"], parameters=file["parameters"], positions=file["positions"], rates=file["rates"], roads=file["roads"],
+            integrator=settings.integrator, closure=held.closure, closure_penalty=held.penalty, damping_ratio=held.damping_ratio,
+            frequency=held.frequency, dt=settings.dt, penalty=settings.penalty, tolerance=settings.tolerance,
+            iterations=settings.iterations, multiplier_updates=settings.multiplier_updates, fixed_cost=settings.fixed_cost,
+            events=settings.events, absolute_tolerance=settings.absolute_tolerance, end=file.end, output_step=file.output_step,
+            pose=file.pose, parameters=file.parameters, positions=file.positions, rates=file.rates, roads=file.roads,
         )  # fmt: skip
 
     @property
     def settings(self) -> StepSettings:
         """The settings of its steps until a host changes them."""
-        return StepSettings.of(self.run_file)
+        return StepSettings.of(self.run_file.settings)
 
     def with_code(self, text: str) -> Standalone:
         """Copy the folder with more code in its library."""

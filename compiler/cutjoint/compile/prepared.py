@@ -25,6 +25,7 @@ from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
 from cutjoint.run.options import Options
+from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
@@ -75,7 +76,7 @@ class PreparedRun:
         if any(_has_other_unit(value, self.units.get(name, "")) for name, value in parameters.items()):
             return False
         changed = parameters.keys() - set(self.inputs)
-        return not changed or (not self.following and changed <= self.run.run_file["parameters"].keys())
+        return not changed or (not self.following and changed <= self.run.run_file.parameters.keys())
 
 
 def _has_other_unit(value: float, unit: str) -> bool:
@@ -167,5 +168,8 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
         following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"],
-        run=SimulatorRun(**{**run, "simulator": cache_folder() / run["simulator"] / "simulator"}),
+        run=SimulatorRun(**{
+            **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
+            "others": [Settings.of(other) for other in run["others"]],
+        }),
     )  # fmt: skip

@@ -9,7 +9,6 @@ from rich.table import Table
 
 from cutjoint.methods import Implementation
 from cutjoint.model.ranges import count_steps
-from cutjoint.report.tasks import closing_equations
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 
@@ -20,6 +19,11 @@ if TYPE_CHECKING:
     from cutjoint.model.records import Model
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology
+
+
+def closing_equations(model: Model) -> str:
+    """The equations of which a report gives number and rank."""
+    return "equations of cut joints and gears" if model.gears else "cut-joint equations"
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
@@ -133,7 +137,7 @@ def _figures(rated: RatedOption, base: int) -> str:
 
 def rows_elsewhere(run: SimulatorRun) -> str:
     """The words about a run whose rows are not at the multiples of its output_step; "" of others."""
-    dt, end, wanted = run.run_file["numerics"]["dt"], run.run_file["end"], run.run_file["output_step"]
+    dt, end, wanted = run.run_file.settings.dt, run.run_file.end, run.run_file.output_step
     steps = count_steps(dt, end, wanted)
     apart = steps.stride * dt
     if steps.rows < 3 or abs(apart - wanted) <= 1e-6 * wanted:

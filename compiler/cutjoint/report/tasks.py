@@ -10,15 +10,8 @@ from rich.bar import Bar
 from rich.table import Table
 
 from cutjoint.model.quantities import POSE
-from cutjoint.model.records import Model
 from cutjoint.run.results import MechanismState
 from cutjoint.tasks.realtime import StepTimes
-
-
-def closing_equations(model: Model) -> str:
-    """The equations of which a report gives number and rank."""
-    return "equations of cut joints and gears" if model.gears else "cut-joint equations"
-
 
 # Equilibria
 

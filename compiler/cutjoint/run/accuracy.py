@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.checks import find_imbalance, find_open_gap, open_loops
 from cutjoint.run.differences import all_fall, defect_left, differences, falls, uncertain_jumps
 from cutjoint.run.fallbacks import follow_up
+from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.results import Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress, SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -111,7 +111,7 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
 
 
 def _change_of(plan: SimulatorRun) -> Change:
-    return STRICTER if INTEGRATORS[plan.run_file["integrator"]].adaptive else SHORTER
+    return STRICTER if INTEGRATORS[plan.run_file.settings.integrator].adaptive else SHORTER
 
 
 def _left(change: Change, apart: float, before: float | None, defect: float) -> float:
@@ -152,7 +152,7 @@ def _judged(
 ) -> ErrorEstimate:  # fmt: skip
     """The errors of a run, with the effect of open loops, jumps beside rows, and warnings; the last of the others is nearest."""
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
-    jumps = uncertain_jumps(run, others[-1], plan.run_file["jumps_within"]) if others else {}
+    jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
     if gap > 0.0:
         closed = _controlled(plan)
@@ -211,9 +211,8 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
 
 def _controlled(plan: SimulatorRun) -> Trajectory | None:
     """The run by an integrator with error control, which closes loops after each step; None if the program has none, or it fails."""
-    found = (replace(plan, run_file={**plan.run_file, **parts}) for parts in plan.others if INTEGRATORS[parts["integrator"]].adaptive)
-    other = next(found, None)
-    return None if other is None else _whole(other)
+    other = next((settings for settings in plan.others if INTEGRATORS[settings.integrator].adaptive), None)
+    return None if other is None else _whole(replace(plan, run_file=replace(plan.run_file, settings=other)))
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
@@ -232,31 +231,32 @@ def _whole(plan: SimulatorRun) -> Trajectory | None:
 
 def _finer(plan: SimulatorRun, change: Change, times: int, further: float = _IN_ROW) -> SimulatorRun:
     """The run with steps that are so many times finer, and with shorter ones iterations that go ``further`` each time."""
-    return replace(plan, run_file={**plan.run_file, **_changed(plan.run_file, change, times, further)})
+    return replace(plan, run_file=_changed(plan.run_file, change, times, further))
 
 
-def _changed(run_file: Mapping[str, Any], change: Change, times: int, further: float) -> dict[str, Any]:
-    """The parts of a run file that a change alters, so many times.
+def _changed(run_file: RunFile, change: Change, times: int, further: float) -> RunFile:
+    """A run file after a change, so many times.
 
     A tolerance of steps is that of their iterations too.  With shorter steps iterations end by a tolerance that falls beside them: what
     they leave does not fall with the step, so that two runs would agree by it.
     """
-    numerics = dict(run_file["numerics"])
-    numerics[change.setting] *= change.factor**times
+    settings, factor = run_file.settings, change.factor**times
     if change.setting == "dt":
-        dt = run_file["numerics"]["dt"]
-        stride = count_steps(dt, run_file["end"], run_file["output_step"]).stride
-        return {"numerics": {**numerics, **(_iterated_further(numerics, times, further) if times > 0 else {})}, "output_step": dt * stride}
-    if numerics["absolute_tolerance"] is not None:
-        numerics["absolute_tolerance"] *= change.factor**times
-    return {"numerics": numerics}
+        stride = count_steps(settings.dt, run_file.end, run_file.output_step).stride
+        finer = replace(settings, dt=settings.dt * factor)
+        finer = _iterated_further(finer, times, further) if times > 0 else finer
+        return replace(run_file, settings=finer, output_step=settings.dt * stride)
+    absolute = settings.absolute_tolerance
+    return run_file.with_settings(
+        tolerance=settings.tolerance * factor, absolute_tolerance=None if absolute is None else absolute * factor
+    )
 
 
-def _iterated_further(numerics: Mapping[str, Any], times: int, further: float) -> dict[str, Any]:
+def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
     """Settings of iterations that leave next to nothing of what those of given ones do, as many as that takes."""
-    tolerance = min(numerics["tolerance"] * further, max(numerics["tolerance"] * further**times, _LEAST))
-    absolute = numerics["absolute_tolerance"]
-    return {
-        "tolerance": tolerance, "absolute_tolerance": None if absolute is None else absolute * tolerance / numerics["tolerance"],
-        "iterations": max(numerics["iterations"], _ITERATIONS), "fixed_cost": False,
-    }  # fmt: skip
+    tolerance = min(settings.tolerance * further, max(settings.tolerance * further**times, _LEAST))
+    absolute = settings.absolute_tolerance
+    return replace(
+        settings, tolerance=tolerance, absolute_tolerance=None if absolute is None else absolute * tolerance / settings.tolerance,
+        iterations=max(settings.iterations, _ITERATIONS), fixed_cost=False,
+    )  # fmt: skip

@@ -20,9 +20,10 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
 from cutjoint.run.inputs import GivenInput
 from cutjoint.run.options import Options
+from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Settings, find_goal, find_settings, with_options
+from cutjoint.run.settings import find_goal, find_settings, with_options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
@@ -133,12 +134,12 @@ def make_simulator_run(
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options, inputs=inputs or {},
     )  # fmt: skip
-    goal = find_goal(artifact.scene, artifact.method, run_file["integrator"], options)
+    goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
         indeterminate=artifact.indeterminate,
-        others=tuple(_other_settings(artifact, options, run_file["integrator"])),
+        others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
         jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,
     )  # fmt: skip
@@ -163,11 +164,11 @@ def _leaves_choice(artifact: Artifact, options: Options) -> bool:
     return artifact.method == DEFAULT_METHOD and all(name is None for name in named)
 
 
-def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[dict[str, Any]]:
+def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[Settings]:
     """The settings of a run by each other integrator that the simulator has."""
     for name in names_of(INTEGRATORS, lambda i: i.in_files and i.name != integrator):
         with suppress(RunError):  # it does not take the method, or not with these options
-            yield artifact.settings(replace(options, integrator=name)).parts()
+            yield artifact.settings(replace(options, integrator=name))
 
 
 def _require_tangents(artifact: Artifact, options: Options) -> None:

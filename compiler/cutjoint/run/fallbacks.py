@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
-from typing import Any
 
 from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, join_and
 from cutjoint.model.ranges import StepsError, count_steps
+from cutjoint.run.record import RunFile
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
@@ -22,15 +22,15 @@ _STEPS, _SHARE = 20, 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Fallback:
-    """Other settings for a run, in words, and the parts of the run file that they change; ``free`` ones need no number to be chosen."""
+    """Other settings for a run, in words, and its run file with them; ``free`` ones need no number to be chosen."""
 
     words: str
-    parts: Mapping[str, Any]
+    run_file: RunFile
     free: bool = False
 
     def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
         """The run with these settings, whose steps follow from nothing else."""
-        return replace(plan, run_file={**plan.run_file, **self.parts}, goal=None)
+        return replace(plan, run_file=self.run_file, goal=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ def follow_up(
     for fallback in others:
         other = play(fallback.applied_to(plan))
         if other.failure is None:
-            return replace(other, instead=f"{fallback.words}, since {plan.run_file['integrator']} stopped: {run.failure.what}")
+            return replace(other, instead=f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}")
     if others:
         run = play(plan)  # whose rows are in the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
@@ -87,7 +87,7 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     untried = [f"method {name}" for name in METHODS[plan.method].instead]
-    if plan.closes_loops and plan.run_file["stabilisation"]["closure"] != DEFAULT_CLOSURE in METHODS[plan.method].closures:
+    if plan.closes_loops and plan.run_file.settings.stabilisation.closure != DEFAULT_CLOSURE in METHODS[plan.method].closures:
         untried.insert(0, f"closure {DEFAULT_CLOSURE}")
     words = (
         known,
@@ -108,50 +108,49 @@ def _verb(fallbacks: tuple[Fallback, ...]) -> str:
 
 def _time_past(plan: SimulatorRun, failure: FailureReport) -> float:
     """A time (s) a little after a failure, if the run has one."""
-    step = plan.run_file["numerics"]["dt"]
-    steps = 1 if INTEGRATORS[plan.run_file["integrator"]].adaptive else _STEPS
-    return float(min(plan.run_file["end"], failure.time + max(steps * step, _SHARE * failure.time)))
+    step = plan.run_file.settings.dt
+    steps = 1 if INTEGRATORS[plan.run_file.settings.integrator].adaptive else _STEPS
+    return float(min(plan.run_file.end, failure.time + max(steps * step, _SHARE * failure.time)))
 
 
 def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
     """Other integrators of the program, then other settings of the same one."""
-    file, numerics = plan.run_file, plan.run_file["numerics"]
-    integrator = INTEGRATORS[file["integrator"]]
-    for parts in plan.others:
-        step = "" if INTEGRATORS[parts["integrator"]].adaptive else f" with dt {parts['numerics']['dt']:g}"
-        yield Fallback(words=f"integrator {parts['integrator']}{step}", parts=parts, free=True)
-    if not integrator.adaptive:
-        dt = numerics["dt"]
-        stride = count_steps(dt, file["end"], file["output_step"]).stride
-        yield Fallback(words=f"dt {dt / 10:g}", parts={"numerics": {**numerics, "dt": dt / 10}, "output_step": stride * dt})
+    file, settings = plan.run_file, plan.run_file.settings
+    for other in plan.others:
+        step = "" if INTEGRATORS[other.integrator].adaptive else f" with dt {other.dt:g}"
+        yield Fallback(words=f"integrator {other.integrator}{step}", run_file=replace(file, settings=other), free=True)
+    if not INTEGRATORS[settings.integrator].adaptive:
+        dt = settings.dt
+        stride = count_steps(dt, file.end, file.output_step).stride
+        yield Fallback(words=f"dt {dt / 10:g}", run_file=replace(file.with_settings(dt=dt / 10), output_step=stride * dt))
     for factor in (0.1, 10.0):
-        yield _with_tolerance(numerics, factor)
-    if plan.closes_loops and not CLOSURES[file["stabilisation"]["closure"]].penalty_of_each_cut and numerics["penalty"] is not None:
+        yield _with_tolerance(file, factor)
+    if plan.closes_loops and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut and settings.penalty is not None:
         for factor in (1e-2, 1e2):
-            yield _with_penalty(file, factor * numerics["penalty"])
-    if numerics["events"]:
-        yield Fallback(words="events crossed", parts={"numerics": {**numerics, "events": False}}, free=True)
+            yield _with_penalty(file, factor * settings.penalty)
+    if settings.events:
+        yield Fallback(words="events crossed", run_file=file.with_settings(events=False), free=True)
 
 
-def _with_tolerance(numerics: Mapping[str, Any], factor: float) -> Fallback:
-    absolute = numerics["absolute_tolerance"]
-    tolerance = factor * numerics["tolerance"]
-    changed = {"tolerance": tolerance, "absolute_tolerance": None if absolute is None else factor * absolute}
-    return Fallback(words=f"tolerance {tolerance:g}", parts={"numerics": {**numerics, **changed}})
+def _with_tolerance(file: RunFile, factor: float) -> Fallback:
+    absolute, tolerance = file.settings.absolute_tolerance, factor * file.settings.tolerance
+    changed = file.with_settings(tolerance=tolerance, absolute_tolerance=None if absolute is None else factor * absolute)
+    return Fallback(words=f"tolerance {tolerance:g}", run_file=changed)
 
 
-def _with_penalty(file: Mapping[str, Any], penalty: float) -> Fallback:
-    parts = {"numerics": {**file["numerics"], "penalty": penalty}, "stabilisation": {**file["stabilisation"], "penalty": penalty}}
-    return Fallback(words=f"penalty {penalty:g}", parts=parts)
+def _with_penalty(file: RunFile, penalty: float) -> Fallback:
+    changed = file.with_settings(penalty=penalty, stabilisation=replace(file.settings.stabilisation, penalty=penalty))
+    return Fallback(words=f"penalty {penalty:g}", run_file=changed)
 
 
 def _goes_past(plan: SimulatorRun, past: float, seconds: float) -> bool | None:
     """Return whether a run comes to a time; None where it takes longer than so many seconds."""
-    numerics = {**plan.run_file["numerics"], "dt": min(plan.run_file["numerics"]["dt"], past)}
+    file = plan.run_file
+    file = replace(file.with_settings(dt=min(file.settings.dt, past)), end=past)
     begin = monotonic()
     try:
-        count_steps(numerics["dt"], past, plan.run_file["output_step"])
-        run = start(replace(plan, run_file={**plan.run_file, "numerics": numerics, "end": past}), seconds=seconds)
+        count_steps(file.settings.dt, past, file.output_step)
+        run = start(replace(plan, run_file=file), seconds=seconds)
     except StepsError:
         return False
     except SimulatorError:

@@ -21,13 +21,13 @@ def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
     Raises:
         Interrupted, Terminated: a signal has ended the run.
     """
-    failure, numerics = run.failure, plan.run_file["numerics"]
+    failure, settings = run.failure, plan.run_file.settings
     if failure is None or not (0 < failure.step <= _MOST_STEPS and failure.time > 0):
         return run
-    adaptive = INTEGRATORS[plan.run_file["integrator"]].adaptive
-    dt = min(numerics["dt"], failure.time / _ROWS) if adaptive else failure.time / failure.step
+    adaptive = INTEGRATORS[settings.integrator].adaptive
+    dt = min(settings.dt, failure.time / _ROWS) if adaptive else failure.time / failure.step
     try:
-        again = start(replace(plan, run_file={**plan.run_file, "numerics": {**numerics, "dt": dt}, "output_step": dt}))
+        again = start(replace(plan, run_file=replace(plan.run_file.with_settings(dt=dt), output_step=dt)))
     except SimulatorError:
         return run
     return replace(again, failure=failure) if again.failure is not None and again.t.size > run.t.size else run

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from cutjoint.model.records import Scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import PLAIN_STEPS
+from cutjoint.run.record import RunFile
 from cutjoint.run.results import FailureReport
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
@@ -46,7 +46,8 @@ def linearise_at(
     """
     with temporary_folder() as folder:
         run_file = _run_file(artifact, at, parameters, folder)
-        summary = call_simulator(artifact.binary.path, {**run_file, "with_state": True}, progress, description=artifact.description)
+        entries = {**run_file.entries(), "with_state": True}
+        summary = call_simulator(artifact.binary.path, entries, progress, description=artifact.description)
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
     state = summary["state"]
@@ -54,13 +55,13 @@ def linearise_at(
         _require_free(equations, summary.get("held", {}))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
-        parameters=np.array([run_file["parameters"][p.name] for p in equations.parameters]), held=run_file.get("inputs", {}),
-        roads={tyre: WheelRoad.of(**road) for tyre, road in run_file["roads"].items()},
+        parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held=run_file.inputs or {},
+        roads={tyre: WheelRoad.of(**road) for tyre, road in run_file.roads.items()},
     )  # fmt: skip
     return point.t, linearise(equations, point, at_rest=at is None)
 
 
-def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, float], folder: Path) -> dict[str, Any]:
+def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, float], folder: Path) -> RunFile:
     model, scene, out = artifact.topology.model, artifact.scene, str(folder / "table.csv")
     if at is None:
         at_rest = replace(scene, pose="equilibrium")

@@ -1,4 +1,4 @@
-"""The run file that a simulator reads: plain data for JSON."""
+"""From a model, a scene and what a caller gives to the run file of a task."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.options import Options
+from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.roads import road_pieces
-from cutjoint.run.settings import Settings, find_settings, with_options
+from cutjoint.run.settings import find_settings, with_options
 
 _NOTHING_ASKED = Options()
 
@@ -70,15 +71,14 @@ def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = DEFAULT_METHOD,
     implementation: Implementation = Implementation.GENERATED, options: Options = _NOTHING_ASKED,
     inputs: Mapping[str, GivenInput] = MappingProxyType({}),
-) -> dict[str, Any]:  # fmt: skip
+) -> RunFile:  # fmt: skip
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
     batches "batch".
 
     ``changes`` are values (SI units) of open parameters, and of inputs that are held constant; ``inputs`` are constants or tables over
-    time.  Inputs that neither names follow the scene.  "steps_out" may be added, where iterations and residuals of each step go,
-    "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row do, and
-    "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".  "numerics" are the
-    settings of steps, "stabilisation" the settings of cut joints in the recursive equations, which start every run.
+    time.  Inputs that neither names follow the scene.  To its entries "steps_out" may be added, where iterations and residuals of each
+    step go, "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row
+    do, and "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".
 
     Raises:
         RunError: a change names neither an open parameter nor an input, has no finite value, or leaves the start or a road
@@ -91,17 +91,11 @@ def make_run_file(
     given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
-    return {
-        "task": task,
-        "parameters": parameters,
-        **({"inputs": given} if input_parameters(model) else {}),
-        **settings.parts(),
-        "end": scene.end,
-        "output_step": scene.output_step,
-        "pose": scene.pose,
+    return RunFile(
+        task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
+        output_step=scene.output_step, pose=scene.pose, out=out,
         **following(model, scene, parameters, (*_sources(model, scene), MASSES)),
-        "out": out,
-    }
+    )  # fmt: skip
 
 
 def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict[str, GivenInput]:

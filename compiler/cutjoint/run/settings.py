@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import ceil
-from typing import Any
 
 from cutjoint.methods import (
     CLOSURES,
@@ -27,6 +25,7 @@ from cutjoint.model.ranges import MOST_STEPS, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.options import Options
+from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
 
 #: The largest error of places and angles (m, rad) of a run whose steps follow from it, where its scene gives none.
@@ -40,44 +39,6 @@ _WHOLE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stabilisation:
-    """The stabilisation of cut joints in the recursive equations, which start every run; ``penalty`` is None if it follows from masses."""
-
-    closure: str
-    penalty: float | None
-    damping_ratio: float
-    frequency: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """The settings of a run as its simulator has them.
-
-    A ``penalty`` of None is found by the run, ``solver`` is None of a method or an integrator without a linear solver.  ``events`` is
-    whether steps end at events, None where they cannot.  With ``fixed_cost`` each step has ``iterations`` iterations, else so many at
-    most.  ``absolute_tolerance`` and ``spectral_radius`` are None of integrators that do not read them.
-    """
-
-    integrator: str
-    solver: str | None
-    dt: float
-    penalty: float | None
-    tolerance: float
-    iterations: int
-    multiplier_updates: int
-    fixed_cost: bool
-    events: bool | None
-    absolute_tolerance: float | None
-    spectral_radius: float | None
-    stabilisation: Stabilisation
-
-    def parts(self) -> dict[str, Any]:
-        """The parts of a run file that are settings; None (null in the file) stands for what the run finds or does not use."""
-        numerics = asdict(self)
-        return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
-
-
-@dataclass(frozen=True, kw_only=True)
 class StepSettings:
     """The steps of a host: an ``integrator``, the ``step`` (s) of equal ones, else the longest, the ``tolerance`` of an iteration or of a
     step's error, and whether steps end at ``events``."""
@@ -88,12 +49,9 @@ class StepSettings:
     events: bool
 
     @classmethod
-    def of(cls, run_file: Mapping[str, Any]) -> StepSettings:
-        """The settings of a run file."""
-        numerics = run_file["numerics"]
-        return cls(
-            integrator=run_file["integrator"], step=numerics["dt"], tolerance=numerics["tolerance"], events=bool(numerics["events"])
-        )  # fmt: skip
+    def of(cls, settings: Settings) -> StepSettings:
+        """The steps of a run's settings."""
+        return cls(integrator=settings.integrator, step=settings.dt, tolerance=settings.tolerance, events=bool(settings.events))
 
     def __str__(self) -> str:
         length = "of at most" if INTEGRATORS[self.integrator].adaptive else "of"

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, cast
 
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS
 from cutjoint.run.outputs import require_apart
+from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import Columns, Trajectory, read_coordinates, read_effort, read_energy, read_near_jumps, read_run_table
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -28,21 +29,21 @@ class SimulatorRun:
     None where steps are given.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
-    these do not determine, ``others`` the settings of other integrators that it has: parts of a run file.  ``is_free`` is whether scene and
+    these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
     ``balances`` is whether the program has work and energy.
     """
 
     simulator: Path
-    run_file: Mapping[str, Any]
+    run_file: RunFile
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
     goal: float | None = None
     method: str = DEFAULT_METHOD
     closes_loops: bool = False
     indeterminate: Sequence[str] = ()
-    others: Sequence[Mapping[str, Any]] = ()
+    others: Sequence[Settings] = ()
     is_free: bool = False
     with_coordinates: bool = False
     jumps: Sequence[float] = ()
@@ -50,18 +51,17 @@ class SimulatorRun:
 
     def with_checks(self) -> SimulatorRun:
         """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
-        checks: dict[str, Any] = {"jumps_within": _BESIDE * self.run_file["output_step"]}
-        if self.balances and INTEGRATORS[self.run_file["integrator"]].balances:
-            checks["energy"] = True
-        return replace(self, run_file={**self.run_file, **checks})
+        balanced = self.balances and INTEGRATORS[self.run_file.settings.integrator].balances
+        checked = replace(self.run_file, jumps_within=_BESIDE * self.run_file.output_step, energy=self.run_file.energy or balanced)
+        return replace(self, run_file=checked)
 
     def with_parameters(self, changes: Mapping[str, float]) -> SimulatorRun:
         """The run with other values (SI units) of open parameters that nothing else in the run file follows from, and of inputs."""
-        changed = dict(self.run_file)
-        for name, value in changes.items():
-            part = "parameters" if name in self.run_file["parameters"] else "inputs"
-            changed[part] = {**changed[part], name: value}
-        return replace(self, run_file=changed)
+        file = self.run_file
+        given = {name: value for name, value in changes.items() if name in file.parameters}
+        held = {name: value for name, value in changes.items() if name not in given}
+        inputs = {**(file.inputs or {}), **held} if held else file.inputs
+        return replace(self, run_file=replace(file, parameters={**file.parameters, **given}, inputs=inputs))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ def start(
     asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
     with asked as tables, _coordinates_file(run.with_coordinates) as file:
         place = {} if file is None else {"coordinates_out": {"descriptor": file.fileno(), "name": "the temporary table of coordinates"}}
-        run_file = {**run.run_file, **tables.places, **place}
+        run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))

@@ -54,7 +54,7 @@ _MOST_ROWS = 10_000_000
 
 def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
     """The number of rows of a run, and their distance, s."""
-    row_step, end, rows = float(alone.run_file["output_step"]), float(alone.run_file["end"]), 1
+    row_step, end, rows = float(alone.run_file.output_step), float(alone.run_file.end), 1
     while (rows - 1) * row_step < end * (1 - 1e-12):
         rows += 1
     if rows > _MOST_ROWS:
@@ -64,5 +64,5 @@ def _count_rows(scene: Scene, alone: Standalone) -> tuple[int, float]:
 
 def _pays(study: Study, program: Program, alone: Standalone) -> bool:
     """Return whether a study has so many steps in a scene that lanes pay."""
-    steps = float(alone.run_file["end"]) / float(alone.run_file["numerics"]["dt"])
+    steps = float(alone.run_file.end) / float(alone.run_file.settings.dt)
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))

@@ -186,12 +186,12 @@ def _plan_side_by_side(
     """Steps of a batch whose runs are all made by one simulator, and that simulator."""
     options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
-    file.update(cases=_own_parts(artifact.model, artifact.scene, cases), threads=threads)
+    entries = {**file.entries(), "cases": _own_parts(artifact.model, artifact.scene, cases), "threads": threads}
 
     def play(progress: Progress | None, receive: Receive) -> float:
-        return float(call_simulator(artifact.binary.path, file, progress, receive)["seconds"])
+        return float(call_simulator(artifact.binary.path, entries, progress, receive)["seconds"])
 
-    return StepSettings.of(file), play
+    return StepSettings.of(file.settings), play
 
 
 def _plan_one_by_one(
@@ -210,7 +210,7 @@ def _plan_one_by_one(
                 progress((number + 1) / len(plans))
         return seconds
 
-    return StepSettings.of(make_simulator_run(alone, options).run_file), play
+    return StepSettings.of(make_simulator_run(alone, options).run_file.settings), play
 
 
 def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:

@@ -82,11 +82,11 @@ def run_in_real_time(
         artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
     )
     with RunTables(None, out=path_of(out)) as tables:
-        summary = call_simulator(artifact.binary.path, {**run_file, **tables.places})
+        summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
         _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
-    times = StepTimes(period=run_file["numerics"]["dt"], took=columns["took"], late=columns["late"], failure=failure, table=table)
+    times = StepTimes(period=run_file.settings.dt, took=columns["took"], late=columns["late"], failure=failure, table=table)
     if check and failure is not None:
         where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)

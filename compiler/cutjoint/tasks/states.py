@@ -69,7 +69,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     outputs = _everything(model)
     artifact = compile_interpreted(model, scene, outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
-    summary = call_simulator(artifact.binary.path, run_file, description=artifact.description)
+    summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(_said(failure, artifact, parameters), failure)

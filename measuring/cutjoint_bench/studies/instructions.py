@@ -41,7 +41,7 @@ def count(run: SimulatorRun, within: str = "") -> tuple[int, int]:
     """Instructions of a run, or of one function in it, and its steps."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "run.json").write_text(json.dumps({**run.run_file, "out": str(folder / "table.csv")}), encoding="utf-8")
+        (folder / "run.json").write_text(json.dumps({**run.run_file.entries(), "out": str(folder / "table.csv")}), encoding="utf-8")
         only = [f"--toggle-collect={within}"] if within else []
         done = call_under_valgrind([str(run.simulator), str(folder / "run.json")], folder, *only)
     return collected(done), json.loads(done.stdout.splitlines()[-1])["steps"]

@@ -76,7 +76,7 @@ def time_solver(artifact: Artifact, solver: str) -> dict[str, float]:
     """
     options = replace(PLAIN_STEPS, solver=solver)
     run_file = make_run_file(artifact.topology.model, artifact.scene, {}, task="factor", method=artifact.method, options=options)
-    summary = call_simulator(artifact.binary.path, run_file)
+    summary = call_simulator(artifact.binary.path, run_file.entries())
     return {name: value for name, value in summary.items() if isinstance(value, float | int)}
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.export.fmu.dependencies import Dependencies, StartDependencies, find_dependencies, find_following
 from cutjoint.formulate.inputs import TIME, guided_by, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
+from cutjoint.run.record import RunFile
 from cutjoint.run.run_file import Evaluator
 
 #: The unit of a joint's attitude, a quaternion.
@@ -84,7 +84,7 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
     return variable
 
 
-def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any], freedoms: int | None = None) -> Interface:
+def make_interface(equations: RecursiveEquations, run_file: RunFile, freedoms: int | None = None) -> Interface:
     """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too.
 
     Raises:
@@ -93,7 +93,7 @@ def make_interface(equations: RecursiveEquations, run_file: Mapping[str, Any], f
     parameters = tuple(
         Variable(
             name=p.name, causality="parameter", variability="tunable", description="Parameter of the model", unit=p.unit,
-            start=float(run_file["parameters"][p.name]),
+            start=float(run_file.parameters[p.name]),
         )
         for p in equations.parameters
     )  # fmt: skip
@@ -163,27 +163,27 @@ def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> V
     )  # fmt: skip
 
 
-def _settings(run_file: Mapping[str, Any]) -> Iterator[Variable]:
-    numerics = run_file["numerics"]
-    settings = [("step", "Length of the integrator's steps", "s", numerics["dt"])]
-    if INTEGRATORS[run_file["integrator"]].adaptive:
-        settings = [("step", "Longest step", "s", numerics["dt"])]
-        settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", numerics["tolerance"]))
-        settings.append(("absolute_tolerance", "Error of a step in SI units", "", numerics["absolute_tolerance"] or numerics["tolerance"]))
+def _settings(run_file: RunFile) -> Iterator[Variable]:
+    given = run_file.settings
+    settings = [("step", "Length of the integrator's steps", "s", given.dt)]
+    if INTEGRATORS[given.integrator].adaptive:
+        settings = [("step", "Longest step", "s", given.dt)]
+        settings.append(("relative_tolerance", "Error of a step as a share of a coordinate or speed", "", given.tolerance))
+        settings.append(("absolute_tolerance", "Error of a step in SI units", "", given.absolute_tolerance or given.tolerance))
     for name, description, unit, value in settings:
         yield Variable(
             name=f"integrator.{name}", causality="parameter", variability="tunable", description=description, unit=unit, start=float(value)
         )
 
 
-def _starts(equations: RecursiveEquations, run_file: Mapping[str, Any]) -> Iterator[Start]:
+def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]:
     units = {
         f"{joint.name}.{name}": unit for joint in equations.topology.model.joints for name, unit in JOINTS[joint.kind].units.items()
     }
     for kind, part, names in (
-        ("coordinate", "positions", equations.coordinate_names), ("speed", "rates", equations.speed_names),
+        ("coordinate", run_file.positions, equations.coordinate_names), ("speed", run_file.rates, equations.speed_names),
     ):  # fmt: skip
-        for name, value in run_file[part].items():
+        for name, value in part.items():
             yield Start(name=name, kind=kind, index=names.index(name), unit=units.get(name, _PLAIN), value=float(value))
 
 

@@ -12,7 +12,7 @@ from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.views import Counterparts, Entry, Table, code, make_table, plural
-from cutjoint.report.tasks import closing_equations
+from cutjoint.report.tables import closing_equations
 from cutjoint.topology.elimination import degrees, eliminate
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint
 

@@ -1,0 +1,94 @@
+"""The run file that a simulator reads, as a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stabilisation:
+    """The stabilisation of cut joints in the recursive equations, which start every run; ``penalty`` is None if it follows from masses."""
+
+    closure: str
+    penalty: float | None
+    damping_ratio: float
+    frequency: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of a run as its simulator has them.
+
+    A ``penalty`` of None is found by the run, ``solver`` is None of a method or an integrator without a linear solver.  ``events`` is
+    whether steps end at events, None where they cannot.  With ``fixed_cost`` each step has ``iterations`` iterations, else so many at
+    most.  ``absolute_tolerance`` and ``spectral_radius`` are None of integrators that do not read them.
+    """
+
+    integrator: str
+    solver: str | None
+    dt: float
+    penalty: float | None
+    tolerance: float
+    iterations: int
+    multiplier_updates: int
+    fixed_cost: bool
+    events: bool | None
+    absolute_tolerance: float | None
+    spectral_radius: float | None
+    stabilisation: Stabilisation
+
+    def entries(self) -> dict[str, Any]:
+        """The entries of a run file that are settings; None (null in the file) stands for what the run finds or does not use."""
+        numerics = asdict(self)
+        return {name: numerics.pop(name) for name in ("integrator", "solver", "stabilisation")} | {"numerics": numerics}
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Settings:
+        """The settings from the data that `asdict` makes of them."""
+        return cls(**{**data, "stabilisation": Stabilisation(**data["stabilisation"])})
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFile:
+    """The run file of a ``task``, in SI units.
+
+    ``parameters`` are the open ones, ``inputs`` what each input has over time, None of a model without.  ``positions`` and ``rates`` are by
+    "joint.component", ``roads`` by tyres: the pieces of both tracks, and whether the contact is a disc.  ``out`` is the table, "" for none.
+    With ``energy`` the run counts work and energy; jumps that lie ``jumps_within`` (s) of a row are told, if it is given.
+    `run_file.make_run_file` makes one; its tasks need more entries, which are beside it.
+    """
+
+    task: str
+    parameters: Mapping[str, float]
+    inputs: Mapping[str, Any] | None
+    settings: Settings
+    end: float
+    output_step: float
+    pose: str
+    positions: Mapping[str, float]
+    rates: Mapping[str, float]
+    roads: Mapping[str, Mapping[str, Any]]
+    out: str
+    energy: bool = False
+    jumps_within: float | None = None
+
+    def entries(self) -> dict[str, Any]:
+        """The file as plain data for JSON."""
+        return {
+            "task": self.task, "parameters": self.parameters, **({} if self.inputs is None else {"inputs": self.inputs}),
+            **self.settings.entries(), "end": self.end, "output_step": self.output_step, "pose": self.pose, "positions": self.positions,
+            "rates": self.rates, "roads": self.roads, "out": self.out,
+            **({} if self.jumps_within is None else {"jumps_within": self.jumps_within}),
+            **({"energy": True} if self.energy else {}),
+        }  # fmt: skip
+
+    def with_settings(self, **changes: Any) -> RunFile:
+        """The file with other values of some of its settings."""
+        return replace(self, settings=replace(self.settings, **changes))
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> RunFile:
+        """The file from the data that `asdict` makes of it."""
+        return cls(**{**data, "settings": Settings.of(data["settings"])})
