@@ -2,15 +2,22 @@
 #include "cutjoint/driver.hpp"
 #include "newton.hpp"
 
-#include "cutjoint/lagrangian/method.hpp"
+#include "cutjoint/core/sdirk_steps.hpp"
+#include "cutjoint/core/split_steps.hpp"
+#include "cutjoint/core/stepping/newton_rule.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/lagrangian/dependence.hpp"
+#include "cutjoint/lagrangian/examine.hpp"
+#include "cutjoint/core/newton/augmented.hpp"
+#include "cutjoint/core/newton/recursive_newton.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
-#include "cutjoint/sdirk/method.hpp"
-#include "cutjoint/stepping/newton_rule.hpp"
-#include "cutjoint/stepping/split_steps.hpp"
+#include "cutjoint/simulated.hpp"
 
 namespace {
 
@@ -38,11 +45,19 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<
     case Integrator::reference:
       return run<reference::NaturalReference<S>>(start, system, settings, file);
     case Integrator::sdirk4:
+      return run<Simulated<SdirkSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
     case Integrator::sdirk4_fixed:
-      return run<sdirk::ImplicitMethod<S>>(start, system, settings, file);
+      return run<Simulated<SdirkSteps<S, S, false, CompiledSolver>>>(start, system, settings, file);
     default:
-      if (settings.events) return run<stepping::SplitSteps<S, stepping::NewtonRule<S>>>(start, system, settings, file);
-      return run<LagrangianMethod<S>>(start, system, settings, file);
+      if (settings.events) return run<Simulated<SplitSteps<stepping::NewtonRule<S, CompiledSolver>>>>(start, system, settings, file);
+      switch (system.description().method) {
+        case Lagrangian::augmented:
+          return run<Simulated<NewtonSteps<S, S, CompiledAugmented, CompiledSolver>>>(start, system, settings, file);
+        case Lagrangian::classical:
+          return run<Simulated<NewtonSteps<S, S, CompiledClassical, CompiledSolver>>>(start, system, settings, file);
+        default:
+          return run<Simulated<NewtonSteps<S, S, CompiledRecursive, CompiledSolver>>>(start, system, settings, file);
+      }
   }
 }
 

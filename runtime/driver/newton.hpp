@@ -17,9 +17,9 @@
 namespace cutjoint {
 
 using CompiledSystem = AnySystem<Precision>;
-using CompiledSolver = LinearSolver<Precision>;
+using CompiledSolver = ChosenSolver<CompiledSystem>;
 using CompiledAugmented = AugmentedNewton<CompiledSystem, CompiledSolver>;
-using CompiledClassical = ClassicalNewton<CompiledSystem>;
+using CompiledClassical = ClassicalNewton<CompiledSystem, CompiledSolver>;
 using CompiledRecursive = RecursiveNewton<CompiledSystem, CompiledSolver>;
 
 CUTJOINT_INSTANTIATE class DenseSolver<CompiledSystem>;
@@ -31,6 +31,6 @@ CUTJOINT_INSTANTIATE class Newton<CompiledRecursive, CompiledSystem, CompiledSol
 CUTJOINT_INSTANTIATE class AugmentedBase<CompiledRecursive, CompiledSystem, CompiledSolver>;
 CUTJOINT_INSTANTIATE class RecursiveNewton<CompiledSystem, CompiledSolver>;
 CUTJOINT_INSTANTIATE class Newton<CompiledClassical, CompiledSystem, CompiledSolver>;
-CUTJOINT_INSTANTIATE class ClassicalNewton<CompiledSystem>;
+CUTJOINT_INSTANTIATE class ClassicalNewton<CompiledSystem, CompiledSolver>;
 
 }  // namespace cutjoint

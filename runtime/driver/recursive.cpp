@@ -2,15 +2,16 @@
 #include "cutjoint/driver.hpp"
 #include "integrators.hpp"
 
+#include "cutjoint/core/explicit_steps.hpp"
+#include "cutjoint/core/fixed_point_steps.hpp"
+#include "cutjoint/core/split_steps.hpp"
+#include "cutjoint/core/stepping/trapezoidal_rule.hpp"
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/recursive.hpp"
 #include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
-#include "cutjoint/runge_kutta/method.hpp"
-#include "cutjoint/stepping/split_steps.hpp"
-#include "cutjoint/stepping/trapezoidal_rule.hpp"
+#include "cutjoint/simulated.hpp"
 
 namespace {
 
@@ -36,12 +37,12 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechani
     case Integrator::reference:
       return run<reference::RelativeReference<M>>(start, mechanism, settings, file);
     case Integrator::rk4:
-      return run<runge_kutta::ExplicitMethod<M, runge_kutta::ClassicalTable>>(start, mechanism, settings, file);
+      return run<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
     case Integrator::dormand_prince:
-      return run<runge_kutta::ExplicitMethod<M, runge_kutta::DormandPrinceTable>>(start, mechanism, settings, file);
+      return run<Simulated<ExplicitSteps<M, runge_kutta::DormandPrinceTable>>>(start, mechanism, settings, file);
     default:
-      if (settings.events) return run<stepping::SplitSteps<M, stepping::TrapezoidalRule<M>>>(start, mechanism, settings, file);
-      return run<Recursive<M>>(start, mechanism, settings, file);
+      if (settings.events) return run<Simulated<SplitSteps<stepping::TrapezoidalRule<M>>>>(start, mechanism, settings, file);
+      return run<Simulated<FixedPointSteps<M>>>(start, mechanism, settings, file);
   }
 }
 

@@ -20,25 +20,10 @@ class ImpactList {
 
   ImpactList(const Subject& subject, std::optional<EnergyBalance<Subject>>& energy) : subject_(subject), energy_(energy) {}
 
-  /// A watcher of Impacts: `add` has the balance go on to the state that meets one.
-  template <class Add>
-  auto watch(Add add) {
-    struct Watch {
-      ImpactList& list;
-      Add add;
-
-      void reach(State<Real>& state) {
-        if (!list.energy_) return;
-        const auto time = list.energy_->time();
-        add(*list.energy_, state);
-      }
-
-      void leave(const State<Real>& state, Real work, std::size_t which) {
-        if (list.energy_) list.energy_->strike(state, work);
-        list.found_.push_back({static_cast<double>(state.t), static_cast<double>(work), std::string(list.element_of(which))});
-      }
-    };
-    return Watch{*this, add};
+  /// The motion goes on from an impact of a switch's guide, which has done work.
+  void leave(const State<Real>& state, Real work, std::size_t which) {
+    if (energy_) energy_->strike(state, work);
+    found_.push_back({static_cast<double>(state.t), static_cast<double>(work), std::string(element_of(which))});
   }
 
   void summarise(Json& summary) const {

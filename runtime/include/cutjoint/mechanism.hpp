@@ -31,13 +31,6 @@ struct Switch {
   int across = -1;
 };
 
-/// The places at which switches are watched.
-inline std::vector<SwitchPlace> places_of(const std::vector<Switch>& switches) {
-  std::vector<SwitchPlace> places;
-  for (const Switch& each : switches) places.push_back({each.road, each.across});
-  return places;
-}
-
 /// A function of an element's law that has a value in its domain alone, and the line of the model's file.  Its margin is not negative there,
 /// or positive if it is strict.
 struct Domain {

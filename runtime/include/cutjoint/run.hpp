@@ -34,8 +34,8 @@ namespace cutjoint {
 /// - `columns` and `report`, the names and values of what it reports, and `time`,
 /// - if rows can be looked at for jumps beside them, `report_moved`, the values a time after the last report, or before it,
 /// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
-/// - `begin`, which takes over a start, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure, and `step`
-///   Stopped where a stop is requested within it,
+/// - `begin`, which takes over a start with the penalties of its cut joints, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
+///   and `step` Stopped where a stop is requested within it,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `explain`, which adds to a failure of a step what is known of its cause,
@@ -79,15 +79,13 @@ class Run {
     }
     if (task == Task::equilibrium) {
       const auto& start = initial_state_.at_rest();
-      if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());
-      method_.begin(start, 0.0);
+      method_.begin(start, initial_state_.penalties(), 0.0);
       Json found = columns();
       for (const Named& held : initial_state_.held()) found["held"][std::string(held.name)] = held.value;
       return found;
     }
     const auto& start = initial_state_.in_motion();
-    if constexpr (requires { method_.load_penalties(initial_state_.penalties()); }) method_.load_penalties(initial_state_.penalties());
-    method_.begin(start, 1.0);
+    method_.begin(start, initial_state_.penalties(), 1.0);
     begun_ = true;
     if (task == Task::factor) {
       if constexpr (requires { method_.time_solver(); }) return method_.time_solver();

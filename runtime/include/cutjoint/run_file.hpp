@@ -78,13 +78,6 @@ std::vector<Real> read_parameters(const std::vector<Named>& parameters, const Js
   return values;
 }
 
-/// The switches at which steps end: the model's, or none in a run that takes its steps over events.
-template <class Described>
-const std::vector<Switch>& switches_of(const Described& d, const RunSettings& settings) {
-  static const std::vector<Switch> none;
-  return settings.events ? d.switches : none;
-}
-
 /// The data of a run file for a mechanism or system before it runs.  Both keep a pointer to the roads and to the inputs.
 template <class Real>
 class ModelData {

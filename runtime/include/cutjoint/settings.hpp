@@ -1,9 +1,11 @@
 // The settings of a run.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 
+#include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 
@@ -44,6 +46,13 @@ struct RunSettings {
 inline FixedPoint fixed_point_of(const RunSettings& settings) {
   return {settings.tolerance, settings.iterations, settings.multiplier_updates, settings.stabilisation.closure == Closure::proximal,
           settings.fixed_cost};
+}
+
+/// The same for a simulation, whose inputs are known up to its end.
+inline SimulationSettings simulation_settings(const RunSettings& settings) {
+  return {.stabilisation = settings.stabilisation, .fixed_point = fixed_point_of(settings), .dt = settings.dt, .end = settings.end,
+          .penalty = settings.penalty, .tolerance = settings.tolerance, .absolute_tolerance = settings.absolute_tolerance.value_or(0.0),
+          .most_steps = std::numeric_limits<long>::max(), .equilibrium = settings.pose == Pose::equilibrium, .events = settings.events, .foresees = true};
 }
 
 }  // namespace cutjoint

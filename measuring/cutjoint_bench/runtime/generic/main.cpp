@@ -1,10 +1,11 @@
 // The simulator of a model that is interpreted at run time: `generic RUN.json`, where the run file has the model's description, or names a file
 // with it.
+#include "cutjoint/core/fixed_point_steps.hpp"
 #include "cutjoint/generic/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/recursive.hpp"
 #include "cutjoint/run.hpp"
+#include "cutjoint/simulated.hpp"
 #include "natural.hpp"
 
 namespace {
@@ -60,7 +61,7 @@ int main(int argc, char** argv) {
     }
     Mechanism start(model), mechanism(model);
     const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
-    cutjoint::Recursive<Mechanism> method(mechanism, settings, file);
+    cutjoint::Simulated<cutjoint::FixedPointSteps<Mechanism>> method(mechanism, settings, file);
     return cutjoint::Run(start, method, settings, file).perform();
   });
 }

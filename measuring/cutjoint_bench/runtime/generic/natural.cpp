@@ -1,13 +1,21 @@
 #include "natural.hpp"
 
+#include "cutjoint/core/newton/augmented.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 #include "cutjoint/generic/natural/system.hpp"
-#include "cutjoint/lagrangian/method.hpp"
+#include "cutjoint/lagrangian/choose_solver.hpp"
+#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/lagrangian/dependence.hpp"
+#include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/read_settings.hpp"
 #include "cutjoint/run.hpp"
+#include "cutjoint/simulated.hpp"
 
 namespace {
 
 using cutjoint::Integrator, cutjoint::Task;
+using System = cutjoint::generic::natural::GenericSystem<double>;
+using Solver = cutjoint::ChosenSolver<System>;
 
 const cutjoint::Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
@@ -15,12 +23,17 @@ const cutjoint::Abilities abilities{
     .solvers = true,
 };
 
+template <class Newton>
+cutjoint::Json run(System& system, cutjoint::AnyMechanism<double>& start, const cutjoint::RunSettings& settings, const cutjoint::Json& file) {
+  cutjoint::Simulated<cutjoint::NewtonSteps<System, System, Newton, Solver>> method(system, settings, file);
+  return cutjoint::Run(start, method, settings, file).perform();
+}
+
 }  // namespace
 
 cutjoint::Json run_natural(const cutjoint::Json& model, cutjoint::AnyMechanism<double>& start, const cutjoint::Json& file) {
-  using System = cutjoint::generic::natural::GenericSystem<double>;
   System system(model);
   const cutjoint::RunSettings settings = cutjoint::read_settings<double>(file, abilities);
-  cutjoint::LagrangianMethod<System> method(system, settings, file);
-  return cutjoint::Run(start, method, settings, file).perform();
+  if (system.description().method == cutjoint::Lagrangian::classical) return run<cutjoint::ClassicalNewton<System, Solver>>(system, start, settings, file);
+  return run<cutjoint::AugmentedNewton<System, Solver>>(system, start, settings, file);
 }

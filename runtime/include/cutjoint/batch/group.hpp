@@ -70,8 +70,7 @@ class Group {
   }
 
   void go() {
-    lanes_.begin({.stabilisation = settings_.stabilisation, .fixed_point = fixed_point_of(settings_), .dt = settings_.dt, .end = settings_.end,
-                  .penalty = settings_.penalty, .tolerance = settings_.tolerance, .absolute_tolerance = 0.0, .equilibrium = false});
+    lanes_.begin(simulation_settings(settings_));
     const auto [steps, stride] = count_steps<double>(settings_);
     end_ = smallest_ = largest_ = lanes_.report();
     const Mask begun = lanes_.going();

@@ -58,9 +58,10 @@ class CrossedImpacts {
 
   /// A step of h of a state from what lies within it on: `step` is told whether something does.  The state stays where it fails.
   template <class Accelerate, class Step>
-  Fault over(StateOf<S>& state, Real h, Accelerate accelerate, Step step) {
+  Fault over(StateOf<S>& state, Real h, Accelerate accelerate, const ImpactWatch<S>& watch, Step step) {
+    if (!impacts_.possible()) return step(false);
     before_ = state;
-    const bool met = meet(state, h, accelerate, UnwatchedImpacts{});
+    const bool met = meet(state, h, accelerate, watch);
     const Fault fault = step(met);
     if (fault) state = before_;
     return fault;

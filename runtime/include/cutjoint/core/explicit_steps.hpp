@@ -20,7 +20,7 @@
 namespace cutjoint {
 
 /// The integrator of a simulation (simulation.hpp) by a table of runge_kutta/tables.hpp.  Steps end where formulas change.
-template <Sized M, class Table>
+template <class M, class Table>
 class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
  public:
   using Real = typename M::real_type;
@@ -29,11 +29,11 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
 
   using Scheme = runge_kutta::Scheme<runge_kutta::Watched<M>, Table>;
 
-  static constexpr bool adaptive = Table::adaptive;
+  static constexpr bool adaptive = Table::adaptive, knows_residuals = false;
 
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
       : stepping::OverStepper<ExplicitSteps, M>(mechanism, settings),
-        dynamics_(mechanism, {switches_of<M>(), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
+        dynamics_(mechanism, {switches_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
         stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end)) {}
 
   /// Loops are projected, not drawn together; a penalty that the run is given comes before those of the start.
@@ -48,6 +48,11 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
   void begin(const StateOf<M>& state) {
     y_ = dynamics_.begin(state);
     stepper_.go_to(state.t, y_);
+  }
+
+  Fault start(StateOf<M>& state, Real) {
+    begin(state);
+    return {};
   }
 
   /// Forces have jumped.
@@ -65,6 +70,12 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
 
   /// The state with its accelerations and multipliers, until the next call.
   const StateOf<M>& complete(const StateOf<M>& state) { return dynamics_.complete(state.t, y_); }
+
+  /// The largest residuals of the loops in the state that steps have come to.
+  Residuals residuals(const StateOf<M>& state) { return dynamics_.residuals(state.t, y_); }
+
+  long evaluations() const { return dynamics_.evaluations(); }
+  long iterations() const { return stepper_.steps(); }
 
   using Memory = typename stepping::Stepper<Scheme>::Memory;
 

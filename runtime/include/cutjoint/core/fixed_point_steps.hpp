@@ -18,7 +18,7 @@
 namespace cutjoint {
 
 /// The integrator of a simulation (simulation.hpp) by the fixed point of the trapezoidal rule.  Steps go over events.
-template <Sized M>
+template <class M>
 class FixedPointSteps {
  public:
   using Real = typename M::real_type;
@@ -26,7 +26,7 @@ class FixedPointSteps {
   using Subject = M;
 
   static constexpr bool adaptive = false;
-  static constexpr bool finds_events = false;
+  static constexpr bool finds_events = false, knows_residuals = false;
 
   /// Whether steps may leave loops open without a fault.
   static bool leaves_gaps(const SimulationSettings& settings) { return !settings.fixed_point.proximal || settings.fixed_point.fixed_cost; }
@@ -42,6 +42,8 @@ class FixedPointSteps {
 
   /// Take over a state.
   void begin(const StateOf<M>&) {}
+
+  Fault start(StateOf<M>&, Real) { return {}; }
 
   /// Forces have jumped: the next step begins with the accelerations that they give, by the multipliers before, which an evaluation corrects.
   void heed_inputs(StateOf<M>& state) {
@@ -63,12 +65,18 @@ class FixedPointSteps {
     steps_.set_step(h);
     steps_.set_fixed_point(settings.fixed_point);
     if constexpr (can_jump<M>)
-      return impacts_.over(state, h, [this](StateOf<M>& at) { relative_.find_accelerations(at); }, [&](bool) { return steps_.step(state, number); });
+      return impacts_.over(state, h, [this](StateOf<M>& at) { relative_.find_accelerations(at); }, watch_, [&](bool) { return steps_.step(state, number); });
     else return steps_.step(state, number);
   }
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
+
+  /// Who is told of impacts.
+  void watch_impacts(const ImpactWatch<M>& watch) { watch_ = watch; }
+
+  long iterations() const { return steps_.evaluations(); }
+  long evaluations() const { return steps_.evaluations() + relative_.evaluations(); }
 
   using Memory = typename CrossedIf<M>::Memory;
 
@@ -81,6 +89,7 @@ class FixedPointSteps {
   Equations<M> correction_;
   [[no_unique_address]] std::conditional_t<can_jump<M>, Relative<M>, NoImpacts> relative_;
   [[no_unique_address]] CrossedIf<M> impacts_;
+  [[no_unique_address]] ImpactWatch<M> watch_;
 };
 
 }  // namespace cutjoint

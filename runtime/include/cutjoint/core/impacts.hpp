@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 #include <span>
+#include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/dense.hpp"
@@ -175,6 +176,27 @@ struct UnwatchedImpacts {
   static void reach(const auto&) {}
   static void leave(const auto&, const auto&, std::size_t) {}
 };
+
+/// Somebody looks on who is not known when this is compiled.
+template <class S>
+struct CalledImpacts {
+  using Real = typename S::real_type;
+
+  void (*reached)(void* who, StateOf<S>& state) = nullptr;
+  void (*left)(void* who, const StateOf<S>& state, Real work, std::size_t which) = nullptr;
+  void* who = nullptr;
+
+  void reach(StateOf<S>& state) const {
+    if (reached) reached(who, state);
+  }
+  void leave(const StateOf<S>& state, Real work, std::size_t which) const {
+    if (left) left(who, state, work, which);
+  }
+};
+
+/// Who watches the impacts of a simulation: of one whose classes know their sizes nobody.
+template <class S>
+using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts<S>>;
 
 /// The instants at which guides' rates jump.
 ///

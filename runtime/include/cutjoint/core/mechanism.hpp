@@ -4,6 +4,8 @@
 #include <concepts>
 #include <cstddef>
 #include <span>
+#include <type_traits>
+#include <vector>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/chart.hpp"
@@ -46,10 +48,21 @@ std::span<const Chart> charts_of(const M& mechanism) {
     return mechanism.description().charts;
 }
 
-/// The switches of a mechanism whose class knows them.
-template <Sized M>
-std::span<const SwitchPlace> switches_of() {
-  return M::switches;
+/// Where the switches of a mechanism or system are watched.
+template <class M>
+using SwitchPlaces = std::conditional_t<Sized<M>, std::span<const SwitchPlace>, std::vector<SwitchPlace>>;
+
+/// A class that knows its switches has them all watched; of others `watched` says whether they are.
+template <class M>
+SwitchPlaces<M> switches_of(const M& mechanism, [[maybe_unused]] bool watched = true) {
+  if constexpr (Sized<M>) {
+    return M::switches;
+  } else {
+    std::vector<SwitchPlace> places;
+    if (!watched) return places;
+    for (const auto& each : mechanism.description().switches) places.push_back({each.road, each.across});
+    return places;
+  }
 }
 
 /// Whether the rates of guides may jump, as far as a class knows; one that knows its sizes says so by `guides_jump`.

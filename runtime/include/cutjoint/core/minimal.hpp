@@ -289,7 +289,7 @@ template <Sized M>
 void event_values(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
   if constexpr (M::sizes.switches > 0) {
     mechanism.events(state.q.data(), state.v.data(), values);
-    const auto places = switches_of<M>();
+    const auto places = switches_of(mechanism);
     Array<M, M::sizes.switches> known;
     std::copy_n(values, places.size(), known.begin());
     for (std::size_t i = 0; i < places.size(); ++i) {

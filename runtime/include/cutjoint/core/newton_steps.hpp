@@ -10,45 +10,57 @@
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/impacts.hpp"
 #include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/newton/newton.hpp"
+#include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
-#include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a method `Newton` with its `Solver`, over a system S in whatever coordinates;
+/// The settings of Newton's iteration, by those of a simulation, which may have a rule of steps.
+template <class Settings>
+NewtonSettings newton_settings(const Settings& settings) {
+  NewtonSettings own{.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
+                     .multiplier_updates = settings.fixed_point.multiplier_updates};
+  if constexpr (requires { settings.rule; }) own.rule = settings.rule;
+  return own;
+}
+
+/// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a `Method` with its solver, over a system S in whatever coordinates;
 /// the mechanism M starts.  Steps go over events.
-template <Sized M, Sized S, class Newton, class Solver>
+template <class M, class S, class Method, class LinearSolver>
 class NewtonSteps {
  public:
   using Subject = S;
+  using Newton = Method;
+  using Solver = LinearSolver;
   using Real = typename S::real_type;
+  using Settings = typename SettingsOf<Solver>::type;
 
   static constexpr bool adaptive = false;
-  static constexpr bool finds_events = false;
+  static constexpr bool finds_events = false, knows_residuals = true;
 
   /// The length of steps with a fixed point, which the penalties of the start follow: as for a run of the command line.
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }
 
-  NewtonSteps(S& system, const SimulationSettings& settings, const Road<Real>*)
-      : system_(system), solver_(system),
-        newton_(system, solver_,
-                {.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
-                 .multiplier_updates = settings.fixed_point.multiplier_updates}),
-        h_(settings.dt), way_(sizes_of(system).speeds), single_(system), impacts_(system, settings.end) {}
+  NewtonSteps(S& system, const Settings& settings, const Road<Real>*)
+      : system_(system), solver_(solver_for<Solver>(system, settings)), newton_(system, solver_, newton_settings(settings)), h_(settings.dt),
+        way_(sizes_of(system).speeds), single_(system, settings), impacts_(system, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
   /// Take over a state that has accelerations and multipliers; inputs are others from now on.
   void begin(const StateOf<S>& state) { newton_.resume(state); }
 
+  Fault start(StateOf<S>& state, Real motion) { return newton_.begin(state, motion); }
+
   /// Forces have jumped: the next step begins with the accelerations that they give.
   void heed_inputs(StateOf<S>& state) { newton_.follow_jump(state); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
-  Fault accelerate(StateOf<S>& state, Starter<M>&) { return newton_.go_on(state); }
+  Fault accelerate(StateOf<S>& state, auto&) { return newton_.go_on(state); }
 
   /// Close the loops of a state by moving the masses least.
   Fault close(StateOf<S>& state) { return newton_.assemble(state); }
@@ -57,7 +69,7 @@ class NewtonSteps {
   Fault step(StateOf<S>& state, const SimulationSettings& settings, Real h, Real, long number) {
     if constexpr (can_jump<S>) {
       bool struck = false;
-      const Fault fault = impacts_.over(state, h, [this](StateOf<S>& at) { single_.accelerate(at); }, [&](bool met) {
+      const Fault fault = impacts_.over(state, h, [this](StateOf<S>& at) { single_.accelerate(at); }, watch_, [&](bool met) {
         if ((struck = met)) take(state);
         return step_within(state, settings, h, number);
       });
@@ -70,6 +82,22 @@ class NewtonSteps {
 
   /// The state with its accelerations and multipliers.
   const StateOf<S>& complete(const StateOf<S>& state) const { return state; }
+
+  /// The state, where guides need them with accelerations and multipliers that those of a step only come near to.
+  const StateOf<S>& with_reactions(const StateOf<S>& state) { return single_.with_reactions(state); }
+
+  /// Who is told of impacts.
+  void watch_impacts(const ImpactWatch<S>& watch) { watch_ = watch; }
+
+  /// The residuals of the loops in the state that steps have come to.
+  const Residuals& residuals(const StateOf<S>&) const { return newton_.residuals(); }
+
+  const Newton& newton() const { return newton_; }
+  Solver& solver() { return solver_; }
+  const Solver& solver() const { return solver_; }
+  long iterations() const { return newton_.iterations(); }
+  long evaluations() const { return newton_.evaluations(); }
+  long factorisations() const { return newton_.factorisations(); }
 
   struct Memory {
     typename Newton::Memory newton;
@@ -94,15 +122,35 @@ class NewtonSteps {
     Newton newton;
     StateOf<S> completed;
 
-    explicit Single(S& system)
-        : solver(system), newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
+    Single(S& system, const Settings& settings)
+        : solver(solver_for<Solver>(system, settings)),
+          newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
           completed(blank(system)) {}
 
     void accelerate(StateOf<S>& state) {
       completed = state;
       if (!newton.go_on(completed)) state = completed;
     }
+
+    const StateOf<S>& with_reactions(const StateOf<S>& state) {
+      completed = state;
+      return newton.begin(completed, Real(1)) ? state : completed;
+    }
   };
+
+  /// The same of a system that is driven, as its description says.
+  struct SingleOfDriven {
+    std::optional<Single> single;
+
+    SingleOfDriven(S& system, const Settings& settings) {
+      if (system.description().driven) single.emplace(system, settings);
+    }
+
+    void accelerate(StateOf<S>& state) { single->accelerate(state); }
+    const StateOf<S>& with_reactions(const StateOf<S>& state) { return single ? single->with_reactions(state) : state; }
+  };
+
+  using SingleOf = std::conditional_t<!Sized<S>, SingleOfDriven, std::conditional_t<can_jump<S>, Single, NoImpacts>>;
 
   /// The next step goes on from a state with accelerations and multipliers.
   void take(const StateOf<S>& state) {
@@ -112,7 +160,8 @@ class NewtonSteps {
 
   /// The same where no guide jumps.
   Fault step_within(StateOf<S>& state, const SimulationSettings& settings, Real h, long number) {
-    if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);
+    if constexpr (requires { newton_.close_loops(state); })
+      if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);
     if (h != h_) {
       newton_.stay(state);
       newton_.set_step(h_ = h);
@@ -145,8 +194,9 @@ class NewtonSteps {
   Newton newton_;
   Real h_;
   Speeds<S> way_;
-  [[no_unique_address]] std::conditional_t<can_jump<S>, Single, NoImpacts> single_;
+  [[no_unique_address]] SingleOf single_;
   [[no_unique_address]] CrossedIf<S> impacts_;
+  [[no_unique_address]] ImpactWatch<S> watch_;
 };
 
 }  // namespace cutjoint

@@ -9,7 +9,6 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/sdirk/stages.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
-#include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/implicit_scheme.hpp"
 #include "cutjoint/core/stepping/over_stepper.hpp"
@@ -19,16 +18,19 @@ namespace cutjoint {
 
 /// The integrator of a simulation (simulation.hpp) by the stages of sdirk/stages.hpp, over a system in the coordinates of the mechanism M that starts:
 /// steps as long as errors allow, or of the settings' length.  They end where formulas change.
-template <Sized M, Sized S, bool of_own_length>
-class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>, S> {
+template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
+class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length, LinearSolver>, S> {
  public:
   using Subject = S;
   using Real = typename S::real_type;
+  using Solver = LinearSolver;
+  using Settings = typename SettingsOf<Solver>::type;
 
-  static constexpr bool adaptive = of_own_length;
+  static constexpr bool adaptive = of_own_length, knows_residuals = true;
 
-  SdirkSteps(S& system, const SimulationSettings& settings, const Road<Real>* roads)
-      : stepping::OverStepper<SdirkSteps, S>(system, settings), solver_(system), other_(system), stages_(system, solver_, other_, switches_of<S>(), roads),
+  SdirkSteps(S& system, const Settings& settings, const Road<Real>* roads)
+      : stepping::OverStepper<SdirkSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
+        stages_(system, solver_, other_, switches_of(system, settings.events), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(blank(system)) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
@@ -39,10 +41,16 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>,
     stepper_.go_on();
   }
 
+  Fault start(StateOf<S>& state, Real) {
+    const Fault fault = stages_.begin(state);
+    state = stages_.present();
+    return fault;
+  }
+
   void heed_inputs(StateOf<S>&) { stages_.heed_inputs(); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
-  Fault accelerate(StateOf<S>& state, Starter<M>&) {
+  Fault accelerate(StateOf<S>& state, auto&) {
     const Fault fault = stages_.go_on(state);
     stepper_.go_on();
     return fault;
@@ -57,7 +65,13 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length>,
     return stages_.complete(row_) ? state : row_;
   }
 
-  using Solver = GuardedSolver<S, DenseSolver<S>>;
+  /// The residuals of the loops in the state that steps have come to.
+  const Residuals& residuals(const StateOf<S>&) const { return stepper_.scheme().residuals(); }
+
+  long evaluations() const { return stages_.evaluations(); }
+  long iterations() const { return stages_.iterations(); }
+  long factorisations() const { return stages_.factorisations(); }
+
   using Scheme = stepping::ImplicitScheme<sdirk::Stages<S, Solver>>;
   using Stepper = stepping::Stepper<Scheme>;
   using Memory = typename Stepper::Memory;

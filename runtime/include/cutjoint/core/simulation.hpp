@@ -1,4 +1,4 @@
-// One simulation of a model whose classes know their sizes: all its memory is inside, it throws nothing and prints nothing.
+// One simulation of a model: it throws nothing and prints nothing, and where its classes know their sizes all its memory is inside.
 #pragma once
 
 #include <algorithm>
@@ -22,6 +22,17 @@
 
 namespace cutjoint {
 
+/// What finds the start of a simulation; systems find none.
+template <class M>
+struct StartOf {
+  struct type {};
+};
+
+template <Mechanism M>
+struct StartOf<M> {
+  using type = Initialisation<M>;
+};
+
 /// A method with an integrator such as fixed_point_steps.hpp.  The mechanism finds where motions start; it is also what the integrator steps, its
 /// `Subject`, unless that is a system in coordinates of its own or with a tangent.
 ///
@@ -31,32 +42,43 @@ namespace cutjoint {
 /// An integrator has
 ///
 /// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
-/// - `begin`, which takes over a state as it is, `heed_inputs`, which does where inputs have jumped, and `step`, which goes on from one; it
+/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `heed_inputs`, which does where inputs have jumped, and `step`, which goes on from one; it
 ///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
 /// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
 ///   the loops of a state and moves the masses least,
-/// - `memory` and `restore`, what it remembers from step to step.
+/// - `memory` and `restore`, what it remembers from step to step,
+/// - for a run, `evaluations` and `iterations`, `watch_impacts` and, where it `knows_residuals`, those of the loops.
 ///
 /// Inputs whose places are `guiding` move guides.
-template <Sized M, class Integrator, int... guiding>
+///
+/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives it its inputs and watches its guards and gaps.  It begins at
+/// a start that was found elsewhere.
+template <class M, class Integrator, int... guiding>
 class Simulation {
  public:
   using Real = typename M::real_type;
   using Mechanism = M;
   using Subject = typename Integrator::Subject;
-  using Followed = FollowedInputs<Real, M::sizes.inputs, guiding...>;
+  using Settings = typename SettingsOf<Integrator>::type;
+  using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
 
   /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
-  Simulation(const SimulationSettings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
+  Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
+    requires Sized<M>
       : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
     if constexpr (sizes.inputs > 0) drive_by(followed_.used());
   }
 
+  Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
+    requires(!Sized<M>)
+      : mechanism_(mechanism), settings_(settings), roads_(roads), gap_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
+        start_(blank(mechanism)), state_(start_), columns_(sizes_of(mechanism).columns) {}
+
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
-  SimulationSettings& settings() { return settings_; }
+  Settings& settings() { return settings_; }
 
   /// What the error of a step may be, from the next one on.
   void set_tolerance(double relative, double absolute) {
@@ -111,7 +133,26 @@ class Simulation {
     return {};
   }
 
+  /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.
+  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion)
+    requires(!Sized<M>)
+  {
+    penalties_ = penalties;
+    take_over(start, motion);
+    count_from_here();
+    load_subject();
+    subject().begin_step(state_.t, motion);
+    steps_.emplace(subject(), settings_, roads_);
+    is_reported_ = false;
+    is_started_ = true;
+    return steps_->start(state_, motion);
+  }
+
   bool is_started() const { return is_started_; }
+
+  /// What steps it, once it has begun.
+  Integrator& steps() { return *steps_; }
+  const Integrator& steps() const { return *steps_; }
 
   /// Heed what has changed since the last step, as the next one does.
   void settle() {
@@ -218,7 +259,7 @@ class Simulation {
   /// The mechanism, its roads and its starter at the present time.
   M& mechanism() { return mechanism_; }
   const Road<Real>* roads() const { return roads_; }
-  Starter<M>& starter() {
+  auto& starter() {
     heed_changes();
     mechanism_.begin_step(state_.t, Real(1));
     return initialisation_->starter();
@@ -264,9 +305,9 @@ class Simulation {
 
   /// Everything that the next steps follow from.
   struct Memory {
-    SimulationSettings settings;
-    Fixed<Real, M::sizes.parameters> parameters;
-    HostInputs<Real, M::sizes.inputs> inputs;
+    Settings settings;
+    Array<M, static_sizes<M>().parameters> parameters;
+    HostInputs<Real, static_sizes<M>().inputs> inputs;
     Followed followed;
     StateOf<Subject> state;
     Cuts<M> penalties;
@@ -301,10 +342,11 @@ class Simulation {
   }
 
  private:
-  using InputValues = Fixed<Real, numbers_per_input * M::sizes.inputs>;
+  using InputValues = Fixed<Real, numbers_per_input * static_sizes<M>().inputs>;
 
-  static constexpr Sizes sizes = Subject::sizes;
+  static constexpr Sizes sizes = static_sizes<Subject>();
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
+  static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
 
   struct None {};
 
@@ -316,11 +358,11 @@ class Simulation {
   }
 
   /// The state begins where the mechanism has started.
-  void take_over(const StateOf<M>& begun) {
-    if constexpr (has_system) {
-      system_.load(parameters_.data(), roads_);
-      system_.begin_step(begun.t, Real(1));
-      system_.initial_coordinates(begun.q.data(), begun.v.data(), state_.q.data(), state_.v.data());
+  void take_over(const StateOf<M>& begun, Real motion = Real(1)) {
+    if constexpr (is_system) {
+      subject().load(parameters_.data(), roads_);
+      subject().begin_step(begun.t, motion);
+      subject().initial_coordinates(begun.q.data(), begun.v.data(), state_.q.data(), state_.v.data());
       state_.t = begun.t;
     } else {
       state_ = begun;
@@ -332,8 +374,9 @@ class Simulation {
     return fault;
   }
 
-  typename Initialisation<M>::Settings how_to_start() const {
-    return {.stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
+  auto how_to_start() const {
+    return typename Initialisation<M>::Settings{
+        .stabilisation = settings_.stabilisation, .equilibrium = settings_.equilibrium, .fixed_point_step = Integrator::fixed_point_step(settings_)};
   }
 
   /// Times of steps are those of whole steps since now.
@@ -354,17 +397,21 @@ class Simulation {
 
   /// Load the mechanism and get ready for steps; the state stays.
   void load() {
-    loaded_ = parameters_;
-    const StabilisationSettings stabilisation = Integrator::stabilise(settings_, penalties_);
-    load_mechanism(mechanism_, parameters_.data(), roads_, stabilisation, penalties_);
-    if constexpr (has_system) system_.load(parameters_.data(), roads_);
+    load_subject();
     subject().begin_step(state_.t, Real(1));
     steps_.emplace(subject(), settings_, roads_);
     steps_->begin(state_);
     is_reported_ = false;
   }
 
-  void drive_by(HostInputs<Real, M::sizes.inputs>& inputs) {
+  void load_subject() {
+    loaded_ = parameters_;
+    const StabilisationSettings stabilisation = Integrator::stabilise(settings_, penalties_);
+    load_mechanism(mechanism_, parameters_.data(), roads_, stabilisation, penalties_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_);
+  }
+
+  void drive_by(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
     if constexpr (sizes.inputs > 0) {
       mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
       if constexpr (has_system) system_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
@@ -403,7 +450,7 @@ class Simulation {
   }
 
   /// Inputs at the present time, as a host gives them; afterwards they are those of the steps.
-  InputValues read_inputs(HostInputs<Real, M::sizes.inputs>& inputs) {
+  InputValues read_inputs(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
     InputValues values;
     if constexpr (sizes.inputs > 0) {
       drive_by(inputs);
@@ -542,9 +589,9 @@ class Simulation {
   /// The same where what is stepped is at the present time.
   Gap find_gap() {
     Equations<Subject> residual, rate;
-    if constexpr (has_system) {
+    if constexpr (is_system) {
       Equations<Subject> curvature;
-      system_.constraint_residual(state_.q.data(), state_.v.data(), state_.vdot.data(), residual.data(), rate.data(), curvature.data());
+      subject().constraint_residual(state_.q.data(), state_.v.data(), state_.vdot.data(), residual.data(), rate.data(), curvature.data());
     } else if constexpr (sizes.equations > 0) {
       mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
     }
@@ -567,27 +614,30 @@ class Simulation {
   }
 
   Fault integrate_part(Real h, Real until) {
-    if (Followed::any && watches_gaps() && followed_.is_catching_up()) {
-      const StateOf<Subject> from = state_;
-      Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
-      if (!fault) fault = close_behind_jump(until);
-      if (fault) {
-        state_ = from;
-        return fault;
-      }
-    } else if (const Fault fault = steps_->step(state_, settings_, h, until, number_ + 1)) {
-      return fault;
-    }
+    if (const Fault fault = take_part(h, until)) return fault;
     state_.t = until;
     if (const Fault fault = watch_gaps()) return fault;
     return watch();
+  }
+
+  /// The state stays where it fails.
+  Fault take_part(Real h, Real until) {
+    if constexpr (Followed::any)
+      if (watches_gaps() && followed_.is_catching_up()) {
+        const StateOf<Subject> from = state_;
+        Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
+        if (!fault) fault = close_behind_jump(until);
+        if (fault) state_ = from;
+        return fault;
+      }
+    return steps_->step(state_, settings_, h, until, number_ + 1);
   }
 
   /// Close loops that a step has left open behind a guide that jumps; the next one begins with accelerations of its own.
   Fault close_behind_jump(Real t) {
     state_.t = t;
     Equations<Subject> residual, rate;
-    if constexpr (!has_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
+    if constexpr (!is_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
     const auto gap = [&](const Equations<Subject>& open, Real per) { return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return per * open[i]; }); };
     if (gap(residual, Real(1)).is_closed() && gap(rate, Real(closing_time(settings_))).is_closed()) return {};
     return steps_->close(state_);
@@ -601,21 +651,21 @@ class Simulation {
     return gap.is_torn() ? gap.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
   }
 
-  M mechanism_;
+  std::conditional_t<Sized<M>, M, M&> mechanism_;
   [[no_unique_address]] std::conditional_t<has_system, Subject, None> system_;
-  SimulationSettings settings_;
+  Settings settings_;
   const Road<Real>* roads_;
   const double* gap_limits_;
-  Fixed<Real, M::sizes.parameters> parameters_, loaded_;
-  HostInputs<Real, M::sizes.inputs> inputs_;
+  Array<M, static_sizes<M>().parameters> parameters_, loaded_;
+  HostInputs<Real, static_sizes<M>().inputs> inputs_;
   Followed followed_;
   StateOf<M> start_;
   StateOf<Subject> state_;
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;
   Cuts<M> penalties_;
-  Fixed<Real, Subject::sizes.columns> columns_;
-  std::optional<Initialisation<M>> initialisation_;
+  Array<Subject, sizes.columns> columns_;
+  std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;
   Real origin_{0};
   long number_ = 0;       ///< of steps since then

@@ -10,7 +10,8 @@ namespace cutjoint {
 
 /// What a simulation needs to know besides its parameters: `dt` is the length of its steps, `end` that of the scene, by which rounding of times is
 /// measured.  Where steps follow from errors, these are at most `absolute_tolerance` and the share `tolerance` of the value, and one call tries `most_steps` at
-/// most.
+/// most.  Steps end where forces change their formulas if they can, but without `events`.  What drives the motion up to the end may be known before, as of a
+/// run: a simulation that `foresees` takes steps beyond the times that it is asked for, which then lie between their ends.
 struct SimulationSettings {
   StabilisationSettings stabilisation;
   FixedPoint fixed_point;
@@ -21,8 +22,22 @@ struct SimulationSettings {
   double absolute_tolerance;
   long most_steps = 1000000;
   bool equilibrium;
+  bool events = true;
+  bool foresees = false;
 
   bool operator==(const SimulationSettings&) const = default;
+};
+
+/// The settings of a part of a simulation, which may have some of its own.
+template <class Part>
+struct SettingsOf {
+  using type = SimulationSettings;
+};
+
+template <class Part>
+  requires requires { typename Part::Settings; }
+struct SettingsOf<Part> {
+  using type = typename Part::Settings;
 };
 
 }  // namespace cutjoint

@@ -21,20 +21,21 @@ struct StabilisationSettings {
   bool operator==(const StabilisationSettings&) const = default;
 };
 
-/// Load a mechanism whose cut joints are held by `penalties`, one for each, the same for all with the closure `penalty`.
+/// Load a mechanism whose cut joints are held by `penalties`, one for each, the same for all with the closure `penalty`; a system holds its own.
 template <class M, class Penalties>
 void load_mechanism(M& mechanism, const typename M::real_type* parameters, const Road<typename M::real_type>* roads,
                     const StabilisationSettings& stabilisation, const Penalties& penalties) {
   using Real = typename M::real_type;
-  if (stabilisation.closure == Closure::proximal) {
+  if constexpr (requires { mechanism.load(parameters, roads); })
+    mechanism.load(parameters, roads);
+  else if (stabilisation.closure == Closure::proximal)
     mechanism.load(parameters, {.penalties = penalties.data()}, roads);
-    return;
-  }
-  mechanism.load(parameters,
-                 {.penalty = penalties.empty() ? Real(1) : penalties.front(),
-                  .damping_ratio = Real(stabilisation.damping_ratio),
-                  .frequency = Real(stabilisation.frequency)},
-                 roads);
+  else
+    mechanism.load(parameters,
+                   {.penalty = penalties.empty() ? Real(1) : penalties.front(),
+                    .damping_ratio = Real(stabilisation.damping_ratio),
+                    .frequency = Real(stabilisation.frequency)},
+                   roads);
 }
 
 }  // namespace cutjoint

@@ -1,6 +1,7 @@
 // The state of a mechanism.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -96,5 +97,10 @@ struct Residuals {
   double velocity = 0.0;
   double acceleration = 0.0;
 };
+
+/// The larger ones of two states.
+inline Residuals worst_of(const Residuals& a, const Residuals& b) {
+  return {std::max(a.position, b.position), std::max(a.velocity, b.velocity), std::max(a.acceleration, b.acceleration)};
+}
 
 }  // namespace cutjoint

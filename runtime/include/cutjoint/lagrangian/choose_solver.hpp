@@ -79,4 +79,7 @@ std::unique_ptr<LinearSolver<typename S::real_type>> choose_solver(const S& syst
   return solver;
 }
 
+template <class S>
+ChosenSolver<S>::ChosenSolver(const S& system, const ChosenSettings& settings) : solver_(choose_solver(system, settings.solver)) {}
+
 }  // namespace cutjoint

@@ -18,13 +18,13 @@ namespace cutjoint {
 ///     f_x = [ A, dt^2/4 Phi_q^T ; dt^2/4 Phi_q, 0 ]                                                               [eq. 20]
 ///
 /// which is regular only where no equation depends on the others.
-template <class S>
-class ClassicalNewton final : public Newton<ClassicalNewton<S>, S, LinearSolver<typename S::real_type>> {
+template <class S, class Solver>
+class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solver> {
  public:
-  using Base = Newton<ClassicalNewton, S, LinearSolver<typename S::real_type>>;
+  using Base = Newton<ClassicalNewton, S, Solver>;
   using typename Base::Real;
 
-  ClassicalNewton(S& system, LinearSolver<Real>& solver, const NewtonSettings& settings)
+  ClassicalNewton(S& system, Solver& solver, const NewtonSettings& settings)
       : Base(system, solver, settings), scaled_(system), probe_(x_.size()) {}
 
  private:

@@ -118,4 +118,15 @@ Failure explain_not_positive(const SystemDescription& d, const Real* tangent, Fa
   return failure;
 }
 
+/// A failure of Newton's iteration, told by the last tangent where that has no factors.
+template <class Real>
+Failure explain_tangent(const SystemDescription& d, const Fault& fault, const Real* tangent, const Failure& failure) {
+  if (fault.cause == Cause::tangent_not_positive && d.method != Lagrangian::classical) return explain_not_positive(d, tangent, failure);
+  if (d.method != Lagrangian::classical) return failure;
+  if (fault.cause == Cause::tangent_singular) return explain_singular(d, tangent, failure);
+  if (fault.cause != Cause::pose_singular) return failure;
+  return Failure("classical: the pose is singular, or nearly: rates that satisfy the equations are a leap away", failure.time, failure.step,
+                 failure.element, failure.residual, "not tried: another dt, or method augmented, which leaves such directions alone");
+}
+
 }  // namespace cutjoint

@@ -3,11 +3,14 @@
 
 #include <memory>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
+#include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/newton/static_solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
+#include "cutjoint/settings.hpp"
 
 namespace cutjoint {
 
@@ -47,6 +50,35 @@ std::unique_ptr<LinearSolver<Real>> make_solver() {
 /// comparisons more.
 template <class Real>
 std::span<const SolverKind<Real>> library_solvers();
+
+/// The settings of a simulation whose solver is chosen by name, and its rule of steps.
+struct ChosenSettings : SimulationSettings {
+  explicit ChosenSettings(const RunSettings& settings)
+      : SimulationSettings(simulation_settings(settings)), solver(*settings.solver),
+        rule(settings.integrator == Integrator::generalised_alpha ? generalised_alpha(*settings.spectral_radius) : StepRule{}) {}
+
+  std::string solver;
+  StepRule rule;
+};
+
+/// The solver that a run asks for.
+template <class S>
+class ChosenSolver {
+ public:
+  using Real = typename S::real_type;
+  using Settings = ChosenSettings;
+
+  ChosenSolver(const S& system, const Settings& settings);  ///< in choose_solver.hpp, which knows all solvers
+
+  Breakdown factor(const Real* values) { return solver_->factor(values); }
+  Breakdown solve(Real* x) { return solver_->solve(x); }
+  long fallbacks() const { return solver_->fallbacks(); }
+
+  LinearSolver<Real>& chosen() { return *solver_; }
+
+ private:
+  std::unique_ptr<LinearSolver<Real>> solver_;
+};
 
 /// A solver of the core (newton/static_solver.hpp, newton/guarded_solver.hpp), which knows its system's pattern.
 template <class Core>

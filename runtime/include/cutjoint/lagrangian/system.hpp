@@ -21,6 +21,16 @@ struct Pattern {
 /// the relative coordinates of the recursion.
 enum class Lagrangian { augmented, classical, recursive_newton };
 
+/// The name of a method, as its failures have it.
+constexpr std::string_view name_of(Lagrangian method) {
+  switch (method) {
+    case Lagrangian::augmented: return "augmented";
+    case Lagrangian::classical: return "classical";
+    case Lagrangian::recursive_newton: return "recursive-newton";
+  }
+  return "";
+}
+
 /// Everything about a system that does not change in a run: n coordinates, m equations.
 struct SystemDescription {
   std::string_view name;

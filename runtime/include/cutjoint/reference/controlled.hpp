@@ -21,7 +21,7 @@ class Controlled {
       : dynamics_(dynamics), integrator_(dynamics), tolerance_(tolerance), end_(dynamics.size()), error_(dynamics.size()) {}
 
   /// Go on from y at t to `until`; `number` is the step's in messages.  Throws Failure where no step is small enough.
-  Fault advance(Real t, Real until, std::vector<Real>& y, long number) {
+  void advance(Real t, Real until, std::vector<Real>& y, long number) {
     using std::pow;
     const Real rest = (until - t) * Real(1e-10), least = (until - t) * Real(1e-6);
     if (!(h_ > Real(0))) h_ = (until - t) / Real(16);
@@ -43,7 +43,6 @@ class Controlled {
                         static_cast<double>(size), "not tried: a larger tolerance, or a longer precision");
       }
     }
-    return {};
   }
 
   long steps() const { return steps_; }

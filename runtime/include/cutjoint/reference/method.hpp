@@ -11,8 +11,8 @@
 #include "cutjoint/reference/extrapolation.hpp"
 #include "cutjoint/reference/fehlberg.hpp"
 #include "cutjoint/reference/natural.hpp"
+#include "cutjoint/reference/row_by_row.hpp"
 #include "cutjoint/core/relative.hpp"
-#include "cutjoint/row_by_row.hpp"
 #include "cutjoint/run_file.hpp"
 
 namespace cutjoint::reference {
@@ -39,16 +39,12 @@ class RelativeReference : public RowByRow<NamedRelative<M>, Controlled<NamedRela
 
   RelativeReference(M& mechanism, const RunSettings& settings, const Json& file)
       : Base(mechanism, dynamics_, settings), mechanism_(mechanism), data_(mechanism.description(), file),
-        dynamics_(mechanism, Real(settings.tolerance) / 10000) {
-    load_penalties(std::vector<double>(mechanism.description().cuts.size(), 1.0));
-  }
+        dynamics_(mechanism, Real(settings.tolerance) / 10000) {}
 
-  /// Load the mechanism with the penalties of its cut joints, which its start has found.
-  void load_penalties(const std::vector<double>& penalties) {
+  void begin(const State<double>& start, const std::vector<double>& penalties, double) {
     data_.load_mechanism(mechanism_, this->settings().stabilisation, converted<Real>(penalties));
+    Base::begin(State<Real>(start));
   }
-
-  void begin(const State<double>& start, double) { Base::begin(State<Real>(start)); }
 
   void prepare() { Base::prepare(Real(this->settings().tolerance)); }
 
@@ -72,7 +68,7 @@ class NaturalReference : public RowByRow<Natural<S>, Controlled<Natural<S>, Fehl
     data_.load_system(system);
   }
 
-  void begin(const State<double>& start, double motion) {
+  void begin(const State<double>& start, const std::vector<double>&, double motion) {
     const State<Real> relative(start);
     const SystemDescription& d = system_.description();
     State<Real> natural(d.coordinates.size(), d.coordinates.size(), d.equations.size());

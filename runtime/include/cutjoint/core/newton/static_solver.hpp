@@ -1,6 +1,8 @@
 // The factorisation that was emitted with a system, with its static pivot order.
 #pragma once
 
+#include <type_traits>
+
 #include "cutjoint/core/newton/system.hpp"
 
 namespace cutjoint {
@@ -18,6 +20,13 @@ struct Breakdown {
 
   explicit operator bool() const { return kind != Kind::none; }
 };
+
+/// The solver of a system's tangents, by settings where it takes some.
+template <class Solver, class S, class Settings>
+Solver solver_for(const S& system, const Settings& settings) {
+  if constexpr (std::is_constructible_v<Solver, const S&, const Settings&>) return Solver(system, settings);
+  else return Solver(system);
+}
 
 /// Factors the tangents of a system by its own `factor` and `solve`; all memory is taken in the constructor.
 template <class S>

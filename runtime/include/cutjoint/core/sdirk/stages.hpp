@@ -58,9 +58,9 @@ class Stages : public Workspace<S, Solver> {
 
   /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
   /// `roads` those of its tyres.
-  Stages(S& system, Solver& solver, Solver& other, std::span<const SwitchPlace> switches, const Road<Real>* roads)
+  Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
-        closing_(system), regime_(switches, roads), turns_(unit_turns(system)), row_(blank(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        closing_(system), regime_(std::move(switches), roads), turns_(unit_turns(system)), row_(blank(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_),
         rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_), forces_(repeat<Table::stages + 1>(push_)), middle_(repeat<2>(delta_)),
         middle_forces_(repeat<2>(push_)) {}

@@ -40,6 +40,15 @@ class OverStepper {
     return finish(state, own().stepper_.time(), fault);
   }
 
+  /// Where the run ends, of steps that are foreseen.
+  void run_to(Real end) { own().stepper_.run_to(end); }
+
+  /// Who is told of impacts.
+  void watch_impacts(const ImpactWatch<S>& watch) { watch_ = watch; }
+
+  auto& stepper() { return own().stepper_; }
+  const auto& stepper() const { return own().stepper_; }
+
   /// The switch of the last event.
   std::size_t last_event() const { return own().stepper_.last_event(); }
   long events() const { return own().stepper_.counts().events; }
@@ -49,7 +58,7 @@ class OverStepper {
   const Own& own() const { return static_cast<const Own&>(*this); }
 
   void get_ready(const SimulationSettings& settings, Real until) {
-    own().stepper_.limit(until);
+    if (!settings.foresees) own().stepper_.limit(until);
     if constexpr (can_jump<S>) own().stepper_.strike_by({&OverStepper::strike<typename Own::Scheme>, this});
     if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
   }
@@ -57,7 +66,8 @@ class OverStepper {
   /// Momentum carries over where the rate of a guide jumps.
   template <class Scheme>
   static void strike(void* who, Scheme& scheme, std::size_t which, Real since) {
-    static_cast<OverStepper*>(who)->impacts_.meet(scheme, which, since, UnwatchedImpacts{});
+    OverStepper* const own = static_cast<OverStepper*>(who);
+    own->impacts_.meet(scheme, which, since, own->watch_);
   }
 
   Fault finish(StateOf<S>& state, Real t, const Fault& fault) {
@@ -75,6 +85,7 @@ class OverStepper {
   }
 
   [[no_unique_address]] std::conditional_t<can_jump<S>, Impacts<S>, NoImpacts> impacts_;
+  [[no_unique_address]] ImpactWatch<S> watch_;
 };
 
 }  // namespace cutjoint::stepping

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 #include <span>
+#include <utility>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/mechanism.hpp"
@@ -31,7 +32,7 @@ class Regime {
   static constexpr bool can_switch = !Sized<M> || static_sizes<M>().switches > 0;
 
   /// `roads` are those of the tyres.
-  Regime(std::span<const SwitchPlace> places, const Road<Real>* roads) : places_(places), roads_(roads), now_(places.size()) {}
+  Regime(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()) {}
 
   std::size_t size() const { return places_.size(); }
   bool empty() const { return places_.empty(); }
@@ -186,7 +187,7 @@ class Regime {
     return now_.previous_time + (share > Real(0) ? std::min(share, Real(1)) : Real(0)) * (t - now_.previous_time);
   }
 
-  std::span<const SwitchPlace> places_;
+  SwitchPlaces<M> places_;
   const Road<Real>* roads_;
   Memory now_;
 };

@@ -104,6 +104,9 @@ class Stepper {
     if (time() < now_.since) now_.since = before_all<Real>;
   }
 
+  /// The integration ends elsewhere.
+  void run_to(Real end) { end_ = now_.limit = end; }
+
   /// No step goes beyond from now on.
   void limit(Real limit) { now_.limit = limit; }
 
@@ -131,6 +134,7 @@ class Stepper {
 
   long steps() const { return counts_.steps; }
   const Counts<typename Scheme::Subject>& counts() const { return counts_; }
+  Scheme& scheme() { return scheme_; }
   const Scheme& scheme() const { return scheme_; }
 
   /// The switch of the last event; as many as there are switches for one that none of them explains.

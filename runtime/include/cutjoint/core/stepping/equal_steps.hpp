@@ -1,30 +1,29 @@
 // Steps of equal length that are split at events.
 #pragma once
 
-#include <optional>
+#include <cstddef>
 #include <span>
-#include <string>
 #include <utility>
-#include <vector>
 
-#include "cutjoint/mechanism.hpp"
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
-#include "cutjoint/state.hpp"
+#include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/regime.hpp"
 
 namespace cutjoint::stepping {
 
-/// The stages of core/stepping/implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
+/// The stages of implicit_scheme.hpp by a rule of order 2, whose one stage is the end of a step.
 ///
 /// A rule has
 ///
-/// - `description`, `blank`, a state with room for all, and `events`, the values of the switches in a state,
-/// - `begin`, which makes a start the first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
-/// - `step`, a step of a given length; throws Failure, the state being then that before,
+/// - `subject`, what is stepped, and `events`, the values of the switches in a state,
+/// - `start`, which takes over a first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
+/// - `step`, a step of a given length; where it fails the state is that before,
 /// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
-/// - `enter`, which makes a time the present one,
-/// - `project`, which closes the loops of a state as far as the rule does, `measure`, the residuals of one, and `summarise`.
+/// - `enter`, which makes a time the present one, and `project`, which closes the loops of a state as far as the rule does.
 ///
 /// Less than the share `least` of a step is left to the parabola of the last accelerations, with new ones at its end: a rule that divides by the
 /// square of its step would keep no digits there.
@@ -33,27 +32,25 @@ class EqualSteps {
  public:
   using Real = typename Rule::Real;
   using Subject = typename Rule::Subject;
+  using State = StateOf<Subject>;
 
   static constexpr int order = 2;
   static constexpr bool estimates = false;
 
-  EqualSteps(Rule& rule, const std::vector<Road<Real>>& roads, Real dt)
-      : rule_(rule), places_(places_of(rule.description().switches)), regime_(places_, roads.data()), dt_(dt), start_(rule.blank()), at_(start_), way_(start_.v), moved_(start_.v) {}
+  EqualSteps(Rule& rule, SwitchPlaces<Subject> switches, const Road<Real>* roads, Real dt)
+      : rule_(rule), regime_(std::move(switches), roads), dt_(dt), start_(blank(rule.subject())), at_(start_), way_(start_.v), moved_(start_.v) {}
 
   std::size_t size() const { return start_.q.size() + start_.v.size(); }
-  std::span<const Chart> charts() const { return rule_.description().charts; }
+  std::span<const Chart> charts() const { return charts_of(rule_.subject()); }
 
-  std::vector<Real> begin(const State<Real>& start) {
-    rule_.begin(start, start_);
+  /// Take over a first state.
+  Fault begin(State& state) {
+    if (const Fault fault = rule_.start(state)) return fault;
+    start_ = state;
     keep();
     adopt();
-    std::vector<Real> y(start_.q);
-    y.insert(y.end(), start_.v.begin(), start_.v.end());
-    return y;
+    return {};
   }
-
-  /// The state of a row, which is the end of a step.
-  const State<Real>& complete(Real, const std::vector<Real>&) const { return start_; }
 
   /// Try a step of length h from the present state; whether its end was found.
   bool attempt(Real h, bool, long number) {
@@ -70,7 +67,7 @@ class EqualSteps {
   }
 
   /// The attempted step counts: its end becomes the present state, and `before` the one before it.
-  Fault accept(Real h, State<Real>& before) {
+  Fault accept(Real h, State& before) {
     std::swap(before, start_);
     std::swap(start_, at_);
     if (h < Real(1e-4) * dt_)  // a difference of coordinates has their rounding, which a rate over so short a time must not have
@@ -81,24 +78,24 @@ class EqualSteps {
     return {};
   }
 
-  const State<Real>& present() const { return start_; }
+  const State& present() const { return start_; }
 
   /// Accelerations and multipliers of a state as guides need them: those that it has.
-  void accelerate(State<Real>&) const {}
+  void accelerate(State&) const {}
 
   /// The displacement by the last step, in the chart of its start.
-  const std::vector<Real>& moved() const { return moved_; }
+  const Speeds<Subject>& moved() const { return moved_; }
 
   /// Coordinates and speeds of another state become those of the present one; `restart` has to follow.
-  void go_to(const State<Real>& state) {
+  void go_to(const State& state) {
     start_.t = state.t;
     start_.q = state.q;
     start_.v = state.v;
   }
 
-  /// Accelerations and multipliers of the present state, which forces that jump change.  Throws Failure, as the rule does.
+  /// Accelerations and multipliers of the present state, which forces that jump change.
   Fault restart() {
-    rule_.restart(start_);
+    if (const Fault fault = rule_.restart(start_)) return fault;
     keep();
     return {};
   }
@@ -111,54 +108,50 @@ class EqualSteps {
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.
-  bool seek(const State<Real>& state) {
+  bool seek(const State& state) {
     rule_.events(state, regime_.values());
     return regime_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
-  std::size_t found(const State<Real>& state) {
+  std::size_t found(const State& state) {
     rule_.events(state, regime_.values());
     return regime_.found();
   }
 
-  /// The mechanism or system goes to the time of the present state, which an attempt has left.
-  Real enter() {
+  /// The present state, to whose time the mechanism or system goes, which an attempt has left.
+  const State& enter() {
     rule_.enter(start_.t);
-    return start_.t;
+    return start_;
   }
 
   Regime<Subject>& regime() { return regime_; }
 
-  /// Close the loops of a state that lies between steps.  Throws Failure, as the rule does.
-  Fault project(State<Real>& state) {
-    rule_.project(state);
-    return {};
+  /// Close the loops of a state that lies between steps.
+  Fault project(State& state) { return rule_.project(state); }
+
+  /// Why the last attempt has no end.
+  Fault give_up(bool, bool, long number, Real) const {
+    Fault fault = fault_;
+    if (!fault) fault.t = static_cast<double>(start_.t);
+    if (fault.step == 0) fault.step = number;
+    return fault;
   }
-
-  long evaluations() const { return rule_.evaluations(); }
-
-  /// Throws the Failure of the last attempt, which has no end.
-  [[noreturn]] Fault give_up(bool, bool, long, Real) const { throw Failure(*failure_); }
 
  private:
   /// To the end of a step; where that is not found, to where the last accelerations would lead.
   bool move(Real h, long number) {
-    try {
-      if (h < Real(Rule::least) * dt_) {
-        extrapolate(h);
-        rule_.project(at_);
-        rule_.restart(at_);
-      } else {
-        rule_.step(at_, h, number);
-      }
-      return true;
-    } catch (const Failure& failure) {
-      failure_ = failure;
-      at_ = start_;
+    if (h < Real(Rule::least) * dt_) {
       extrapolate(h);
-      return false;
+      fault_ = rule_.project(at_);
+      if (!fault_) fault_ = rule_.restart(at_);
+    } else {
+      fault_ = rule_.step(at_, h, number);
     }
+    if (!fault_) return true;
+    at_ = start_;
+    extrapolate(h);
+    return false;
   }
 
   void extrapolate(Real h) {
@@ -176,12 +169,11 @@ class EqualSteps {
   }
 
   Rule& rule_;
-  std::vector<SwitchPlace> places_;
   Regime<Subject> regime_;
   Real dt_;
-  State<Real> start_, at_;  ///< at the step's start, and its attempted end
-  std::vector<Real> way_, moved_;
-  std::optional<Failure> failure_;
+  State start_, at_;  ///< at the step's start, and its attempted end
+  Speeds<Subject> way_, moved_;
+  Fault fault_;  ///< of the last attempt
   bool tried_ = false;
 };
 

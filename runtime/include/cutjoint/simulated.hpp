@@ -1,0 +1,327 @@
+// A simulation as the driver runs it, and what looks on: guards, the balance of work and energy, impacts, residuals.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/simulation.hpp"
+#include "cutjoint/domains.hpp"
+#include "cutjoint/energy_balance.hpp"
+#include "cutjoint/examine.hpp"
+#include "cutjoint/guards.hpp"
+#include "cutjoint/impact_list.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/near_jumps.hpp"
+#include "cutjoint/read_settings.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
+#include "cutjoint/state.hpp"
+#include "cutjoint/stepping/summarise.hpp"
+#include "cutjoint/stop.hpp"
+
+namespace cutjoint {
+
+/// An integrator of steps of a given length at whose ends somebody looks on.
+template <class Integrator>
+class Attended : public Integrator {
+ public:
+  using typename Integrator::Real, typename Integrator::Subject;
+  using Integrator::Integrator;
+
+  struct Watch {
+    void (*call)(void* who, const StateOf<Subject>& state) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch(const Watch& watch) { watch_ = watch; }
+
+  Fault step(StateOf<Subject>& state, const SimulationSettings& settings, Real h, Real until, long number) {
+    const Fault fault = Integrator::step(state, settings, h, until, number);
+    if (!fault && watch_.call) watch_.call(watch_.who, state);
+    return fault;
+  }
+
+ private:
+  Watch watch_;
+};
+
+/// The method of a run (run.hpp) by an integrator of the core.  A row stands each `dt` of the settings.
+template <class Integrator>
+class Simulated {
+  static constexpr bool finds_events = Integrator::finds_events;
+  static constexpr bool is_newton = requires(Integrator& steps) { steps.newton(); };
+
+ public:
+  using Subject = typename Integrator::Subject;
+  using Real = typename Subject::real_type;
+
+  Simulated(Subject& subject, const RunSettings& settings, const Json& file)
+      : subject_(subject), settings_(settings), file_(file), data_(subject.description(), file), guards_(subject), list_(subject, energy_),
+        simulation_(driven(subject), settings_from(settings), data_.parameters().data(), data_.roads().data()) {}
+
+  const std::vector<Named>& columns() const { return subject_.description().columns; }
+  const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
+
+  /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Throws Failure.
+  void begin(const State<double>& start, const std::vector<double>& penalties, double motion) {
+    require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion)), method());
+    if (finds_events && settings_.energy) state_.emplace(start);
+    if (Integrator::knows_residuals) find_residuals();
+    check(0);
+  }
+
+  /// Get ready for steps.
+  void prepare() {
+    if (settings_.energy) balance_energy();
+    if constexpr (finds_events) steps().stepper().watch({.call = [](void* who, auto& scheme) { static_cast<Simulated*>(who)->end_step(scheme); }, .who = this});
+    if (may_jump(subject_)) steps().watch_impacts({.reached = &reach, .left = &leave, .who = this});
+    if constexpr (finds_events) steps().run_to(time() + Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
+  }
+
+  /// Throws Failure, or Stopped where a stop is requested before the row: the last row is then that before.
+  void step(long number) {
+    if constexpr (!finds_events) before_ = steps().iterations();
+    require(simulation_.step(), finds_events && !is_newton ? "" : method());
+    if (Integrator::knows_residuals) find_residuals();
+    check(number);
+    if (finds_events && !Integrator::knows_residuals && energy_) {
+      const auto time = energy_->time();
+      find_residuals();
+    }
+  }
+
+  /// The row before is where the motion to the failure begins.
+  Failure explain(const Failure& failure) { return explain_by_domains(subject_, simulation_.complete_state(), Real(settings_.dt), failure); }
+
+  Real time() const { return simulation_.state().t; }
+
+  const std::optional<EnergyBalance<Subject>>& energy() const { return energy_; }
+
+  /// The coordinates of the last row.
+  const std::vector<Real>& position() const { return simulation_.state().q; }
+
+  void report(Real* column) {
+    const State<Real>& x = simulation_.complete_state();
+    subject_.report(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), column);
+  }
+
+  /// Report what the row would have a time after it, or before it.
+  void report_moved(Real time, Real* column) { cutjoint::report_moved(subject_, simulation_.complete_state(), time, column); }
+
+  static constexpr auto step_columns = [] {
+    if constexpr (finds_events) return std::array<std::string_view, 3>{"steps", "position", "velocity"};
+    else if constexpr (is_newton) return std::array<std::string_view, 4>{"iterations", "position", "velocity", "acceleration"};
+    else return std::array<std::string_view, 3>{"iterations", "position", "velocity"};
+  }();
+
+  /// The steps that a row took, or the iterations of its step, and its largest residuals.
+  const std::vector<double>& measure_step() {
+    const Residuals row = find_residuals();
+    long taken = 0;
+    if constexpr (finds_events) {
+      taken = steps().stepper().steps() - before_;
+      before_ += taken;
+    } else {
+      taken = steps().iterations() - before_;
+    }
+    measured_ = {static_cast<double>(taken), row.position, row.velocity};
+    if (is_newton && !finds_events) measured_.push_back(row.acceleration);
+    return measured_;
+  }
+
+  void summarise(Json& summary) const {
+    summary["evaluations"] = summary["iterations"] = 0;
+    if (settings_.solver) summary["solver"] = *settings_.solver;
+    if (!simulation_.is_started()) return;
+    summary["evaluations"] = steps().evaluations();
+    summary["iterations"] = steps().iterations();
+    if constexpr (requires { steps().factorisations(); }) summary["factorisations"] = steps().factorisations();
+    if constexpr (is_newton) summarise_newton(summary);
+    if (energy_) energy_->summarise(summary);
+    list_.summarise(summary);
+    if (Integrator::knows_residuals || !measured_.empty() || energy_) summarise_residuals(summary);
+    if constexpr (finds_events) {
+      stepping::summarise(steps().stepper().counts(), subject_.description().switches, summary);
+      if constexpr (requires { steps().stepper().scheme().stiff(); }) summary["stiff_steps"] = steps().stepper().scheme().stiff();
+    }
+  }
+
+  /// The last state, as `evaluate` reads it.
+  Json state() const
+    requires(!Integrator::finds_events)
+  {
+    return write_state(simulation_.state());
+  }
+
+  /// The functions of the mechanism or system at the run file's states.
+  Json evaluate()
+    requires(!Integrator::finds_events)
+  {
+    Json results = Json::array();
+    if constexpr (is_newton) {
+      data_.load_system(subject_);
+      typename Integrator::Solver solver(subject_, simulation_.settings());
+      for (const Json& at : file_.at("states")) results.push_back(evaluate_system(subject_, solver.chosen(), at));
+    } else {
+      data_.load_mechanism(subject_, settings_.stabilisation,
+                           std::vector<Real>(subject_.description().cuts.size(), Real(settings_.stabilisation.penalty.value_or(1.0))));
+      for (const Json& at : file_.at("states")) results.push_back(evaluate_mechanism(subject_, at));
+    }
+    return results;
+  }
+
+  /// The Jacobians of the accelerations at the last state.
+  Json differentiate()
+    requires(!Integrator::finds_events && Mechanism<Subject>)
+  {
+    return cutjoint::differentiate(subject_, simulation_.state());
+  }
+
+  /// Seconds that the parts of an iteration take, at the start or at the run file's `state`, with the weights of a step.
+  Json time_solver()
+    requires(!Integrator::finds_events && requires(Integrator& steps) { steps.newton(); })
+  {
+    const Weights<Real> weights = steps().newton().step_weights();
+    const State<Real> at = file_.contains("state") ? read_state<Real>(file_.at("state")) : simulation_.state();
+    return time_parts(subject_, *settings_.solver, at, weights, weights.constraint / weights.stiffness, file_);
+  }
+
+ private:
+  using Steps = std::conditional_t<finds_events, Integrator, Attended<Integrator>>;
+  using Stepped = Simulation<Subject, Steps>;
+
+  Steps& steps() { return simulation_.steps(); }
+  const Steps& steps() const { return simulation_.steps(); }
+
+  static auto settings_from(const RunSettings& settings) {
+    using Own = typename Stepped::Settings;
+    auto own = [&] {
+      if constexpr (std::is_constructible_v<Own, const RunSettings&>) return Own(settings);
+      else return simulation_settings(settings);
+    }();
+    if (settings.task == Task::simulate || settings.task == Task::realtime) own.end = length_of<Real>(settings);
+    return own;
+  }
+
+  /// The name of the method, which failures of systems have.
+  std::string_view method() const {
+    if constexpr (requires { name_of(subject_.description().method); }) return name_of(subject_.description().method);
+    return "";
+  }
+
+  /// Throws Failure where there is a fault.
+  void require(const Fault& fault, std::string_view method) const {
+    if (!fault) return;
+    const Failure failure = failure_of(fault, subject_.description(), fault.list == FaultList::switches ? "" : method);
+    if constexpr (is_newton) throw explain_tangent(subject_.description(), fault, steps().newton().tangent().data(), failure);
+    throw failure;
+  }
+
+  /// What is stepped, with the inputs of the run.
+  Subject& driven(Subject& subject) {
+    data_.drive(subject);
+    return subject;
+  }
+
+  void check(long number) {
+    if (!guards_.empty()) guards_.check(simulation_.complete_state(), number);
+  }
+
+  void balance_energy() {
+    energy_.emplace(subject_, state_ ? *state_ : simulation_.state());
+    if constexpr (!finds_events) steps().watch({.call = [](void* who, const State<Real>& state) { static_cast<Simulated*>(who)->add_step(state); }, .who = this});
+  }
+
+  template <class Scheme>
+  void end_step(Scheme& scheme) {
+    if (stop_requested()) throw Stopped();
+    if (!energy_) return;
+    const auto time = energy_->time();
+    scheme.read_end(*state_);
+    add_between(scheme, *state_);
+  }
+
+  template <class Scheme>
+  void add_between(Scheme& scheme, const State<Real>& end) {
+    energy_->add(end, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
+  }
+
+  void add_step(const State<Real>& end) {
+    const auto time = energy_->time();
+    if constexpr (is_newton) energy_->add(steps().with_reactions(end));
+    else energy_->add(end);
+    if (!Integrator::knows_residuals) find_residuals(end);
+  }
+
+  static void reach(void* who, State<Real>& state) {
+    Simulated& own = *static_cast<Simulated*>(who);
+    if (!own.energy_) return;
+    const auto time = own.energy_->time();
+    if constexpr (finds_events) {
+      auto& scheme = own.steps().stepper().scheme();
+      scheme.complete_struck(state);
+      own.add_between(scheme, state);
+    } else {
+      own.energy_->add(state);
+    }
+  }
+
+  static void leave(void* who, const State<Real>& state, Real work, std::size_t which) { static_cast<Simulated*>(who)->list_.leave(state, work, which); }
+
+  Residuals find_residuals() { return find_residuals(simulation_.state()); }
+
+  Residuals find_residuals(const State<Real>& state) {
+    const Residuals row = residuals_of(state);
+    worst_ = worst_of(worst_, row);
+    return row;
+  }
+
+  Residuals residuals_of(const State<Real>& state) {
+    if constexpr (requires { steps().residuals(state); }) {
+      return steps().residuals(state);
+    } else {
+      residual_.resize(state.lambda.size());
+      rate_.resize(state.lambda.size());
+      subject_.constraint_residual(state.q.data(), state.v.data(), residual_.data(), rate_.data());
+      return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_)), 0.0};
+    }
+  }
+
+  void summarise_newton(Json& summary) const {
+    const auto& newton = steps().newton();
+    const Weights<Real> weights = newton.step_weights();
+    if (subject_.description().method != decltype(subject_.description().method)::classical)
+      summary["penalty"] = number_or_null(static_cast<double>(weights.constraint / weights.stiffness));
+    summary["substeps"] = newton.substeps();
+    summary["pivoting_fallbacks"] = steps().solver().fallbacks();
+  }
+
+  void summarise_residuals(Json& summary) const {
+    Residuals worst = worst_;
+    if constexpr (requires { steps().worst_residuals(); }) worst = steps().worst_residuals();
+    Json residuals{{"position", number_or_null(worst.position)}, {"velocity", number_or_null(worst.velocity)}};
+    if (is_newton) residuals["acceleration"] = number_or_null(worst.acceleration);
+    summary["residuals"] = residuals;
+  }
+
+  Subject& subject_;
+  const RunSettings& settings_;
+  const Json& file_;
+  ModelData<Real> data_;
+  Guards<Subject> guards_;
+  std::optional<EnergyBalance<Subject>> energy_;
+  ImpactList<Subject> list_;
+  Stepped simulation_;
+  std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
+  std::vector<Real> residual_, rate_;
+  std::vector<double> measured_;
+  Residuals worst_;
+  long before_ = 0;  ///< steps before the row, or iterations before the step
+};
+
+}  // namespace cutjoint
