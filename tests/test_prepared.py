@@ -184,7 +184,6 @@ def test_a_start_that_follows_from_a_parameter_is_found_anew(model: Path) -> Non
     [
         (("--set", "pull=3"), "model 'slide' has no parameter 'pull'; it has begin, push"),
         (("--set", "push"), "--set push: write NAME=NUMBER, with a unit or without"),
-        (("--threads", "2"), "--threads goes with --batch: a single run has one"),
         (("--solver", "klu"), "--solver klu: the recursive method has no linear solver; use --method " + _WITH_SOLVER),
     ],
 )

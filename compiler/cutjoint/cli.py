@@ -12,12 +12,13 @@ from typing import Any
 
 import click
 
+from cutjoint.commands.renamed import in_new_words
 from cutjoint.model.text import escaped_lines
 from cutjoint.package.extensions import COMMANDS, MissingPackageError
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
-_COMMANDS = ("check", "compile", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate", "sweep", "view",
-             "warm")  # fmt: skip
+_COMMANDS = ("batch", "check", "compile", "couple", "equilibrium", "explain", "export", "modes", "realtime", "reduce", "schema", "simulate",
+             "sweep", "view", "warm")  # fmt: skip
 
 #: After how many new objects Python looks for cycles among them.  A command makes many that stay: with Python's 700, an eighth of its time
 #: and more goes there.
@@ -36,6 +37,10 @@ class _Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return sorted({*_COMMANDS, *COMMANDS.installed()})
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command, its name and its words; those of earlier versions are as good."""
+        return super().resolve_command(ctx, in_new_words(args))
 
     def invoke(self, ctx: click.Context) -> object:
         """Call a command; a signal that ends it is no error, and its message names the partial results."""

@@ -1,7 +1,7 @@
 """Makes an FMU of the controller in this folder, with a binary for this machine.
 
     python examples/pole_controller/build.py pole_controller.fmu
-    cutjoint simulate examples/cart_pole.yaml --with pole_controller.fmu --out balanced.csv \\
+    cutjoint couple examples/cart_pole.yaml pole_controller.fmu --out balanced.csv \\
         --connect position=cart.x --connect angle=pin.angle --connect force=push
 """
 

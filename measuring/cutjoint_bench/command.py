@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.read import read_model
 from cutjoint.model.text import read_number
@@ -24,9 +24,6 @@ from cutjoint_bench.records import Case
 from cutjoint_bench.reference import TOLERANCES
 from cutjoint_bench.store import Store
 from cutjoint_bench.study import Plan, perform
-
-#: More timed runs of a point add nothing.
-MOST_REPETITIONS = 1000
 
 
 def run_bench(
@@ -96,10 +93,10 @@ def _seconds(text: str) -> list[float]:
 @click.option("--scenes", default="", callback=lambda *x: _listed(x[2]), metavar="A,B", help="Scenes; all of each model otherwise.")
 @click.option("--methods", default="generated,peer", show_default=True, callback=lambda *x: _listed(x[2]), metavar="A,B",
               help=f"Contenders, or groups of them: {', '.join(groups())}.")
-@click.option("--end", type=options.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
-@click.option("--row", type=options.Setting("output_step"), help="Seconds between rows that are compared.")
+@click.option("--end", type=table.Setting("end", positive=True), help="End time in s; the scenes' otherwise.")
+@click.option("--row", type=table.Setting("output_step"), help="Seconds between rows that are compared.")
 @click.option("--steps", default="", callback=lambda *x: _seconds(x[2]), metavar="S,S", help="Steps in s to try.")
-@click.option("--repetitions", type=options.WholeRange(min=1, max=MOST_REPETITIONS), default=5, show_default=True,
+@click.option("--repetitions", type=table.Setting("repetitions"), default=5, show_default=True,
               help="Timed runs of each point.")
 @click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
@@ -109,8 +106,8 @@ def _seconds(text: str) -> list[float]:
 @click.option("--vary", default="", metavar="NAME", help="A parameter that the atlas varies in place of the penalty.")
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), default=Path("results/bench"), show_default=True,
               help="Folder of the report; an interrupted bench goes on there.")
-@options.changes
-@options.links
+@table.OPTIONS["changes"]
+@table.OPTIONS["links"]
 @options.reports_errors
 def command(changes: tuple[str, ...], links: tuple[str, ...], **how: Any) -> None:
     """Measure speed and accuracy of all methods on MODELS against a reference, and write a report."""

@@ -1,4 +1,4 @@
-"""`cutjoint simulate --with`: a controller that is an FMU drives a model, and what is refused."""
+"""`cutjoint couple`: a controller that is an FMU drives a model, and what is refused."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def controller(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def simulate(model: Path, fmu: Path, out: Path, *more: object) -> Result:
-    words = ["simulate", str(model), "--with", str(fmu), "--out", str(out), *map(str, more)]
+    words = ["couple", str(model), str(fmu), "--out", str(out), *map(str, more)]
     return CliRunner().invoke(main, words)
 
 
@@ -155,8 +155,6 @@ REFUSED = [
     ((), "{fmu}: none of its inputs and outputs (position, angle, force) has the name of one of the model's outputs"),
     ((*NAMES, "--set", "push=1"), "--set push: output 'force' of {fmu} drives this input; leave out one of the two"),
     ((*NAMES, "--set", "pull=1"), "--set pull: model 'cart_pole' has no such open parameter or input; it has: push"),
-    ((*NAMES, "--method", "classical"), "--method cannot go with --with, which steps the methods recursive, augmented or recursive-newton"),
-    ((*NAMES, "--view", "out.html"), "--view cannot go with --with"),
     ((*NAMES, "--tolerance", "1e-6"), "--tolerance: beside an FMU only dormand-prince or sdirk4 has one"),
 ]
 
@@ -195,10 +193,12 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
     assert f"{POLE}: this is no FMU, which is a ZIP archive" in words_of(simulate(POLE, POLE, tmp_path / "out.csv"))
 
 
-def test_options_of_an_fmu_need_one(tmp_path: Path) -> None:
-    result = CliRunner().invoke(main, ["simulate", str(POLE), "--connect", "a=b", "--out", str(tmp_path / "out.csv")])
+def test_the_method_of_a_scene_is_one_that_steps(controller: Path, tmp_path: Path) -> None:
+    model = tmp_path / "pole.yaml"
+    model.write_text(POLE.read_text(encoding="utf-8").replace("{end: 5,", "{end: 5, method: classical,", 1), encoding="utf-8")
+    result = simulate(model, controller, tmp_path / "out.csv", *NAMES)
     assert result.exit_code == 1
-    assert "--connect, --communication-step and --call-limit go with --with" in words_of(result)
+    assert "method: 'classical' is not one of simulations to step, recursive, augmented, recursive-newton" in words_of(result)
 
 
 @pytest.mark.parametrize("rows", [1e-3, 2e-3, 0.01])

@@ -21,9 +21,9 @@ _ELSEWHERE = ("export", "--method")
 #: Options beside an option that is refused without them.
 _BESIDE = {"over": ["--view=out_view.html"]}
 #: Files other than models that options and arguments read.
-READ = {"batch": TABLE, "study": STUDY}
-#: Options that read a file of which users have none here.
-_UNREADY = ("over", "controller")
+READ = {"cases": TABLE, "study": STUDY}
+#: Options and arguments that read a file of which users have none here.
+_UNREADY = ("over", "fmu")
 
 
 def commands() -> dict[str, click.Command]:
@@ -35,7 +35,7 @@ def commands() -> dict[str, click.Command]:
 def good_calls() -> Iterator[list[str]]:
     """A call of every command with good values, and of each option that names a file to read, but for commands that take minutes."""
     for name, command in commands().items():
-        if name not in LONG:
+        if name not in LONG and not any(o.name in _UNREADY and o.required for o in command.params):
             yield call_with(name, [])
             optional = [o for o in command.params if is_path(o, written=False) and not o.required and o.name not in _UNREADY]
             yield from (call_with(name, [(option, _good(option))]) for option in optional)

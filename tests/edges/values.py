@@ -15,7 +15,7 @@ _NOT_UTF8 = os.fsdecode(b"\xff\xfe")
 
 _WORDS = ("nan", "", "1_0", "\uff11\uff10", "0x10", "one", "9" * 5000, _ESCAPE, "-1")
 FLOATS = (*_WORDS, "inf", "-inf", "0", "1e999", "1e300", "1e-300", "1e16")
-INTEGERS = (*_WORDS, "0", "1.5", str(2**31), str(2**32 + 1), str(2**63), "1e300")
+INTEGERS = (*_WORDS, "inf", "-inf", "0", "1.5", "1e-300", "1e16", str(2**31), str(2**32 + 1), str(2**63), "1e300")
 TEXTS = ("", "=", "=1", "not_there", "not_there=1", f"{_ESCAPE}=1", _NOT_UTF8, "x" * 100_000, ",", "\0")
 #: Of NAME=VALUE, with a name that the model has.
 CHANGES = tuple(f"stiffness={value}" for value in ("", "nan", "inf", "1e999", "1_0", "\uff11\uff10", "0x10", "one", _ESCAPE, "=1"))
@@ -53,10 +53,8 @@ def _of_type(option: click.Parameter) -> tuple[tuple[str, ...], tuple[str, ...]]
     kind = option.type
     if isinstance(kind, click.Path):
         return _of_path(kind)
-    if isinstance(kind, click.types.IntParamType):
-        return INTEGERS, ()
     if isinstance(kind, click.types.FloatParamType):
-        return FLOATS, ()
+        return (INTEGERS if kind.name == "integer" else FLOATS), ()
     if isinstance(kind, click.types.StringParamType):
         return (*TEXTS, *(CHANGES if (option.name or "") == "changes" else ())), ()
     return (), ()

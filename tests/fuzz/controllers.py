@@ -95,7 +95,7 @@ def call(folder: Path, more: dict[str, str]) -> subprocess.CompletedProcess[str]
     (folder / "bad.fmu").write_bytes(_fmu())
     (folder / "tmp").mkdir()
     words = [
-        "simulate", _EXAMPLES / "cart_pole.yaml", "--with", "bad.fmu", "--out", "run.csv", "--connect", "position=cart.x", "--connect",
+        "couple", _EXAMPLES / "cart_pole.yaml", "bad.fmu", "--out", "run.csv", "--connect", "position=cart.x", "--connect",
         "angle=pin.angle", "--connect", "force=push", "--end", "0.2", "--call-limit", "4", "--no-error",
     ]  # fmt: skip
     return run(words, folder, {"TMPDIR": str(folder / "tmp"), **more})

@@ -31,7 +31,7 @@ _END = 3000.0
 _RUNNING = (
     ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],
     ["simulate", MODEL, "--out", "run.csv", "--end", str(_END), "--steps", "steps.csv"],
-    ["simulate", MODEL, "--out", "run.csv", "--end", "100", "--batch", "cases.csv"],
+    ["batch", MODEL, "cases.csv", "--out", "run.csv", "--end", "100"],
 )
 _COMPILING = (
     ["simulate", MODEL, "--out", "run.csv", "--end", str(_END)],

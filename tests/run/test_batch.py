@@ -282,7 +282,7 @@ def test_the_command_writes_a_row_for_each_run(tmp_path: Path) -> None:
     (tmp_path / "quarter.yaml").write_text(TEXT, encoding="utf-8")
     (tmp_path / "cases.csv").write_text("load, slack\n250, 10\n300, 0.02\n", encoding="utf-8")
     out = tmp_path / "results" / "table.csv"
-    arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--set", "speed=6", "--out", str(out)]
+    arguments = ["batch", str(tmp_path / "quarter.yaml"), str(tmp_path / "cases.csv"), "--set", "speed=6", "--out", str(out)]
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 1, done.output
     assert "run 2: the law of 'rope' (quarter.yaml:27) has no finite value: the argument of sqrt leaves its domain" in done.output
@@ -304,30 +304,38 @@ def test_what_did_not_start_has_no_values(tmp_path: Path) -> None:
     assert row.endswith(",0" + "," * 3 * len(batch.units))
 
 
-def test_batches_go_with_their_own_options_only(tmp_path: Path) -> None:
-    (tmp_path / "quarter.yaml").write_text(TEXT, encoding="utf-8")
-    (tmp_path / "cases.csv").write_text("load\n250\n", encoding="utf-8")
-    arguments = ["simulate", str(tmp_path / "quarter.yaml"), "--batch", str(tmp_path / "cases.csv"), "--out", str(tmp_path / "x.csv")]
+def test_batches_go_with_their_own_options_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("quarter.yaml").write_text(TEXT, encoding="utf-8")
+    Path("cases.csv").write_text("load\n250\n", encoding="utf-8")
     others = ("--method", "augmented"), ("--integrator", "rk4"), ("--events", "located"), ("--precision", "single"), ("--iterations", "3")
     for more in others:
-        done = CliRunner().invoke(main, [*arguments, *more])
-        assert done.exit_code == 1
-        assert f"{more[0]} cannot go with --batch" in done.output
+        done = CliRunner().invoke(main, ["batch", "quarter.yaml", "cases.csv", "--out", "x.csv", *more])
+        assert done.exit_code == 2
+        assert more[0] in done.output
+
+
+def test_the_method_of_a_scene_is_one_of_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("quarter.yaml").write_text(TEXT.replace("    end: 0.8", "    end: 0.8\n    method: augmented"), encoding="utf-8")
+    Path("cases.csv").write_text("load\n250\n", encoding="utf-8")
+    done = CliRunner().invoke(main, ["batch", "quarter.yaml", "cases.csv", "--out", "x.csv"])
+    assert done.exit_code == 1
+    assert "batches have no method augmented; use --method recursive" in done.output
 
 
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--threads", "2"], "--threads goes with --batch"),
-        (["--batch", "cases.csv", "--out", "cases.csv"], "--out cases.csv: that is the table of parameters"),
-        (["--batch", "cases.csv", "--set", "load=3"], "--set load: the table cases.csv has it too"),
+        (["--out", "cases.csv"], "--out cases.csv: that is the table of parameters"),
+        (["--out", "x.csv", "--set", "load=3"], "--set load: the table cases.csv has it too"),
     ],
 )
 def test_contradictions_are_refused(more: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("quarter.yaml").write_text(TEXT, encoding="utf-8")
     Path("cases.csv").write_text("load\n250\n", encoding="utf-8")
-    done = CliRunner().invoke(main, ["simulate", "quarter.yaml", "--out", "x.csv", *more])
+    done = CliRunner().invoke(main, ["batch", "quarter.yaml", "cases.csv", *more])
     assert done.exit_code == 1
     assert words in done.output
     assert Path("cases.csv").read_text(encoding="utf-8") == "load\n250\n"

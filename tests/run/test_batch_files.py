@@ -72,7 +72,7 @@ def batch(folder: Path) -> tuple[object, ...]:
     (folder / "quarter.yaml").write_text(TEXT, encoding="utf-8")
     rows = "".join(f"{load}\n" for load in np.linspace(200, 400, 50_000))
     (folder / "cases.csv").write_text(f"load\n{rows}", encoding="utf-8")
-    return "simulate", "quarter.yaml", "--batch", "cases.csv", "--threads", 2, "--out", "out.csv"
+    return "batch", "quarter.yaml", "cases.csv", "--threads", 2, "--out", "out.csv"
 
 
 def test_an_interrupted_batch_keeps_what_was_done(batch: tuple[object, ...], folder: Path) -> None:

@@ -81,7 +81,7 @@ def test_no_output_is_the_table_of_a_batch(folder: Path) -> None:
     Path("cases.csv").write_text("load\n1\n", encoding="utf-8")
     os.symlink("cases.csv", "other.csv")
     for name in ("cases.csv", "other.csv"):
-        done = simulate("--batch", "cases.csv", "--out", name)
+        done = call("batch", "driven.yaml", "cases.csv", "--out", name)
         assert (done.exit_code, done.output) == (1, f"--out {name}: that is the table of parameters; write the results elsewhere\n")
 
 

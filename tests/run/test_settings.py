@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.commands.options import Setting
+from cutjoint.commands.table import Setting
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text

@@ -128,7 +128,7 @@ def test_a_batch_has_them_too(name: str, tmp_path: Path) -> None:
 def test_a_batch_with_equal_steps_goes_side_by_side(tmp_path: Path) -> None:
     """Also where the command names the step; runs are the same in any number of threads, and one that fails is a row."""
     (tmp_path / "cases.csv").write_text("stiffness\n1500\n3000\n", encoding="utf-8")
-    words = ["simulate", str(_write("press", tmp_path)), "--batch", str(tmp_path / "cases.csv"), "--out", str(tmp_path / "out.csv")]
+    words = ["batch", str(_write("press", tmp_path)), str(tmp_path / "cases.csv"), "--out", str(tmp_path / "out.csv")]
     for more, said in (([], "tolerance 1e-07, runs one by one"), (["--dt", "0.001"], "trapezoidal, steps of 0.001 s")):
         done = CliRunner().invoke(main, [*words, *more])
         assert done.exit_code == 0, done.output

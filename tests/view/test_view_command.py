@@ -245,16 +245,6 @@ def test_refusals(arguments: tuple[object, ...], message: str, tmp_path: Path, m
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_batch_is_not_seen(tmp_path: Path) -> None:
-    cases = tmp_path / "cases.csv"
-    cases.write_text("stiffness\n1000\n2000\n", encoding="utf-8")
-    result = CliRunner().invoke(
-        main, ["simulate", str(PRESS), "--batch", str(cases), "--out", str(tmp_path / "x.csv"), "--view", str(tmp_path / "x.html")]
-    )
-    assert result.exit_code == 1
-    assert "--view: a batch has many runs; simulate the one to be seen alone" in result.output
-
-
 def test_simulate_alone_imports_nothing_of_it() -> None:
     script = "import sys, cutjoint.commands.simulate; print([name for name in sys.modules if name.startswith('cutjoint.view')])"
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
 from cutjoint.analysis.rigid import describe_geometry
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
@@ -24,11 +22,7 @@ from cutjoint.view.states import find_notes, show_directions
 from cutjoint.view.views import require_view, write_shown
 
 
-@click.command("check")
-@options.model
-@options.some_scene
-@options.view("that moves in each direction that the loops leave free")
-@options.reports_errors
+@table.command("check")
 def command(model: Path, scene: str | None, view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view)])

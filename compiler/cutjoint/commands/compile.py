@@ -4,25 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model, generate
-from cutjoint.emit.standalone import INTEGRATORS_OF_CORE
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.run.artifact import Artifact
 from cutjoint.topology.reading import read_model
 
 
-@click.command("compile")
-@options.model
-@options.scene
-@options.method
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the C++ and the simulator.")
-@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of the steps; otherwise the scene's, else trapezoidal.")
-@click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional ones.")
-@options.opened
-@options.reports_errors
+@table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, opened: tuple[str, ...]
 ) -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.states import find_equilibrium
@@ -15,12 +13,7 @@ from cutjoint.view.states import show_equilibrium
 from cutjoint.view.views import require_view, write_shown
 
 
-@click.command("equilibrium")
-@options.model
-@options.some_scene
-@options.changes
-@options.view("that goes from the design position to the equilibrium")
-@options.reports_errors
+@table.command("equilibrium")
 def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path | None) -> None:
     """Find the static equilibrium of MODEL and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])

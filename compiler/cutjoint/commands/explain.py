@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
 from cutjoint.run.outputs import require_apart
@@ -14,13 +14,7 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.topology.reading import read_model
 
 
-@click.command("explain")
-@options.model
-@options.some_scene
-@options.method
-@click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL.")
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="Markdown file; standard output otherwise.")
-@options.reports_errors
+@table.command("explain")
 def command(model: Path, scene: str | None, method: str, reduced: bool, out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     require_apart({"the model": model}, documents=[("--out", out)])

@@ -6,11 +6,8 @@ from pathlib import Path
 
 import click
 
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
-from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
-from cutjoint.export.fmu.archive import TARGETS
-from cutjoint.export.fmu.description import KINDS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.records import Model, Output
@@ -18,42 +15,17 @@ from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
 from cutjoint.run.scenes import find_scene
-from cutjoint.toolchain.platforms import PLATFORMS
 from cutjoint.topology.reading import read_model
 
-#: The format that is no other simulator, but is imported by many.
-FMU = "fmu"
 
-
-@click.command("export")
-@options.model
-@options.scene
-@click.option("--to", "peer", type=click.Choice([*EXPORTERS.names(), FMU]), required=True,
-              help="The other simulator, for which cutjoint-bench is needed, or an FMU for those that import one.")
-@options.changes
-@options.links
-@click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True,
-              help="A column of the table; by default those of the scene that are motions of bodies and markers.")
-@click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise.")
-@click.option("--kind", type=click.Choice(list(KINDS)), help="What an FMU is for: co-simulation (the default), model exchange, or both.")
-@click.option("--sources", "content", flag_value="sources", help="An FMU of C++ alone.")
-@click.option("--binary", "content", flag_value="binary", help="An FMU with binaries alone.")
-@click.option("--both", "content", flag_value="both", help="An FMU with both, which is the default.")
-@click.option("--platform", "platforms", type=click.Choice(list(PLATFORMS)), multiple=True,
-              help="A platform of an FMU's binaries, by Debian's cross-compilers; several may be given, by default this machine's.")
-@click.option("--target", type=click.Choice(TARGETS),
-              help="x86-64 processors of an FMU's binaries: all (baseline), those with AVX2 and FMA (avx2), or both, chosen at load.")
-@click.option("--method", type=click.Choice(list(STEPS)), help="Formulation of an FMU's steps; recursive otherwise.")
-@click.option("--integrator", type=click.Choice(INTEGRATORS_OF_CORE), help="Rule of an FMU's steps; otherwise what simulate takes.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file.")
-@options.reports_errors
+@table.command("export")
 def command(
     model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
     fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None, method: str | None,
     integrator: str | None, out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
-    if peer == FMU:
+    if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")

@@ -1,4 +1,4 @@
-"""The common parts of commands: options, reports of errors, progress, parameters."""
+"""The common parts of commands: reports of errors, progress, values of parameters."""
 
 from __future__ import annotations
 
@@ -16,62 +16,13 @@ from rich.markup import escape
 from rich.progress import Progress, Task, TimeRemainingColumn
 from rich.text import Text
 
-from cutjoint.methods import DEFAULT_METHOD, METHODS
-from cutjoint.model.ranges import TIMES, WHOLE, fault_of, fault_of_setting
-from cutjoint.model.text import escaped_lines, is_number, is_whole, read_number
+from cutjoint.model.ranges import fault_of
+from cutjoint.model.text import escaped_lines, is_number, read_number
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.outputs import descriptor_of
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
-
-
-class Setting(click.types.FloatParamType):
-    """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
-
-    Times may have a unit, as in 1ms, and so may a tolerance, as in 1mm or 0.1deg.
-    """
-
-    def __init__(self, setting: str, *, positive: bool = False) -> None:
-        self.name = "integer" if setting in WHOLE else "float"
-        self._setting, self._positive = setting, positive
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, as click has it."""
-        whole = self._setting in WHOLE
-        if isinstance(value, str) and self._setting in (*TIMES, "tolerance") and not is_number(value):
-            value = self._in_si(value, param, ctx)
-        elif isinstance(value, str) and not (is_whole if whole else is_number)(value):
-            self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
-        number = (click.INT if whole else click.FLOAT).convert(value, param, ctx)
-        fault = fault_of_setting(self._setting, number) or (fault_of(number, above=0.0) if self._positive else "")
-        if fault:
-            self.fail(fault, param, ctx)
-        return number
-
-    def _in_si(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from cutjoint.model.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
-
-        try:
-            written = read_measure(text)
-        except UnitError as error:
-            self.fail(f"{error}.", param, ctx)
-        if written is None:
-            self.fail(f"{text!r} is not a plain decimal number.", param, ctx)
-        dimensions, needs = ((TIME,), "a time needs s") if self._setting in TIMES else ((LENGTH, ANGLE), "a tolerance needs m or rad")
-        if written.dimension not in dimensions:
-            self.fail(f"{text!r} is in {described(written.dimension)}, and {needs}.", param, ctx)
-        return written.value
-
-
-class WholeRange(click.IntRange):
-    """Whole numbers of a range in plain digits."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number, as click has it."""
-        if isinstance(value, str) and not is_whole(value):
-            self.fail(f"{value!r} is not a whole number in plain digits.", param, ctx)
-        return super().convert(value, param, ctx)
 
 
 class _PlainConsole(Console):
@@ -83,29 +34,6 @@ class _PlainConsole(Console):
 
 out = _PlainConsole(highlight=False, soft_wrap=True)
 err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
-
-model = click.argument("model", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-scene = click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one.")
-some_scene = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
-method = click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation.")
-changes = click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, 
-                       help="Change a parameter, or hold an input constant, without recompiling: in SI units, or with a unit as "
-                       "in 10mm.")  # fmt: skip
-opened = click.option("--open", "opened", metavar="PATTERN", multiple=True,
-                      help="Make parameters of the numbers of MODEL whose names match, such as '*.stiffness' or 'front.hub.*'; * stands "
-                      "for any text. --set and tables of --batch change them without recompiling.")  # fmt: skip
-dt = click.option("--dt", type=Setting("dt"), help="Step in s; the scene's otherwise.")
-end = click.option("--end", type=Setting("end", positive=True), help="End time in s; the scene's otherwise.")
-iterations = click.option("--iterations", type=Setting("iterations"),
-                           help="Of each step of the method recursive, no less and no more, so that all steps cost the same.")  # fmt: skip
-links = click.option("--link-mass", "links", metavar="BODY=KG", multiple=True,
-                      help="Make a massless body a slender rod; * in BODY stands for any text.")  # fmt: skip
-
-
-def view(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The option for a file with a view of ``what``."""
-    file, words = click.Path(dir_okay=False, path_type=Path), f"Page (.html) {what}, or its animation as glTF (.glb)."
-    return click.option("--view", type=file, help=words)
 
 
 def reports_errors(command: Callable[..., Any]) -> Callable[..., Any]:

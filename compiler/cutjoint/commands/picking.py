@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from cutjoint.commands import options
-from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare, require_own
+from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare
 from cutjoint.compile.prepared import PreparedRun, Request
-from cutjoint.methods import AUTO
+from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
@@ -25,10 +26,9 @@ def pick_and_play(
     """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
     scene, parameters = with_held_inputs(model, scene, parameters)
-    require_own(
-        "method auto", "runs what it has measured; use --method", implementation=request.implementation, solver=asked.solver,
-        integrator=asked.integrator, events=asked.events, precision=request.precision, dt=asked.dt, end=asked.end,
-        iterations=asked.iterations,
+    _require_own(
+        implementation=request.implementation, solver=asked.solver, integrator=asked.integrator, events=asked.events,
+        precision=request.precision, dt=asked.dt, end=asked.end, iterations=asked.iterations,
     )  # fmt: skip
     variant = _pick(model, scene, asked.tolerance, parameters)
     played = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
@@ -55,3 +55,14 @@ def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mappi
         choice = choose(model, wanted, parameters=parameters)
     options.out.print(choice_table(choice, wanted))
     return chosen_model(model, wanted, choice)
+
+
+def _require_own(**asked: Any) -> None:
+    """Check that nothing is asked for that method auto chooses.
+
+    Raises:
+        RunError: an option says it.
+    """
+    usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
+    for name in (name for name, value in asked.items() if value not in usual.get(name, (None,))):
+        raise RunError(f"--{name} cannot go with method auto, which runs what it has measured; use --method")

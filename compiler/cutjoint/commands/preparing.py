@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.rigid import describe_geometry
@@ -177,14 +176,3 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters),
     )  # fmt: skip
-
-
-def require_own(who: str, reason: str, **asked: Any) -> None:
-    """Some ways to run have their own choice of what these options say.
-
-    Raises:
-        RunError: one of them is given.
-    """
-    usual = {"implementation": (AUTO, Implementation.GENERATED), "precision": (DEFAULT_PRECISION,)}
-    for name in (name for name, value in asked.items() if value not in usual.get(name, (None,))):
-        raise RunError(f"--{name} cannot go with {who}, which {reason}")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.report.tasks import time_tables
 from cutjoint.run.failures import describe_failure, describe_rest
@@ -14,16 +12,7 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.realtime import run_in_real_time
 
 
-@click.command("realtime")
-@options.model
-@options.scene
-@options.method
-@options.dt
-@options.end
-@options.iterations
-@options.changes
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="CSV file for the time of each step.")
-@options.reports_errors
+@table.command("realtime")
 def command(
     model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
     out: Path | None,
@@ -36,8 +25,8 @@ def command(
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
             artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False)
-    for table in time_tables(times):
-        options.console_beside(out).print(table)
+    for made in time_tables(times):
+        options.console_beside(out).print(made)
     if times.failure is not None:
         where = describe_failure(times.failure, artifact.scene.name, artifact.places, model, parameters)
         options.err.print(f"{where}; the times are of the steps up to then; {describe_rest(times.table)}", markup=False)

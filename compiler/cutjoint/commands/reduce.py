@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.reductions import note_lines, reduction_table
@@ -18,15 +16,7 @@ from cutjoint.view.reduction import show_reduction
 from cutjoint.view.views import require_view, write_shown
 
 
-@click.command("reduce")
-@options.model
-@options.scene
-@options.method
-@click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little.")
-@options.dt
-@options.changes
-@options.view("that shows in the topology what was changed")
-@options.reports_errors
+@table.command("reduce")
 def command(
     model: Path, scene: str | None, method: str, approximate: bool, dt: float | None, changes: tuple[str, ...], view: Path | None
 ) -> None:  # fmt: skip

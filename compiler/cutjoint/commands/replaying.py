@@ -18,19 +18,15 @@ from cutjoint.view.mesh_files import require_meshes
 from cutjoint.view.views import PAGE, require_view, show_run, write_shown
 
 
-def require_replay(
-    request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None, batch: Path | None
-) -> None:  # fmt: skip
+def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None) -> None:
     """Check that the wanted view can be shown.
 
     Raises:
         ModelError: the model is wrong, or a mesh of it.
-        RunError, OutputError: a batch is asked for, the file is of no kind, or there is no page or no run to be over.
+        RunError, OutputError: the file is of no kind, or there is no page or no run to be over.
     """
     if view is not None:
         require_view(view, "--view")
-    if batch is not None:
-        raise RunError("--view: a batch has many runs; simulate the one to be seen alone")
     if over is not None:
         if view is None or view.suffix != PAGE:
             raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")

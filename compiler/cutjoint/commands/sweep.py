@@ -8,10 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
-import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
@@ -27,21 +26,7 @@ _REASONS = 5
 _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 
-@click.command("sweep")
-@click.argument("study", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path),
-              help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise.")
-@click.option("--scheduler", metavar="ADDRESS",
-              help="Of a Dask cluster, such as tcp://10.0.0.1:8786; this machine's processors otherwise.")
-@click.option("--threads", type=options.Setting("threads"), help="Of this machine; as many as processors otherwise.")
-@click.option("--view", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with --replay that of the run (.html or .glb).")
-@click.option("--replay", metavar="NUMBER", type=options.WholeRange(min=0),
-              help="Write the page of this run instead, to see it in the viewer.")
-@click.option("--replays", metavar="NUMBER", type=options.WholeRange(min=0, max=100), default=3, show_default=True,
-              help="Of each objective so many of the worst runs, and of those that failed, have their pages in a folder beside --view, "
-                   "one click away.")
-@options.reports_errors
+@table.command("sweep")
 def command(
     study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, replays: int
 ) -> None:  # fmt: skip

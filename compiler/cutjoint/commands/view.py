@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.reading import read_model
 from cutjoint.view.views import require_view, show_start, write_shown
 
 
-@click.command("view")
-@options.model
-@options.some_scene
-@options.changes
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, otherwise.")
-@options.reports_errors
+@table.command("view")
 def command(model: Path, scene: str | None, changes: tuple[str, ...], out: Path | None) -> None:
     """Draw the pose in which a scene of MODEL starts, as a page that a browser opens from the disk."""
     out = Path(f"{model.stem}.html") if out is None else out

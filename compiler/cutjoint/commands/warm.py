@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import click
 
-from cutjoint.commands import options
+from cutjoint.commands import options, table
 from cutjoint.methods import DEFAULT_PRECISION, PRECISIONS
 from cutjoint.toolchain.build import FLAGS, warm
 from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 
-@click.command("warm")
-@click.option("--driver", "drivers", multiple=True, type=click.Choice(DRIVERS), default=DRIVERS, help="Some of the drivers; all otherwise.")
-@click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True, help="Number type.")
-@click.option("--comparison", is_flag=True, help="With the solvers of SuiteSparse, some of them under the GPL.")
-@options.reports_errors
+@table.command("warm")
 def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
     """Compile what does not depend on the model, once for all models: half a minute a driver.
 
     The libraries go beside the installation, or into the cache where the installation cannot be written.  The compiler and its flags are
     those of $CXX and $CUTJOINT_FLAGS.
     """
+    drivers = drivers or DRIVERS
     if "batch" in drivers and precision != DEFAULT_PRECISION:
         raise click.UsageError(f"batches have {DEFAULT_PRECISION} only; name the other drivers by --driver")
     if comparison and not PRECISIONS[precision].libraries:

@@ -107,7 +107,7 @@ def _fmpy() -> ModuleType:
     try:
         import fmpy
     except ImportError:
-        raise RunError("--with needs FMPy: install cutjoint[fmu]") from None
+        raise RunError("FMUs need FMPy: install cutjoint[fmu]") from None
     return fmpy  # type: ignore[no-any-return]
 
 

@@ -28,13 +28,16 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "iterations": {**_INTEGER, "above": 0.0},
     "multiplier_updates": _INTEGER,
     "threads": {"above": 0.0, "most": 4096},
+    "replay": {"least": 0},
+    "replays": {"least": 0, "most": 100},
+    "repetitions": {"above": 0.0, "most": 1000},
 }
 
 #: Settings in s.
 TIMES = frozenset({"dt", "output_step", "end", "at"})
 
 #: Settings that count something.
-WHOLE = frozenset({"iterations", "multiplier_updates", "threads"})
+WHOLE = frozenset({"iterations", "multiplier_updates", "threads", "replay", "replays", "repetitions"})
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:

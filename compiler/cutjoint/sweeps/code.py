@@ -73,7 +73,7 @@ def _following(
     moving = {q.symbol for q in model.parameters if q.name in changed}
     if "roads" in changing(model, scene) and moving & _radii(model):
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
-        raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use simulate --batch")
+        raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
     calls = []
     for part, function, table in (("positions", "give_coordinate", "coordinate"), ("rates", "give_speed", "speed")):
         given = getattr(scene, part)

@@ -157,7 +157,7 @@ def measure_overhead(console: Console, folder: Path, share: float) -> None:
 
 
 def measure_lanes(console: Console) -> None:
-    """Processor time of a run one by one, in lanes, and of `--batch`, in turns in one thread; how far rows in lanes are from the others."""
+    """Processor time of a run one by one, in lanes, and of `batch`, in turns in one thread; how far rows in lanes are from the others."""
     table = Table("study", "way", "processor ms a run", "times one by one", "farthest, share of the largest", title="Lanes")
     for name, text, runs in (("press", PRESS, 512), ("Iltis, simul1", ILTIS, 64)):
         study = read(text, runs)
@@ -165,7 +165,7 @@ def measure_lanes(console: Console) -> None:
         batch, cases = compile_scene_batch(study.model, study.scenes[0]), cases_of(study, runs)
         ways: dict[str, tuple[Callable[[], object], Callable[[], float]]] = {
             "one by one": (lambda: one.run(study.values), thread_time), "in lanes": (lambda: many.run(study.values), thread_time),  # noqa: B023
-            "--batch": (lambda: simulate_batch(batch, cases, threads=1, check=False), _children),  # noqa: B023
+            "batch": (lambda: simulate_batch(batch, cases, threads=1, check=False), _children),  # noqa: B023
         }  # fmt: skip
         a, b = one.run(study.values).series, many.run(study.values).series
         far = {"in lanes": f"{float((np.abs(a - b).max(axis=(0, 2)) / np.abs(a).max(axis=(0, 2))).max()):.0e}"}
@@ -212,7 +212,7 @@ def measure_throughput(console: Console, folder: Path, share: float) -> None:
         for _ in range(3):
             seconds.append(_seconds(lambda: simulate_batch(batch, cases, threads=cores, check=False), _children))  # noqa: B023
         lanes = 1e3 * median(seconds) / len(cases)
-        table.add_row(name, "--batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "", "", "")
+        table.add_row(name, "batch, eight lanes", str(len(cases)), "", "", f"{lanes:.3g}", "", "", "", "")
     console.print(table)
 
 

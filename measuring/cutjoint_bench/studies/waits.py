@@ -116,7 +116,7 @@ WAITS = (
     *(Wait(name=f"Iltis simul1, changed {edit}", model="iltis", words=_SIMUL1, edit=edit) for edit in EDITS),
     Wait(name="four-bar, cold", model="four_bar", words="simulate {model} --out {out}"),
     Wait(name="Iltis simul1 by recursive-newton, cold", model="iltis", words=f"{_SIMUL1} --method recursive-newton"),
-    Wait(name="batch of 200 runs of the press, cold", model="press", words="simulate {model} --batch {cases} --out {out}"),
+    Wait(name="batch of 200 runs of the press, cold", model="press", words="batch {model} {cases} --out {out}"),
     Wait(name="modes of the Iltis, changed hardpoint", model="iltis", words="modes {model} --scene simul1", edit="hardpoint"),
     Wait(name="equilibrium of the Iltis, changed hardpoint", model="iltis", words="equilibrium {model} --scene simul1", edit="hardpoint"),
     Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --tolerance 1e-3"),

@@ -1,20 +1,20 @@
-"""`cutjoint simulate --with`."""
+"""`cutjoint couple`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from cutjoint.commands import options
-from cutjoint.commands.preparing import read_request, require_own
+from cutjoint.commands import options, table
+from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import Connections, connect
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_INTEGRATOR, Events, Implementation, join_or
+from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
 from cutjoint.report import tables
@@ -22,6 +22,7 @@ from cutjoint.report.plots import plot_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import require_unit
 from cutjoint.run.options import Options
+from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import require_settings, with_options
@@ -29,64 +30,39 @@ from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation, SimulationError
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coupled:
-    """A controller as the options name it: its file, PORT=NAME of each connection that is named, the step of communication (s), and how
-    long a call may take (s)."""
-
-    path: Path | None
-    connections: tuple[str, ...]
-    step: float | None
-    limit: float | None
-
-
-def run_coupled(
-    request: Request, parameters: Mapping[str, float], coupled: Coupled, beside: Mapping[str, object], *, out: Path, error: bool,
-    plots: Path | None,
+@table.command("couple")
+def command(
+    model: Path, fmu: Path, scene: str | None, connections: tuple[str, ...], communication: float | None, limit: float | None,
+    method: str | None, tolerance: float | None, integrator: str | None, events: str | None, dt: float | None, end: float | None,
+    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
 ) -> None:  # fmt: skip
-    """Run a scene with a controller: the table into ``out``, what became of it on the terminal.
-
-    Raises:
-        RunError: there is no FMU, or what is asked for does not go with one; errors as of `open_controller`, `connect` and `co_simulate`.
-        SystemExit: the motion of the model cannot go on; a message says so.
-    """
-    if coupled.path is None:
-        raise RunError("--connect, --communication-step and --call-limit go with --with: a run without an FMU exchanges nothing")
-    model, scene, method = read_request(request)
-    _require_steps(request, method, beside)
-    with open_controller(coupled.path, coupled.limit or CALL_LIMIT) as fmu:
-        plan = _plan(request, model, scene, method, parameters, fmu, coupled)
+    """Run one scene of MODEL beside FMU, for co-simulation: its outputs drive the inputs of the same names, and it reads outputs."""
+    require_apart({"the model": model, "the FMU": fmu}, tables={"--out": out}, plots=plots)
+    parameters = options.read_parameters(changes)
+    asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
+    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened))
+    with open_controller(fmu, CALL_LIMIT if limit is None else limit) as controller:
+        connected = connect(controller, read, chosen, _named(connections))
+        plan = _plan(asked, read, chosen, by, parameters, controller, connected, communication)
         try:
-            with options.progress_bar(f"running {scene.name}") as progress:
+            with options.progress_bar(f"running {chosen.name}") as progress:
                 run = co_simulate(plan, out=out, progress=progress, estimate=error)
         except SimulationError as failure:
-            options.err.print(f"{request.model}: scene '{scene.name}': {options.describe_error(failure)}", markup=False)
+            options.err.print(f"{model}: scene '{chosen.name}': {options.describe_error(failure)}", markup=False)
             raise SystemExit(1) from None
-        _report(plan, scene, run, out, error)
+        _report(plan, chosen, run, out, error)
     if plots is not None:
         console = options.console_beside(out)
-        console.print(f"plots: {', '.join(str(p) for p in plot_run(run, f'{model.name}, {scene.name}', plots))}", markup=False)
-
-
-def _require_steps(request: Request, method: str, beside: Mapping[str, object]) -> None:
-    """Check that nothing is asked for that only a simulator does."""
-    asked = request.options
-    known = STEPS.get(method, {})
-    require_own(
-        "--with", f"steps the methods {join_or(STEPS)} as cutjoint.load does", implementation=request.implementation, solver=asked.solver,
-        precision=request.precision, method=None if known else method, closure=request.closure,
-        integrator=None if asked.integrator in known else asked.integrator,
-        events=None if asked.events == Events.CROSSED else asked.events, **beside,
-    )  # fmt: skip
+        console.print(f"plots: {', '.join(str(p) for p in plot_run(run, f'{read.name}, {chosen.name}', plots))}", markup=False)
 
 
 def _plan(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], fmu: ControllerFmu, coupled: Coupled
+    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], fmu: ControllerFmu,
+    connections: Connections, communication: float | None,
 ) -> Plan:  # fmt: skip
-    asked, connections = request.options, connect(fmu, model, scene, _named(coupled.connections))
     require_settings(dt=asked.dt, end=asked.end, tolerance=asked.tolerance, iterations=asked.iterations)
     _require_free(model, parameters, connections, fmu.path)
-    step, end = coupled.step or fmu.step, scene.end if asked.end is None else asked.end
+    step, end = communication or fmu.step, scene.end if asked.end is None else asked.end
     if step is None or not step > 0:
         raise RunError(f"{fmu.path}: the FMU does not say how long its steps are; say --communication-step")
     if not scene.outputs:

@@ -1,0 +1,82 @@
+"""`cutjoint batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from cutjoint.commands import options, table
+from cutjoint.commands.preparing import read_request
+from cutjoint.compile.prepared import Request
+from cutjoint.methods import METHODS, join_or, names_of
+from cutjoint.model.records import Model, Scene
+from cutjoint.report.tables import batch_facts
+from cutjoint.run.cases import read_cases
+from cutjoint.run.errors import RunError
+from cutjoint.run.failures import count_failures, describe_failures
+from cutjoint.run.options import Options
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.results import Batch
+from cutjoint.run.settings import with_options
+from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
+
+
+@table.command("batch")
+def command(
+    model: Path, cases: Path, scene: str | None, method: str | None, tolerance: float | None, integrator: str | None, events: str | None,
+    closure: str | None, dt: float | None, end: float | None, opened: tuple[str, ...], changes: tuple[str, ...], threads: int | None,
+    out: Path,
+) -> None:  # fmt: skip
+    """Run one scene of MODEL once for each row of CASES, a CSV file of parameters and constant inputs in SI units: many runs side by side.
+
+    The table has a row for each run, with end, smallest and largest value of each output over the scene's rows.
+    """
+    require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
+    parameters = options.read_parameters(changes)
+    asked = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
+    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, opened=opened))
+    if by not in (able := names_of(METHODS, lambda m: m.batch)):
+        raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
+    done = _run(asked, read, _as_asked(chosen, by, asked), parameters, _cases(cases, read, parameters), threads, out)
+    _report_failures(done, cases, out)
+
+
+def _as_asked(scene: Scene, method: str, asked: Options) -> Scene:
+    """The scene with the steps that are asked for."""
+    numerics = scene.numerics
+    numerics = replace(numerics, integrator=asked.integrator or numerics.integrator, events=asked.events or numerics.events)
+    return with_options(replace(scene, numerics=numerics), method, Options(dt=asked.dt))
+
+
+def _cases(path: Path, model: Model, parameters: Mapping[str, float]) -> list[dict[str, float]]:
+    """The cases of a table, which sets none of ``parameters``."""
+    cases = read_cases(path, model)
+    if twice := sorted(cases[0].keys() & parameters.keys()):
+        raise RunError(f"--set {twice[0]}: the table {path} has it too; set it in one of the two")
+    return cases
+
+
+def _run(
+    asked: Options, model: Model, scene: Scene, parameters: Mapping[str, float], cases: list[dict[str, float]], threads: int | None,
+    out: Path,
+) -> Batch:  # fmt: skip
+    with options.progress_bar(f"compiling {model.name}"):
+        artifact = compile_scene_batch(model, scene)
+    with options.progress_bar(f"running {scene.name}") as progress:
+        done = simulate_batch(
+            artifact, [{**parameters, **case} for case in cases], dt=asked.dt, end=asked.end, tolerance=asked.tolerance,
+            threads=threads, out=out, progress=progress, check=False,
+        )  # fmt: skip
+    console = options.console_beside(out)
+    console.print(batch_facts(artifact, done))
+    console.print(f"results: {out}, {len(cases)} runs", markup=False)
+    return done
+
+
+def _report_failures(done: Batch, cases: Path, out: Path) -> None:
+    for failure in describe_failures(done):
+        options.err.print(f"{cases}: {failure}", markup=False)
+    if failed := count_failures(done):
+        options.err.print(f"{failed}; column 'run.failure' of {out} says how", markup=False)
+        raise SystemExit(1)

@@ -1,0 +1,29 @@
+"""Words of earlier versions: they still work, and the new ones are told."""
+
+from __future__ import annotations
+
+import shlex
+
+from cutjoint.commands import options
+
+#: The command that an option of another one has become: what was its file is the second argument there.
+_COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
+
+
+def in_new_words(words: list[str]) -> list[str]:
+    """The words of a call in those of this version; where they differ, a message has them."""
+    for (command, option), new in _COMMANDS.items():
+        if words[:1] == [command] and (file := _value_of(option, words)) is not None:
+            words = [new, *words[1:2], file, *words[2:]] if words[1:2] and not words[1].startswith("-") else [new, *words[1:], file]
+            options.err.print(f"{command} {option} is now cutjoint {shlex.join(words)}", markup=False)
+    return words
+
+
+def _value_of(option: str, words: list[str]) -> str | None:
+    """Take an option with its value out of ``words``; the value, None where there is none."""
+    for i, word in enumerate(words):
+        if word.startswith(f"{option}="):
+            return words.pop(i).partition("=")[2]
+        if word == option and i + 1 < len(words):
+            return [words.pop(i), words.pop(i)][1]
+    return None

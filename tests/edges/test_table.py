@@ -1,0 +1,86 @@
+"""The table of options, and the words of earlier versions."""
+
+from __future__ import annotations
+
+from inspect import signature, unwrap
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from cutjoint.cli import main
+from cutjoint.commands.renamed import in_new_words
+from cutjoint.commands.table import OPTIONS, Setting
+from cutjoint.model.ranges import fault_of_setting
+
+from .commands import commands
+
+
+def test_every_row_belongs_to_a_command() -> None:
+    used = set()
+    for name, command in commands().items():
+        assert command.callback is not None
+        if command.callback.__module__.startswith("cutjoint.commands."):
+            used |= {row if (row := f"{name}.{p}") in OPTIONS else p for p in signature(unwrap(command.callback)).parameters}
+    assert used == set(OPTIONS)
+
+
+def numbers() -> list[tuple[str, click.Option]]:
+    return [(name, p) for name, command in commands().items() for p in command.params if isinstance(p, click.Option)]
+
+
+@pytest.mark.parametrize(("name", "option"), numbers(), ids=lambda x: x if isinstance(x, str) else x.name)
+def test_numbers_have_a_range_that_the_help_tells(name: str, option: click.Option) -> None:
+    """The bounds in the help are those that are refused beyond, and at an open end."""
+    assert not isinstance(option.type, click.types.IntParamType | click.types.FloatParamType) or isinstance(option.type, Setting)
+    if not isinstance(option.type, Setting):
+        return
+    (low, is_open), high = (option.type.min, option.type.min_open), option.type.max
+    text = (option.get_help_record(click.Context(commands()[name])) or ("", ""))[1]
+    assert low is not None
+    assert f"{low}<{'' if is_open else '='}x" in text or f"x>{'' if is_open else '='}{low}" in text
+    for beyond in (low - 1, *([low] if is_open else []), *([high + 1] if high is not None else [])):
+        with pytest.raises(click.BadParameter):
+            option.type.convert(str(int(beyond)), option, None)
+    assert high is None or option.type.convert(str(high), option, None) == high
+
+
+def test_a_range_is_that_of_files_and_python() -> None:
+    assert fault_of_setting("threads", 4097)
+    with pytest.raises(click.BadParameter):
+        Setting("threads").convert("4097", None, None)
+
+
+OLD = [
+    ("simulate press.yaml --batch cases.csv --out x.csv", "batch press.yaml cases.csv --out x.csv"),
+    ("simulate --batch=cases.csv press.yaml --out x.csv", "batch press.yaml cases.csv --out x.csv"),
+    ("simulate --out x.csv press.yaml --set a=1 --batch cases.csv", "batch --out x.csv press.yaml --set a=1 cases.csv"),
+    ("simulate pole.yaml --with pole.fmu --connect a=b --out x.csv", "couple pole.yaml pole.fmu --connect a=b --out x.csv"),
+]
+
+
+@pytest.mark.parametrize(("old", "new"), OLD)
+def test_words_of_an_earlier_version_are_those_of_this_one(old: str, new: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert in_new_words(old.split()) == new.split()
+    assert " ".join(capsys.readouterr().err.split()).endswith(f"is now cutjoint {new}")
+
+
+@pytest.mark.parametrize("words", ["simulate press.yaml --out x.csv", "compile press.yaml --batch x", "simulate --batch", "check", ""])
+def test_other_words_stay(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert in_new_words(words.split()) == words.split()
+    assert capsys.readouterr().err == ""
+
+
+def test_an_old_call_is_the_new_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for file in ("press.yaml", "cases.csv", "pole.fmu"):
+        Path(file).touch()
+    old = ("--batch", "cases.csv", "batch", "the table of parameters"), ("--with", "pole.fmu", "couple", "the FMU")
+    for option, file, command, what in old:
+        done = CliRunner().invoke(main, ["simulate", "press.yaml", option, file, "--out", file])
+        assert done.exit_code == 1
+        assert done.output == (
+            f"simulate {option} is now cutjoint {command} press.yaml {file} --out {file}\n"
+            f"--out {file}: that is {what}; write the results elsewhere\n"
+        )
