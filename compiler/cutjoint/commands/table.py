@@ -118,10 +118,6 @@ def _page(what: str) -> Row:
     return click.option("--view", type=_FILE, help=f"Page (.html) {what}, or its animation as glTF (.glb).")
 
 
-def _method(names: Iterable[str], words: str) -> Row:
-    return click.option("--method", type=click.Choice(list(names)), help=words)
-
-
 _FILE = click.Path(dir_okay=False, path_type=Path)
 _READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -136,135 +132,111 @@ OPTIONS: Mapping[str, Row] = {
     "study": click.argument("study", type=_READ),
     "scene": click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one."),
     **dict.fromkeys(("check.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
-    "modes.scene": click.option(
-        "--scene", metavar="NAME", help="Scene of the model file; the first otherwise. With --at it may be left out if there is only one."),
+    "modes.scene": click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise. With --at it may be left "
+        "out if there is only one."),
     "method": click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation."),
-    "simulate.method": _method(
-        [AUTO, *METHODS], "Formulation, or auto to pick one that keeps the tolerance; by default the scene's, else recursive."),
-    "batch.method": _method(names_of(METHODS, lambda m: m.batch), "Formulation; by default the scene's, else recursive."),
+    "simulate.method": _one_of("--method", names=lambda: [AUTO, *METHODS], help="Formulation, or auto to pick one that keeps the "
+        "tolerance; by default the scene's, else recursive."),
+    "batch.method": _one_of("--method", names=lambda: names_of(METHODS, lambda m: m.batch),
+        help="Formulation; by default the scene's, else recursive."),
     "couple.method": _one_of("--method", names=_STEPS, help="Formulation; by default the scene's, else recursive."),
     "export.method": _one_of("--method", names=_STEPS, help="Formulation of an FMU's steps; recursive otherwise."),
-    "tolerance": click.option(
-        "--tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince and sdirk4 relative and absolute, else of the "
-        "iteration in a step; the scene's otherwise."),
-    "simulate.tolerance": click.option(
-        "--tolerance", type=Setting("tolerance"), help="Of method auto in m and rad, of a step of dormand-prince and sdirk4 relative and "
+    "tolerance": click.option("--tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince and sdirk4 relative and "
         "absolute, else of the iteration in a step; the scene's otherwise."),
-    "implementation": click.option(
-        "--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO, show_default=True,
-        envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which nothing is compiled; or "
-        "a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on a terminal interpreted "
-        "where compiling takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it for all runs."),
-    "solver": click.option(
-        "--solver", type=click.Choice(list(SOLVERS)), help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
-        "twin a library's; cholmod, klu and umfpack are for comparison."),
-    "integrator": click.option(
-        "--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)), help="rk4 and dormand-prince take the method "
-        "recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, else trapezoidal where dt is given, and "
-        "otherwise the method's own with steps that follow from the accuracy."),
-    "batch.integrator": click.option(
-        "--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all runs side by side, where the "
-        "scene has another rule, or none and no step."),
-    "couple.integrator": _one_of(
-        "--integrator", names=_RULES, help="Rule of the steps; by default the scene's, "
-        "else that of simulate."),
+    "simulate.tolerance": click.option("--tolerance", type=Setting("tolerance"), help="Of method auto in m and rad, of a step of "
+        "dormand-prince and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise."),
+    "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
+        show_default=True, envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which "
+        "nothing is compiled; or a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on "
+        "a terminal interpreted where compiling takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it "
+        "for all runs."),
+    "solver": click.option("--solver", type=click.Choice(list(SOLVERS)), help="Linear solver of the Lagrangian methods, by default "
+        "emitted, of the generic twin a library's; cholmod, klu and umfpack are for comparison."),
+    "integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)), help="rk4 and "
+        "dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, else trapezoidal "
+        "where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
+    "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
+        "runs side by side, where the scene has another rule, or none and no step."),
+    "couple.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; by default the scene's, else that of simulate."),
     "compile.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; otherwise the scene's, else trapezoidal."),
     "export.integrator": _one_of("--integrator", names=_RULES, help="Rule of an FMU's steps; otherwise what simulate takes."),
-    "events": click.option(
-        "--events", type=click.Choice([x.value for x in Events]), help="Whether steps of recursive and recursive-newton end where forces "
-        "change their formulas; the scene's otherwise, else crossed by trapezoidal and generalised-alpha, located by the others."),
-    **dict.fromkeys(("batch.events", "couple.events"), click.option(
-        "--events", type=click.Choice([Events.CROSSED.value]), help="Steps do not end where forces change their formulas, where the scene "
-        "has them located.")),
-    "precision": click.option(
-        "--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True, help="Number type."),
-    "closure": click.option(
-        "--closure", type=click.Choice(list(CLOSURES)), help="How the recursive method holds its cut joints; the scene's otherwise."),
+    "events": click.option("--events", type=click.Choice([x.value for x in Events]), help="Whether steps of recursive and recursive-newton "
+        "end where forces change their formulas; the scene's otherwise, else crossed by trapezoidal and generalised-alpha, located by the "
+        "others."),
+    **dict.fromkeys(("batch.events", "couple.events"), click.option("--events", type=click.Choice([Events.CROSSED.value]),
+        help="Steps do not end where forces change their formulas, where the scene has them located.")),
+    "precision": click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True,
+        help="Number type."),
+    "closure": click.option("--closure", type=click.Choice(list(CLOSURES)), help="How the recursive method holds its cut joints; the "
+        "scene's otherwise."),
     "dt": click.option("--dt", type=Setting("dt"), help="Step; the scene's otherwise."),
     "end": click.option("--end", type=Setting("end", positive=True), help="End time; the scene's otherwise."),
-    "at": click.option(
-        "--at", type=Setting("at"), help="Linearise about the scene's motion at that time; otherwise about the static equilibrium."),
-    "iterations": click.option(
-        "--iterations", type=Setting("iterations"), help="Of each step of the method recursive, no less and no more, so that all steps "
-        "cost the same."),
-    "opened": click.option(
-        "--open", "opened", metavar="PATTERN", multiple=True, help="Make parameters of the numbers of MODEL whose names match, such as "
-        "'*.stiffness' or 'front.hub.*'; * stands for any text. --set and tables of cutjoint batch change them without recompiling."),
-    "changes": click.option(
-        "--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter, or hold an input constant, without "
-        "recompiling: in SI units, or with a unit as in 10mm."),
-    "links": click.option(
-        "--link-mass", "links", metavar="BODY=KG", multiple=True, help="Make a massless body a slender rod; * in BODY stands for any "
-        "text."),
+    "at": click.option("--at", type=Setting("at"), help="Linearise about the scene's motion at that time; otherwise about the static "
+        "equilibrium."),
+    "iterations": click.option("--iterations", type=Setting("iterations"), help="Of each step of the method recursive, no less and no "
+        "more, so that all steps cost the same."),
+    "opened": click.option("--open", "opened", metavar="PATTERN", multiple=True, help="Make parameters of the numbers of MODEL whose names "
+        "match, such as '*.stiffness' or 'front.hub.*'; * stands for any text. --set and tables of cutjoint batch change them without "
+        "recompiling."),
+    "changes": click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter, or hold an input constant, "
+        "without recompiling: in SI units, or with a unit as in 10mm."),
+    "links": click.option("--link-mass", "links", metavar="BODY=KG", multiple=True, help="Make a massless body a slender rod; * in BODY "
+        "stands for any text."),
     "reduced": click.option("--reduced", is_flag=True, help="What the exact and guarded passes leave of MODEL."),
     "approximate": click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little."),
-    "linearise": click.option(
-        "--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional ones."),
-    "peer": _one_of(
-        "--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which cutjoint-bench "
-        "is needed, or an FMU for those that import one."),
-    "asked": click.option(
-        "--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of the scene that "
-        "are motions of bodies and markers."),
+    "linearise": click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional "
+        "ones."),
+    "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
+        "cutjoint-bench is needed, or an FMU for those that import one."),
+    "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
+        "the scene that are motions of bodies and markers."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise."),
-    "kind": _one_of(
-        "--kind", names=_of("cutjoint.export.fmu.description", "KINDS"), help="What an FMU is for: co-simulation (the default), model "
-        "exchange, or both."),
+    "kind": _one_of("--kind", names=_of("cutjoint.export.fmu.description", "KINDS"), help="What an FMU is for: co-simulation (the "
+        "default), model exchange, or both."),
     "content": _contents,
-    "platforms": _one_of(
-        "--platform", "platforms", names=_of("cutjoint.toolchain.platforms", "PLATFORMS"), multiple=True, help="A platform of an FMU's "
-        "binaries, by Debian's cross-compilers; several may be given, by default this machine's."),
-    "target": _one_of(
-        "--target", names=_of("cutjoint.export.fmu.archive", "TARGETS"), help="x86-64 processors of an FMU's binaries: all (baseline), "
-        "those with AVX2 and FMA (avx2), or both, chosen at load."),
+    "platforms": _one_of("--platform", "platforms", names=_of("cutjoint.toolchain.platforms", "PLATFORMS"), multiple=True,
+        help="A platform of an FMU's binaries, by Debian's cross-compilers; several may be given, by default this machine's."),
+    "target": _one_of("--target", names=_of("cutjoint.export.fmu.archive", "TARGETS"), help="x86-64 processors of an FMU's binaries: all "
+        "(baseline), those with AVX2 and FMA (avx2), or both, chosen at load."),
     "cases": click.argument("cases", type=_READ),
     "fmu": click.argument("fmu", type=_READ),
     "threads": click.option("--threads", type=Setting("threads"), help="As many as processors otherwise."),
     "sweep.threads": click.option("--threads", type=Setting("threads"), help="Of this machine; as many as processors otherwise."),
-    "connections": click.option(
-        "--connect", "connections", metavar="PORT=NAME", multiple=True, help="An input or output of the FMU, and the output or input of "
-        "the model that it belongs to, where names differ."),
-    "communication": click.option(
-        "--communication-step", "communication", type=Setting("dt"), help="Time between exchanges of values; that of the FMU's default "
-        "experiment otherwise."),
+    "connections": click.option("--connect", "connections", metavar="PORT=NAME", multiple=True, help="An input or output of the FMU, and "
+        "the output or input of the model that it belongs to, where names differ."),
+    "communication": click.option("--communication-step", "communication", type=Setting("dt"), help="Time between exchanges of values; "
+        "that of the FMU's default experiment otherwise."),
     "limit": click.option("--call-limit", "limit", type=Setting("dt"), help="Time that a call of the FMU may take; 60 s otherwise."),
-    "scheduler": click.option(
-        "--scheduler", metavar="ADDRESS", help="Of a Dask cluster, such as tcp://10.0.0.1:8786; this machine's processors otherwise."),
+    "scheduler": click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster, such as tcp://10.0.0.1:8786; this machine's "
+        "processors otherwise."),
     "out": click.option("--out", type=_FILE, required=True, help="CSV file; units go beside it."),
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the C++ and the simulator."),
     "explain.out": click.option("--out", type=_FILE, help="Markdown file; standard output otherwise."),
-    "export.out": click.option(
-        "--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file."),
+    "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file."),
     "modes.out": click.option("--out", type=_FILE, help="JSON file for all numbers."),
     "realtime.out": click.option("--out", type=_FILE, help="CSV file for the time of each step."),
     "schema.out": click.option("--out", type=_FILE, help="JSON file; standard output otherwise."),
-    "sweep.out": click.option(
-        "--out", type=_FILE, help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise."),
-    "view.out": click.option(
-        "--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, otherwise."),
+    "sweep.out": click.option("--out", type=_FILE, help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise."),
+    "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
+        "otherwise."),
     "steps": click.option("--steps", type=_FILE, help="CSV file for iterations and residuals of each step."),
-    "error": click.option(
-        "--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have converged, one in 200 "
-        "at most is off by more than three times as much. Without, steps have one tolerance."),
+    "error": click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have "
+        "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.view": _page("that moves in each direction that the loops leave free"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),
-    "sweep.view": click.option(
-        "--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with --replay that of the run "
-        "(.html or .glb)."),
-    "over": click.option(
-        "--over", type=_READ, help="Page of another run, of this or another model, which the page of --view then has as a ghost."),
-    "replay": click.option(
-        "--replay", type=Setting("replay"), help="Write the page of this run instead, to see it in the viewer."),
-    "replays": click.option(
-        "--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the worst runs, and of "
-        "those that failed, have their pages in a folder beside --view, one click away."),
+    "sweep.view": click.option("--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with "
+        "--replay that of the run (.html or .glb)."),
+    "over": click.option("--over", type=_READ, help="Page of another run, of this or another model, which the page of --view then has as a "
+        "ghost."),
+    "replay": click.option("--replay", type=Setting("replay"), help="Write the page of this run instead, to see it in the viewer."),
+    "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the "
+        "worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Of study files of cutjoint sweep, instead of model files."),
-    "drivers": _one_of(
-        "--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the drivers; all "
-        "otherwise."),
+    "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the "
+        "drivers; all otherwise."),
     "comparison": click.option("--comparison", is_flag=True, help="With the solvers of SuiteSparse, some of them under the GPL."),
 }  # fmt: skip
