@@ -6,6 +6,7 @@ tests/fuzz/corpus with its seed.
 
 from __future__ import annotations
 
+import os
 import random
 import sys
 import time
@@ -32,7 +33,7 @@ _Running: TypeAlias = dict[Future[Tally], tuple[str, range]]
 
 def prepare(names: Sequence[str]) -> None:
     """Compile what inputs of kinds need, as far as it is not in the cache, so that this takes no kind's time."""
-    with _processes(1) as pool:
+    with processes(1) as pool:
         for made in [pool.submit(_make_one, name) for name in names]:
             made.result()
 
@@ -41,8 +42,15 @@ def _make_one(name: str) -> None:
     KINDS[name].make(random.Random(0))
 
 
-def _processes(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent)
+def processes(jobs: int) -> ProcessPoolExecutor:
+    """A pool of so many processes."""
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin)
+
+
+def _begin() -> None:
+    """Let a process end with this one, out of reach of a signal that ends the fuzzing: an input must not take it for its own."""
+    os.setpgrp()
+    end_with_parent()
 
 
 def try_turn(name: str, seeds: range) -> Tally:
@@ -62,7 +70,7 @@ def fuzz(turns: Turns, tallies: dict[str, Tally], *, seconds: float, jobs: int) 
     end, report = time.monotonic() + seconds, time.monotonic() + REPORT
     while turn := turns.next(end - time.monotonic()):
         fresh = time.monotonic() + LIFE
-        with _processes(jobs) as pool:
+        with processes(jobs) as pool:
             running: _Running = {}
             while turn or running:
                 if turn:

@@ -24,6 +24,7 @@ from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation, SimulationError
 
 from . import mechanisms
+from .drivers import build_interpreters
 
 Node = dict[str, Any]
 
@@ -55,6 +56,7 @@ _HOSTS = (
 
 def make(rng: random.Random) -> str:
     """A model, the joint that is guided, when (s) its rate jumps from one to another (1/s or m/s), and how a host goes on."""
+    build_interpreters()
     model: Node = {
         "cutjoint": 1, "name": "fuzzed", "gravity": [0, 0, -9.81], "points": {}, "bodies": {}, "joints": {}, "forces": {}, "outputs": [],
         "scenes": {"run": {"end": 0.3, "output_step": 0.02, "numerics": {"dt": 0.001}}},

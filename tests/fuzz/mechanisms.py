@@ -21,6 +21,8 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 
+from .drivers import build_interpreters
+
 Node = dict[str, Any]
 
 #: The error of places that runs keep by default, m, and how many times that is taken for an estimate's uncertainty.
@@ -32,6 +34,7 @@ EXACT = 1e-6
 
 def make(rng: random.Random) -> str:
     """A model file."""
+    build_interpreters()
     model: Node = {
         "cutjoint": 1, "name": "fuzzed", "gravity": [0, 0, -9.81], "points": {}, "bodies": {}, "joints": {}, "forces": {}, "outputs": [],
         "scenes": {"run": {"end": 1, "output_step": 0.02}},

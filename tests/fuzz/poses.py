@@ -1,13 +1,15 @@
 """Starts at rest with coordinates that the scene holds: nothing else pulls, and a guide that holds the same makes no difference.
 
 The mechanisms are planar, of links on hinges and a carriage, with springs at joints, some closed to loops.  Their potential is worked
-out here.
+out here.  Most are settled: they rest where they are assembled, for held joints carry what they must and springs are as tight as the others
+need, so that a refusal is wrong.
 """
 
 from __future__ import annotations
 
 import json
 import random
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,8 @@ from cutjoint.run.results import MechanismState
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.states import NoEquilibriumError, find_scene_equilibrium
 
+from .drivers import build_interpreters
+
 Node = dict[str, Any]
 Array = npt.NDArray[Any]
 
@@ -31,6 +35,7 @@ AT_REST = 1e-5
 
 def make(rng: random.Random) -> str:
     """A model file, and what the check needs of it."""
+    build_interpreters()
     links: list[Node] = []
     count = rng.randint(2, 5)
     for k in range(count):
@@ -44,9 +49,32 @@ def make(rng: random.Random) -> str:
     closed = [k for k in tips if k > 2 and rng.random() < 0.7][:1]
     free = count - 2 * len(closed)
     held = {k: round(rng.uniform(-0.5, 0.5), 3) for k in sorted(rng.sample(range(count), rng.randint(1, free)))}
-    method = rng.choice(sorted(METHODS))
-    case = {"links": links, "closed": closed, "held": list(held.items()), "method": method, "guides": rng.random() < 0.3}
+    method, settled = rng.choice(sorted(METHODS)), rng.random() < 0.8
+    if settled:
+        held = {k: 0.0 if closed else value for k, value in _independent(links, closed, held).items()}
+        _tighten(links, held)
+    case = {
+        "links": links, "closed": closed, "held": list(held.items()), "method": method, "guides": rng.random() < 0.3, "settled": settled,
+    }  # fmt: skip
     return json.dumps(case, indent=1)
+
+
+def _independent(links: list[Node], closed: list[int], held: Mapping[int, float]) -> dict[int, float]:
+    """The held coordinates without those that loops and others determine: no mechanics shares a load between them."""
+    chosen: dict[int, float] = {}
+    for k, value in held.items():
+        across = _ways({"links": links, "closed": closed, "held": [(j, 0.0) for j in (*chosen, k)]}, np.zeros(len(links)))
+        if np.linalg.matrix_rank(across, rtol=1e-3) == across.shape[1]:
+            chosen[k] = value
+    return chosen
+
+
+def _tighten(links: list[Node], held: Mapping[int, float]) -> None:
+    """Give the springs of joints that are not held the force or moment that carries the weight, with all others as in the design."""
+    at = np.array([held.get(k, 0.0) for k in range(len(links))])
+    slope = _gradient(lambda relative: _potential(links, _absolute(links, relative)), at)
+    for k, link in enumerate(links):
+        link["preload"] = 0.0 if k in held else float(slope[k])
 
 
 def model_text(case: Node, *, guided: bool) -> str:
@@ -63,8 +91,8 @@ def model_text(case: Node, *, guided: bool) -> str:
         axis = _spatial(link["slides"]) if slides else [0, 1, 0]
         model["joints"][f"j{k}"] = {"kind": "prismatic" if slides else "revolute", "bodies": [base, name], "at": f"S{k}", "axis": axis}
         model["outputs"] += [f"{name}.{quantity}" for quantity in ("x", "z", "roll", "pitch", "yaw")]
-        if link["stiffness"]:
-            law = f"-{link['stiffness']}*position"
+        if link["stiffness"] or link.get("preload"):
+            law = f"{link.get('preload', 0.0)!r} - {link['stiffness']}*position"
             model["forces"][f"spring{k}"] = {"kind": "joint_force", "joint": f"j{k}", "law": law}
         model["reactions"][f"r{k}"] = {"joint": f"j{k}", "body": name, "direction": [1, 0, 0]}
         model["reactions"][f"m{k}"] = {"joint": f"j{k}", "body": name, "direction": [0, 1, 0]}
@@ -80,7 +108,9 @@ def model_text(case: Node, *, guided: bool) -> str:
 
 
 def check(text: str) -> tuple[str, ...]:
-    """The reason for no equilibrium; fails where the pose is none, a run starts elsewhere, or reactions are not those beside guides."""
+    """The reason for no equilibrium; fails where a settled pose is refused, the pose is none, a run starts elsewhere, or reactions are not
+    those beside guides.
+    """
     case = json.loads(text)
     model = read_model_text(model_text(case, guided=False), "fuzzed.yaml")
     scene = model.scenes["run"]
@@ -88,12 +118,19 @@ def check(text: str) -> tuple[str, ...]:
         found = find_scene_equilibrium(model, scene)
         run = simulate(compile_interpreted(model, scene, method=case["method"]), check=False, error=False)
     except (NoEquilibriumError, RunError) as error:
-        return (str(error),)
+        return _refused(case, str(error))
+    if run.failure is not None:
+        return _refused(case, f"{run.failure.message}; {run.failure.advice}")
     require_rest(case, found)
     if len(run["link0.x"]):
         apart = max(abs(float(column[0]) - found.values[name]) for name, column in run.columns.items() if name[-2:] in (".x", ".z"))
         assert apart < 1e-7, f"{case['method']} starts {apart:.1e} m beside the equilibrium"
     return _beside_guides(case, found) if case["guides"] else ()
+
+
+def _refused(case: Node, message: str) -> tuple[str, ...]:
+    assert not case.get("settled"), f"a mechanism that rests where it is assembled is refused: {message}"
+    return (message,)
 
 
 def _beside_guides(case: Node, found: MechanismState) -> tuple[str, ...]:
@@ -119,20 +156,16 @@ def require_rest(case: Node, found: MechanismState) -> None:
     u = np.array([_coordinate(k, link, found) for k, link in enumerate(links)])
     for k, link in enumerate(links):
         if link["stiffness"] and "slides" not in link:  # a spring knows how often its joint has gone round
-            turns = (-found.values[f"spring{k}.force"] / link["stiffness"] - _relative(links, u, k)) / (2 * np.pi)
+            stretch = (link.get("preload", 0.0) - found.values[f"spring{k}.force"]) / link["stiffness"]
+            turns = (stretch - _relative(links, u, k)) / (2 * np.pi)
             u[k] += 2 * np.pi * np.round(turns)
     for k, value in case["held"]:
         gap = _relative(links, u, k) - value
         gap -= 0 if "slides" in links[k] else 2 * np.pi * np.round(gap / (2 * np.pi))
         assert abs(gap) < 1e-9, f"joint {k} is {gap:.1e} from where it is held"
-    gaps, ways = np.array(_gaps(case, u)), []
+    gaps, across = np.array(_gaps(case, u)), _ways(case, u)
     assert np.abs(gaps).max(initial=0.0) < 1e-8, f"a loop gapes by {np.abs(gaps).max():.1e} m"
     slope = _gradient(lambda x: _potential(links, x), u)
-    for n in range(len(gaps)):
-        ways.append(_gradient(lambda x, n=n: _gaps(case, x)[n], u))
-    for k, _ in case["held"]:
-        ways.append(_gradient(lambda x, k=k: _relative(links, x, k), u))
-    across = np.array(ways).T
     rest = slope - across @ np.linalg.lstsq(across, slope, rcond=1e-10)[0]
     scale = GRAVITY * sum(link["mass"] for link in links)
     assert np.abs(rest).max() < AT_REST * scale, f"a force or moment of {np.abs(rest).max():.1e} moves what is not held"
@@ -176,15 +209,32 @@ def _relative(links: list[Node], u: Array, k: int) -> Any:
     return u[k] - (0 if base < 0 or "slides" in links[base] else u[base])
 
 
+def _absolute(links: list[Node], relative: Array) -> Array:
+    """The turns and displacements of links by the coordinates of their joints."""
+    u = np.array(relative)
+    for k, link in enumerate(links):
+        if link["base"] >= 0 and "slides" not in links[link["base"]]:
+            u[k] += u[link["base"]]
+    return u
+
+
 def _potential(links: list[Node], u: Array) -> Any:
     starts, ends = _ends(links, u)
     weight = sum(GRAVITY * link["mass"] * (start[1] + end[1]) / 2 for link, start, end in zip(links, starts, ends, strict=True))
-    return weight + sum(link["stiffness"] * _relative(links, u, k) ** 2 / 2 for k, link in enumerate(links))
+    ways = [_relative(links, u, k) for k in range(len(links))]
+    return weight + sum((link["stiffness"] * way / 2 - link.get("preload", 0.0)) * way for link, way in zip(links, ways, strict=True))
 
 
 def _gaps(case: Node, u: Array) -> list[Any]:
     ends = _ends(case["links"], u)[1]
     return [x for k in case["closed"] for x in ends[k] - case["links"][k]["end"]]
+
+
+def _ways(case: Node, u: Array) -> Array:
+    """The derivatives of gaps and held coordinates by all, column by column."""
+    gaps = [_gradient(lambda x, n=n: _gaps(case, x)[n], u) for n in range(len(case["closed"]) * 2)]
+    held = [_gradient(lambda x, k=k: _relative(case["links"], x, k), u) for k, _ in case["held"]]
+    return np.array([*gaps, *held]).reshape(-1, len(u)).T
 
 
 def _gradient(f: Any, u: Array) -> Array:

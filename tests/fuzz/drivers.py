@@ -1,0 +1,15 @@
+"""The simulators that interpret programs, which inputs of many kinds need."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from cutjoint.toolchain.build import build_interpreter
+from cutjoint.toolchain.drivers import INTERPRETING
+
+
+@cache
+def build_interpreters() -> None:
+    """Build them, as far as they are not in the cache: no input's time goes into that."""
+    for driver in INTERPRETING:
+        build_interpreter(driver)
