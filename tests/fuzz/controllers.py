@@ -35,6 +35,8 @@ _DEEDS = {
     "pending": "return fmi2Pending;", "unknown": "return 77;", "nan": "is_nan = 1;",
 }  # fmt: skip
 _HARMLESS = {"flood", "warning"}
+#: Deeds that end or stop the process in which they are done, and their share.
+_ENDING, _ENDED = ("exit", "quit", "abort", "trap", "loop", "busy", "deep", "kill"), 0.8
 _HEADER = r"""
 #define _GNU_SOURCE
 #include <math.h>
@@ -105,8 +107,8 @@ def make(rng: random.Random) -> str:
     """A call of the FMU, the how many-th of that name, and what happens in it, as JSON."""
     _good()
     name = rng.choice(_CALLS)
-    number = rng.choice((1, 2, 3, rng.randrange(1, 22))) if name in _REPEATED else 1
-    return json.dumps({"call": name, "number": number, "deed": rng.choice(list(_DEEDS))})
+    number = rng.choice((1, 2, 3, rng.randrange(1, 21))) if name in _REPEATED else 1
+    return json.dumps({"call": name, "number": number, "deed": rng.choice(_ENDING if rng.random() < _ENDED else list(_DEEDS))})
 
 
 def check(text: str) -> tuple[str, ...]:
