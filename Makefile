@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 # The tests that changes since BASE reach, by imports and names: make near BASE=main~3
 BASE ?= HEAD
-.PHONY: demo test near heavy sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
+.PHONY: demo test quick near full sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
@@ -16,8 +16,13 @@ test: setup
 near: setup
 	near=$$($(BIN)/python scripts/near $(BASE)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
 
-heavy: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m heavy
+# What calls no C++ compiler
+quick: setup
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp"
+
+# All tests, as before a release
+full: setup
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
 
 sanitize: setup
 	$(BIN)/python scripts/sanitize

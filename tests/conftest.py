@@ -23,8 +23,59 @@ os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
 os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
 
-#: Skipped without the tools that compile generated code.
-needs_cpp = pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("ninja") is None, reason="needs cmake and ninja")
+#: Compilers are found by tests with this mark only; `make quick` leaves these out.
+needs_cpp = pytest.mark.cpp
+
+#: The compiler of all other tests: none.
+_NO_COMPILER = "/this/test/needs/the/mark/needs_cpp"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Hide the compiler from tests that do not say that they need it, and from what they start."""
+    known = os.environ.get("CXX")
+    if item.get_closest_marker("cpp") is None:
+        os.environ["CXX"] = _NO_COMPILER
+    try:
+        return (yield)
+    finally:
+        os.environ.pop("CXX", None)
+        if known is not None:
+            os.environ["CXX"] = known
+
+
+#: Folders whose tests run what is compiled; elsewhere a test that needs a compiler says so by the mark.
+_COMPILING = tuple(
+    f"tests/{folder}/" for folder in (
+        "bench", "compile_run", "coupling", "edges", "export", "fmu", "packaging", "pages", "physics", "runtime", "standalone", "sweeps",
+        "toolchain",
+    )
+)  # fmt: skip
+
+#: Tests of measuring, peers' programs and other platforms: the first case of each stands for all in `make test`.
+_ONE_CASE = (
+    "tests/bench/", "tests/export/", "tests/runtime/test_generic", "tests/fmu/test_platforms", "tests/fmu/test_targets",
+    "tests/standalone/test_other",
+)  # fmt: skip
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of folders that compile, and leave the other cases of `_ONE_CASE` to `make full`."""
+    seen: set[str] = set()
+    for item in items:
+        if item.nodeid.startswith(_COMPILING):
+            item.add_marker(pytest.mark.cpp)
+        test = item.nodeid.partition("[")[0]
+        if test in seen and test.startswith(_ONE_CASE):
+            item.add_marker(pytest.mark.heavy)
+        seen.add(test)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what compiles where the tools are missing."""
+    if item.get_closest_marker("cpp") and not (shutil.which("cmake") and shutil.which("ninja")):
+        pytest.skip("needs cmake and ninja")
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +90,7 @@ def browser() -> Iterator[Page]:
 
 
 def with_heavy(cases: Iterable[Any], *heavy: Any) -> list[Any]:
-    """Cases of a parametrised test, some of them for `make heavy` only."""
+    """Cases of a parametrised test, some of them for `make full` only."""
     return [_heavy(case) if case in heavy else case for case in cases]
 
 

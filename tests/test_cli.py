@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from jsonschema import Draft202012Validator
 
 from cutjoint.cli import main
-from tests.conftest import MODELS, ROOT
+from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.mechanisms.gears import TEXT as GEARED
 
 FOUR_BAR, ILTIS = str(MODELS / "four_bar.yaml"), str(MODELS / "iltis.yaml")
@@ -54,6 +54,7 @@ def test_check_names_gears_that_follow_from_others(tmp_path: Path) -> None:
     assert "ratio (or one of mesh.ratio) in every pose" in words
 
 
+@needs_cpp
 def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
     out = tmp_path / "not" / "there" / "yet" / "run.csv"
     result = call("simulate", FOUR_BAR, "--out", out, "--end", "0.5", "--plots", tmp_path / "plots")
@@ -67,6 +68,7 @@ def test_simulate_writes_a_table_and_its_units(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == ["angle.png", "angular_velocity.png", "position.png", "velocity.png"]
 
 
+@needs_cpp
 def test_simulate_takes_a_closure(tmp_path: Path) -> None:
     run = ("simulate", FOUR_BAR, "--end", "0.5", "--closure", "proximal")
     result = call(*run, "--out", tmp_path / "run.csv", "--steps", tmp_path / "steps.csv")
@@ -77,6 +79,7 @@ def test_simulate_takes_a_closure(tmp_path: Path) -> None:
     assert result.output.strip() == "--closure proximal: only the recursive method has one; use --method recursive"
 
 
+@needs_cpp
 @pytest.mark.parametrize(
     ("method", "names"),
     [
@@ -91,6 +94,7 @@ def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str, name
     assert names <= {p.name for p in (tmp_path / "fb").iterdir()}
 
 
+@needs_cpp
 def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
     run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01")
     call(*run, "--out", tmp_path / "warm.csv")
@@ -103,6 +107,7 @@ def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
     assert (heavy[loads].sum() - warm[loads].sum()) == pytest.approx(40 * 9.81, rel=1e-3)
 
 
+@needs_cpp
 def test_equilibrium_prints_every_force() -> None:
     result = call("equilibrium", ILTIS)
     assert result.exit_code == 0, result.output
@@ -111,6 +116,7 @@ def test_equilibrium_prints_every_force() -> None:
     assert "-1408.5" in result.output
 
 
+@needs_cpp
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -127,6 +133,7 @@ def test_wrong_requests_end_with_one_clear_line(arguments: tuple[str, ...], mess
     assert "Traceback" not in result.output
 
 
+@needs_cpp
 def test_a_run_that_fails_leaves_its_rows_and_says_where(tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
     result = call("simulate", ILTIS, "--scene", "simul1s", "--dt", "0.0075", "--out", out)
@@ -154,6 +161,7 @@ def test_schema_prints_what_the_docs_keep(options: tuple[str, ...], kept: str, f
         assert not reader.is_valid({**document, "modell": 1})
 
 
+@needs_cpp
 @pytest.mark.parametrize("command", ["check", "equilibrium", "explain", "modes"])
 def test_the_first_of_several_scenes_is_told(command: str, tmp_path: Path) -> None:
     """Commands that ask for a state take the first scene; those that run one, and modes of a motion, want its name."""

@@ -22,7 +22,7 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
 from cutjoint.package.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
 from cutjoint_bench.twin import backend
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 
 FOUR_BAR = MODELS / "four_bar.yaml"
 
@@ -92,6 +92,7 @@ def test_a_backend_is_imported_without_what_compiles() -> None:
     assert heavy == "False False\n"
 
 
+@needs_cpp
 def test_a_cached_run_follows_from_the_code_of_its_backend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     places: dict[str, set[Path]] = {"generic": set(), "generated": set()}
     for text in ("one", "other"):

@@ -25,9 +25,11 @@ from cutjoint.package import extensions
 from cutjoint.run.options import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.toolchain.damage import DAMAGE, damaged_records
 from tests.toolchain.test_paths import can_mount, run_mounted
+
+pytestmark = needs_cpp
 
 #: A block on a spring: one parameter changes the law alone, the other one where the block starts.
 SLIDE = """

@@ -12,6 +12,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.text import is_number, is_whole, read_number
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
+from tests.conftest import needs_cpp
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 PENDULUM = MODELS / "pendulum.yaml"
@@ -50,6 +51,7 @@ def test_tables_of_parameters_refuse_what_is_no_plain_number(text: str, tmp_path
 ESCAPES = "\x1b[31m\x07\x9b2J\u202e"
 
 
+@needs_cpp
 @pytest.mark.parametrize(
     "arguments",
     [

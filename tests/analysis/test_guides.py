@@ -12,7 +12,7 @@ from cutjoint.cli import main
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 
 #: A four-bar that is a parallelogram; guides hold its crank and its rocker.
 LOCKED = """\
@@ -75,6 +75,7 @@ def test_the_slalom_is_not_refused() -> None:
     generate(model, model.scenes["simul3"], ())
 
 
+@needs_cpp
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -12,7 +12,7 @@ from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.overconstrained import parallel_cranks_text
 
 PRESS = (MODELS / "press.yaml").read_text()
@@ -65,6 +65,7 @@ def test_a_tree_determines_all() -> None:
     assert indeterminate(text) == set()
 
 
+@needs_cpp
 def test_check_and_simulate_mark_them(tmp_path: Path) -> None:
     path = tmp_path / "press.yaml"
     outputs = "outputs: [pin.angle, slider.x, slider.vx, spring.force]"

@@ -28,6 +28,7 @@ def records(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line)["of"] for line in path.read_text(encoding="utf-8").splitlines()]
 
 
+@pytest.mark.heavy
 def test_only_times_are_left_to_measure(tmp_path: Path) -> None:
     """Limits and drift are made on all cores, under the keys by which the bench looks for them."""
     path = tmp_path / "measurements.jsonl"

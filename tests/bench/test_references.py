@@ -33,6 +33,7 @@ scenes: {run: {end: 1, output_step: 1}}
 """
 
 
+@pytest.mark.heavy
 def test_the_pendulum_is_where_elliptic_functions_put_it() -> None:
     """benchmarks: A01, exact x and y to twelve digits."""
     case = make_case(MODELS / "pendulum.yaml", row=0.1)
@@ -44,6 +45,7 @@ def test_the_pendulum_is_where_elliptic_functions_put_it() -> None:
         assert [reference.columns[f"{body}.{x}"][row] for x in "xy"] == pytest.approx(place, abs=2e-12)
 
 
+@pytest.mark.heavy
 def test_two_routes_agree_on_a_closed_loop() -> None:
     """They share neither formulation nor integrator; asked are 1e-10."""
     case = make_case(MODELS / "slider_crank.yaml", end=1.0, row=0.05)
@@ -53,6 +55,7 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
     assert reference.provenance["routes"] == ["Runge-Kutta", "extrapolation"]
 
 
+@pytest.mark.heavy
 def test_a_route_that_needs_endlessly_short_steps_ends() -> None:
     """A force that jumps needs steps of about the relative error that is asked for, below a millionth of a row."""
     model = read_model_text(SWITCHED, "switched.yaml")
@@ -63,6 +66,7 @@ def test_a_route_that_needs_endlessly_short_steps_ends() -> None:
     assert run.failure.time == pytest.approx(np.sqrt(0.5), abs=1e-5)  # a step that fails is followed by one of a tenth, at the shortest
 
 
+@pytest.mark.heavy
 @pytest.mark.heavy
 def test_two_routes_agree_on_the_stiff_governor() -> None:
     """A05, eigenvalue -8075 1/s: 64 bits do, and are affordable where 113 are not; the published slider has 13 digits."""
@@ -85,6 +89,7 @@ def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all((kept.columns[name] == made.columns[name]).all() for name in made.columns)
 
 
+@pytest.mark.heavy
 def test_rounding_falls_with_the_precision(tmp_path: Path) -> None:
     """Rates of the equations after the classical method's last step: rounding of the number type, of bodies of 1 m and 1 m/s."""
     case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)
@@ -98,6 +103,7 @@ def test_rounding_falls_with_the_precision(tmp_path: Path) -> None:
     assert residuals["quad"] < 1e-26
 
 
+@pytest.mark.heavy
 def test_factors_in_double_do_for_a_longer_balance() -> None:
     """Newton's iteration corrects what rounded factors leave: the motion is that of factors in the longer type."""
     case = make_case(MODELS / "slider_crank.yaml", end=0.2, row=0.01)

@@ -9,8 +9,10 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, needs_cpp
 from tests.fuzz.press import environment
+
+pytestmark = needs_cpp
 
 #: A hinge whose angle is called ``turn``, and whose second axis has to lie across the first; registered before models are read.
 KIND = """

@@ -22,8 +22,10 @@ from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.symmetric import CARRIAGE
+
+pytestmark = needs_cpp
 
 #: A pendulum with a lamp on a stiff hinge, which a cord holds; the lamp starts away from where it is drawn.
 LAMP = """\

@@ -26,8 +26,10 @@ from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.compiler import Compiler
 from cutjoint_bench.exact.chain import Chain, crank_motion
 from cutjoint_bench.exact.elliptic import quarter_period
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.toolchain.damage import damaged_records
+
+pytestmark = needs_cpp
 
 PENDULUM = """\
 cutjoint: 1

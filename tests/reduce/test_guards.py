@@ -21,8 +21,10 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic
-from tests.conftest import MODELS, with_heavy
+from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.physics.simulation import completed
+
+pytestmark = needs_cpp
 
 #: A weight on a spring, above a floor (a damped stop) and below a slack rope, with a pendulum that may meet a wall.
 TEXT = """

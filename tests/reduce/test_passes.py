@@ -21,7 +21,7 @@ from cutjoint.reduce.sequence import Step, cheapest_by, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.overconstrained import IN_LINE, UPRIGHT, parallel_cranks_text
 
 #: A crank drives a rocker about another direction by a massless rod; a massless hinged link keeps the rocker's other end on a circle.
@@ -109,6 +109,7 @@ def test_links_become_distances() -> None:
     assert all(isinstance(r, RodForce) for r in outcome.model.reactions)
 
 
+@needs_cpp
 def test_distances_move_as_links_do() -> None:
     """Index-3 methods hold all equations in every step; reactions are told as exactly as a step's multipliers settle."""
     model, scene = read(SPATIAL)
@@ -118,6 +119,7 @@ def test_distances_move_as_links_do() -> None:
     assert all(error < 1e-5 for error in found.values()), found
 
 
+@needs_cpp
 def test_distances_move_as_links_do_in_the_recursion() -> None:
     """Its stabilisation draws other equations to zero: the difference is one of the step, and falls with its square."""
     model, scene = read(SPATIAL)
@@ -160,6 +162,7 @@ def test_light_links_lose_their_mass() -> None:
     assert all(body.mass != 0.1 for body in outcome.model.bodies)
 
 
+@needs_cpp
 def test_what_never_moves_becomes_one_body() -> None:
     model, scene = read(WELDED)
     outcome = weld_bodies(model, scene)
@@ -209,6 +212,7 @@ def test_passes_leave_what_they_have_done(reduce: Pass) -> None:
     assert reduce(once.model, once.scene).done == ()
 
 
+@needs_cpp
 def test_plane_loops_need_two_equations() -> None:
     model = read_model(MODELS / "four_bar.yaml")
     outcome = drop_idle_equations(model, model.scenes["swing"])

@@ -15,7 +15,7 @@ from cutjoint.reduce.planar import flatten
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.planar import SWING, random_tree
 from tests.reduce.test_symmetry import at_start
 
@@ -55,6 +55,7 @@ def test_a_scene_that_gives_an_attitude_stays() -> None:
     assert words(outcome) == {"plate_free": "starts with an attitude, which the pass does not compare: it may leave the plane"}
 
 
+@needs_cpp
 @pytest.mark.parametrize(("method", "rounding"), [("classical", 1e-11), ("augmented", 1e-8)])
 def test_a_mechanism_in_its_plane_moves_as_before(method: str, rounding: float) -> None:
     """All equations are held at every step: rounding times what a damper makes of it; the augmented method iterates to its tolerance."""
@@ -128,6 +129,7 @@ def tilted(share: float) -> tuple[Model, Scene]:
     return model, model.scenes["fall"]
 
 
+@needs_cpp
 def test_a_mechanism_near_a_plane_is_put_there() -> None:
     """Motion out of the plane is in proportion to the mechanism's distance from it."""
     errors = []

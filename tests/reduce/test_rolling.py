@@ -17,7 +17,9 @@ from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.records import Outcome
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
 
 #: A wheel on a cart that rolls along x; a guide moves it sideways, and the cart is held at its height.
 CART = """\

@@ -21,11 +21,13 @@ from cutjoint.reduce.records import Outcome
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
-from tests.conftest import MODELS, with_heavy
+from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.symmetric import CARRIAGE, wings_text
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import both as both_ways
 from tests.physics.simulation import completed
+
+pytestmark = needs_cpp
 
 ILTIS = MODELS / "iltis.yaml"
 #: Outputs of the carriage that its half does not tell.

@@ -15,7 +15,9 @@ from cutjoint.reduce.choose import Candidate, find_step
 from cutjoint.reduce.measure import Truth, distance, find_truth
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.reduce.trials import Trials
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
 
 
 def turn() -> tuple[Model, Scene]:

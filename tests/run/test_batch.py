@@ -26,6 +26,9 @@ from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
 
 #: A quarter of a car on a road: two arms of a loop, a tyre, a spring with a stop, and a spring that is no number beyond its length.
 TEXT = """

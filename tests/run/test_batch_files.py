@@ -12,8 +12,11 @@ import pytest
 
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.outputs import OutputError
+from tests.conftest import needs_cpp
 from tests.run.program import PATIENCE, files, has_content, launch, run, small_disk, wait_for
 from tests.run.test_batch import TEXT
+
+pytestmark = needs_cpp
 
 
 @pytest.fixture

@@ -19,9 +19,11 @@ from cutjoint.run.options import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import with_numerics
+
+pytestmark = needs_cpp
 
 PENDULUM = MODELS / "pendulum.yaml"
 

@@ -16,6 +16,9 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
+from tests.conftest import needs_cpp
+
+pytestmark = needs_cpp
 
 #: A pendulum on a spring that has no force where its length is the parameter's, as it is at the start for 2.
 PENDULUM = """

@@ -26,9 +26,11 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.topology.reading import read_model
-from tests.conftest import MODELS, ROOT
+from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.run.program import PATIENCE, call, files, has_content, launch, run, small_disk, wait_for
 from tests.runtime.test_last_row import DRIVEN
+
+pytestmark = needs_cpp
 
 #: An end before the model's law loses its value, and steps so short that the run takes minutes.
 WHOLE, ENDLESS = ("--end", "0.3"), ("--end", "0.3", "--dt", "1e-9")

@@ -27,9 +27,11 @@ from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint_bench.twin.artifact import compile_generic
-from tests.conftest import with_heavy
+from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, table
 from tests.physics.simulation import completed
+
+pytestmark = needs_cpp
 
 TABLES = {"lift": table(LIFT), "push": table(PUSH)}
 

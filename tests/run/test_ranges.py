@@ -21,6 +21,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulation import simulate
+from tests.conftest import needs_cpp
 from tests.run.test_failing_starts import PENDULUM
 from tests.run.test_settings import compiled, pendulum
 
@@ -83,6 +84,7 @@ def test_integers_that_no_simulator_reads(value: float) -> None:
         require_settings(iterations=value)  # type: ignore[arg-type]
 
 
+@needs_cpp
 @pytest.mark.parametrize(
     ("figures", "message"),
     [

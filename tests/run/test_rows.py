@@ -13,8 +13,10 @@ from cutjoint.model.ranges import count_steps
 from cutjoint.model.read import read_model_text
 from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
-from tests.conftest import MODELS
+from tests.conftest import MODELS, needs_cpp
 from tests.run.test_failing_starts import PENDULUM
+
+pytestmark = needs_cpp
 
 SCENE = "end: 0.02, output_step: 0.01, numerics: {dt: 0.01}"
 

@@ -15,6 +15,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
 from cutjoint.run.record import RunFile
 from cutjoint.run.run_file import make_run_file
+from tests.conftest import needs_cpp
 
 #: A wheel on a strut whose place, speed and radius follow from parameters.
 STRUT = """\
@@ -101,6 +102,7 @@ def test_what_has_no_value_is_told_with_its_place(scene: str, changes: dict[str,
     assert message in str(error.value)
 
 
+@needs_cpp
 def test_the_command_ends_with_the_place(tmp_path: Path) -> None:
     (tmp_path / "strut.yaml").write_text(STRUT, encoding="utf-8")
     arguments = ["simulate", str(tmp_path / "strut.yaml"), "--scene", "placed", "--set", "k=0", "--out", str(tmp_path / "run.csv")]

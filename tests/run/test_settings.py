@@ -25,7 +25,10 @@ from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint.tasks.states import find_scene_modes
 from cutjoint_bench.twin.artifact import compile_generic
+from tests.conftest import needs_cpp
 from tests.run.test_failing_starts import PENDULUM
+
+pytestmark = needs_cpp
 
 
 @cache

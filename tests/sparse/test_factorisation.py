@@ -13,9 +13,12 @@ import pytest
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.sparse.pattern import make_pattern
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric
+from tests.conftest import needs_cpp
 from tests.hash_seeds import outputs
 from tests.sparse.compiled import PAGE, Factorisation, emit, names
 from tests.sparse.matrices import Array, kkt_matrix, nearby, pattern_of, spd_matrix, values_of
+
+pytestmark = needs_cpp
 
 FORMS = pytest.mark.parametrize("tables", [False, True], ids=["straight", "tables"])
 
