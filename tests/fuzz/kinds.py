@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from . import caches, calls, controllers, disks, friction, hosts, impacts, lanes, mechanisms, meshes, parts, poses, run_files, signals
+from . import (
+    caches,
+    calls,
+    controllers,
+    disks,
+    friction,
+    hosts,
+    impacts,
+    lanes,
+    massless,
+    mechanisms,
+    meshes,
+    parts,
+    poses,
+    run_files,
+    signals,
+)  # fmt: skip
 from .chain import run_chain
 from .expressions import any_text
 from .models import any_model
@@ -35,6 +51,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="hosts", suffix=".host.json", make=hosts.make, check=hosts.check),
         Kind(name="controllers", suffix=".controller.json", make=controllers.make, check=controllers.check, limit=240),
         Kind(name="poses", suffix=".pose.json", make=poses.make, check=poses.check, limit=120),
+        Kind(name="massless", suffix=".massless.json", make=massless.make, check=massless.check, limit=240),
         Kind(name="friction", suffix=".friction.json", make=friction.make, check=friction.check, limit=240),
     )
 }

@@ -21,7 +21,7 @@ pytestmark = needs_cpp
 SEEDS = {
     "mechanisms": (1, 8), "run_files": (20, 60), "calls": (2, 6), "disks": (1, 2), "signals": (1, 2), "caches": (1, 1), "parts": (10, 40),
     "lanes": (3, 15), "meshes": (15, 60), "impacts": (2, 6), "controllers": (1, 4), "hosts": (50, 200), "poses": (3, 12),
-    "friction": (3, 12),
+    "friction": (3, 12), "massless": (3, 10),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
@@ -103,3 +105,15 @@ def test_check_names_the_body_before_a_run(pair: str) -> None:
     equations = formulate_recursive(build_topology(model), model.scenes["run"], ())
     (motion,) = find_momentary_motions(equations, explore(equations))
     assert "body 'middle': in the design position no mass resists its motion" in describe_momentary(model, motion)
+
+
+def test_classical_sends_nobody_to_methods_that_no_mass_stops_too() -> None:
+    """A ball, a slide and a hinge at one point: two massless bodies, which slide and turn without the bob."""
+    model = json.loads(model_text(JOINTS["spherical"], JOINTS["crossing"], "A", {"massless": True}))
+    model["bodies"]["slider"] = {"massless": True}
+    model["joints"]["slide"] = {**JOINTS["prismatic"], "bodies": ["middle", "slider"], "at": "A"}
+    model["joints"]["outer"]["bodies"] = ["slider", "bob"]
+    with pytest.raises(RunError) as caught:
+        run(json.dumps(model), "classical")
+    assert "use --method" not in str(caught.value)
+    assert re.search("body '(middle|slider)': in the design position no mass resists its motion", str(caught.value))

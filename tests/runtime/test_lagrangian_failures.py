@@ -110,7 +110,7 @@ def test_an_iteration_that_gets_nowhere(tmp_path: Path) -> None:
     }  # fmt: skip
     failed = simulate(tmp_path, stiff, AUGMENTED).summary
     assert failed["message"].startswith("augmented: Newton's iteration diverges")
-    assert failed["advice"] == "look at the forces on this coordinate; not tried: a smaller dt"
+    assert failed["advice"] == "look at the forces on this coordinate, and whether it moves mass; not tried: a smaller dt"
     assert failed["step"] == 1
 
 

@@ -11,7 +11,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
+from cutjoint.analysis.poses import explore
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
 from cutjoint.emit.source import Source
@@ -116,9 +118,10 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
         return plan_unsymmetric(pattern, samples)
     except NoPivotError as error:
         words = "no order of elimination is safe in all poses near the design position"
-        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_INSTEAD}") from error
+        raise RunError(f"{equations.scene.span}: scene '{equations.scene.name}': classical: {words}; {_cure(equations)}") from error
     except SingularError as error:
-        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row) for row in error.rows))) from error
+        cure = _cure(equations)
+        raise RunError("\n".join(dict.fromkeys(_dependent(equations, row, cure) for row in error.rows))) from error
 
 
 def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[str]:
@@ -135,10 +138,16 @@ def _without_value(equations: LagrangianEquations, state: NaturalState) -> list[
     ]  # fmt: skip
 
 
-_INSTEAD = "use --method augmented or recursive"
+def _cure(equations: LagrangianEquations) -> str:
+    """The advice where classical has no pivots: other methods, but where a motion moves no mass."""
+    motions = find_momentary_motions(equations.start, explore(equations.start))
+    if not motions:
+        return "use --method augmented or recursive"
+    named = (describe_momentary(equations.topology.model, motion) for motion in motions)
+    return "\n".join(["other methods may not start there either", *named])
 
 
-def _dependent(equations: LagrangianEquations, row: int) -> str:
+def _dependent(equations: LagrangianEquations, row: int, cure: str) -> str:
     """The message about a coordinate or an equation that has no pivot of its own near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
     element = (*equations.coordinate_elements, *equations.equation_elements)[row]
@@ -150,4 +159,4 @@ def _dependent(equations: LagrangianEquations, row: int) -> str:
         words = f"neither mass nor an equation determines its motion{at} in the design position or near it"
     else:
         words = f"what holds it{at} follows from what holds other elements in the design position or near it, as where links are in line"
-    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {_INSTEAD}"
+    return f"{model.constraint_spans.get(element, model.span)}: {what}: {words}, which classical cannot solve; {cure}"

@@ -105,7 +105,7 @@ constexpr const char* advice_of_newton(const Fault& fault) {
   if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "not tried: a smaller dt";
   if (fault.closer) return "it was still getting closer; not tried: more iterations, or a smaller dt";
   if (fault.value <= 1e-4 * fault.size) return "what is left may be rounding; not tried: a larger tolerance";
-  return "look at the forces on this coordinate; not tried: a smaller dt";
+  return "look at the forces on this coordinate, and whether it moves mass; not tried: a smaller dt";
 }
 
 /// What may help where a step is too long for the accelerations.
@@ -121,9 +121,9 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::speeds_open: return "not tried: a smaller dt";
     case Cause::no_assembly:
     case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
-    case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line";
+    case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; not tried: another pose, or another method";
     case Cause::stages_not_found:
-    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose; not tried: a larger tolerance";
+    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; not tried: a larger tolerance";
     case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: compiling with the method recursive-newton";
     case Cause::accelerations_not_finite: return shorter_steps;
     case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
@@ -142,13 +142,13 @@ constexpr const char* advice_of(const Fault& fault) {
       return "a negative stiffness or damping outweighs the mass over a step this long, or this coordinate has neither mass nor stiffness, and no "
              "equation holds it; not tried: a smaller dt";
     case Cause::pose_singular: return "not tried: another dt, or the methods augmented and recursive, which can cross such poses";
-    case Cause::start_not_converged: return "look for a force without bound; not tried: a larger penalty";
+    case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; not tried: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
     case Cause::stands_still:
-      return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); not tried: "
-             "a larger tolerance";
+      return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
+             "a pose in which a motion moves no mass, as of massless links in line; not tried: a larger tolerance";
   }
   return "";
 }
