@@ -163,7 +163,7 @@ def test_runs_that_are_right_have_no_warning(method: str) -> None:
         assert simulate(driven(method), integrator="trapezoidal", dt=dt).error.warnings == ()
 
 
-@pytest.mark.parametrize("seed", [8, 9, 11, 12, 29, 39, 515, 560])
+@pytest.mark.parametrize("seed", [8, 9, 11, 12, 31, 43, 515, 560])
 def test_rest_is_no_imbalance(seed: int) -> None:
     """Planar mechanisms at rest: they move by the remainder of the search for rest and by rounding alone, of which the steps keep no
     balance."""
