@@ -96,27 +96,33 @@ def check(text: str) -> tuple[str, ...]:
     except NoInertiaError as error:
         return tuple(str(error).splitlines())
     limit, redundant = _limit(text), bool(find_mobility(exact.mechanism).redundant)
-    return tuple(message for method in METHODS for message in _try(model, method, limit, redundant=redundant))
+    told: dict[str, str] = {}
+    for method in METHODS:  # the first one stops in poses that do not determine how the others go on
+        told[method] = _try(model, method, None if told.get("recursive") else limit, redundant=redundant)
+    if limit is not None and not told["classical"] and not any("singular pose" in reason for reason in told.values()):
+        stopped = {method: reason for method, reason in told.items() if reason}
+        assert not stopped, f"classical moves the mechanism, others do not: {stopped}"
+    return tuple(reason for reason in told.values() if reason)
 
 
-def _try(model: Model, method: str, limit: Trajectory | None, *, redundant: bool) -> tuple[str, ...]:
-    """The reason why a method does not move a model to the end."""
+def _try(model: Model, method: str, limit: Trajectory | None, *, redundant: bool) -> str:
+    """The reason why a method does not move a model to the end, or ""."""
     try:
         run = simulate(compile_interpreted(model, model.scenes["run"], method=method), check=False)
     except RunError as error:
         told = str(error)
         if not redundant and "mass" not in told:
             raise AssertionError(f"{method} refuses loops whose equations are independent: {told}") from error
-        return (told,)
+        return told
     if run.failure is not None:
         told = f"{method}: {run.failure.message}: {run.failure.advice}"
         assert "mass" in told, f"no motion is named that no mass resists: {told}"
-        return (told,)
+        return told
     if run.error.converged and limit is not None:
         apart = max(float(np.abs(run[name] - limit[name]).max()) for name in limit.columns)
         expected = max(run.error.largest.values())
         assert apart <= max(UNCERTAIN * GOAL, PROMISED * expected), f"{method} is {apart:.1e} m off and says {expected:.1e}"
-    return ()
+    return ""
 
 
 def _limit(text: str) -> Trajectory | None:

@@ -106,8 +106,8 @@ def class_of_mechanism(
     page, equations = parts.page, parts.mechanism
     viewer = Viewer(program, equations, conditions)
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard"}
-    if equations.scene.pose == "equilibrium" and conditions == "bool":
-        unused -= {"energy"}  # of one that holds coordinates at rest, one instance at a time
+    if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
+        unused -= {"energy"}  # of one that holds coordinates at rest or finds penalties, one instance at a time
     names = [f.name for f in equations.functions if f.name not in unused]
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/holding.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/state.hpp"
 
@@ -43,7 +45,8 @@ auto common_penalty(const Numbers& penalties) {
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
 /// A unit gap of equation k is answered by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with; massless
-/// bodies, whose S has no bound, have a bounded T.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
+/// bodies, whose S has no bound, have a bounded T.  A mass that is rounding beside what the equation would feel if each speed moved alone,
+/// which the kinetic energy tells, counts as none.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
 /// `project`, or with the closure `penalty`, for which not all mechanisms have it, what multipliers of a e_k change in the accelerations.
 template <Mechanism M>
 class EffectiveMasses {
@@ -52,7 +55,7 @@ class EffectiveMasses {
 
   explicit EffectiveMasses(M& mechanism)
       : mechanism_(mechanism), m_(sizes_of(mechanism).equations), a_(m_), gap_(m_), residual_(m_), rate_(m_), rest_(m_), mass_(m_),
-        still_(sizes_of(mechanism).speeds), dz_(still_.size()), without_(still_.size()), T_(m_ * m_), scaled_(m_ * m_), vectors_(m_ * m_) {}
+        alone_(m_), still_(sizes_of(mechanism).speeds), dz_(still_.size()), without_(still_.size()), T_(m_ * m_), scaled_(m_ * m_), vectors_(m_ * m_) {}
 
   /// Measure T in a state with the penalties of the cut joints that the mechanism was loaded with.
   void measure(const StateOf<M>& state, const Cuts<M>& penalties, bool is_proximal) {
@@ -60,6 +63,7 @@ class EffectiveMasses {
       for (std::size_t k = first(c); k < first(c + 1); ++k) a_[k] = penalties[c];
     std::fill(gap_.begin(), gap_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), rest_.data());
+    if constexpr (Weighable<M>) move_alone(state);
     if (!is_proximal) mechanism_.evaluate(state.q.data(), still_.data(), gap_.data(), without_.data(), rate_.data());
     for (std::size_t k = 0; k < m_; ++k) {
       gap_[k] = is_proximal ? Real(1) : a_[k];
@@ -115,22 +119,49 @@ class EffectiveMasses {
     return cut < cuts.size() ? static_cast<std::size_t>(cuts[cut]) : m_;
   }
 
-  /// The largest of each cut joint's equations; a cut joint whose equations have no mass gets the largest of all, or one.
+  /// What each equation would feel if each speed moved alone, 1/sum_i Phi_ki^2/M_ii, of the speeds that move a mass.
+  void move_alone(const StateOf<M>& state) {
+    const auto energy = [&](const Speeds<M>& v) {
+      Real result[2]{};
+      mechanism_.energy(state.q.data(), v.data(), still_.data(), gap_.data(), result);
+      return result[0];
+    };
+    std::fill(alone_.begin(), alone_.end(), Real(0));
+    std::fill(dz_.begin(), dz_.end(), Real(0));
+    for (std::size_t i = 0; i < dz_.size(); ++i) {
+      dz_[i] = Real(1);
+      const Real forth = energy(dz_);
+      mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
+      dz_[i] = Real(-1);
+      const Real mass = forth + energy(dz_) - Real(2) * energy(still_);
+      dz_[i] = Real(0);
+      if (!(mass > Real(0))) continue;
+      for (std::size_t k = 0; k < m_; ++k) alone_[k] += (rate_[k] - rest_[k]) * (rate_[k] - rest_[k]) / mass;
+    }
+    for (Real& mass : alone_) mass = mass > Real(0) ? Real(1) / mass : Real(0);
+  }
+
+  /// The largest of each cut joint's equations; a cut joint whose equations have no mass gets the largest of all, where none has one what its
+  /// equations feel of speeds that move alone, or one.
   Cuts<M> by_cut() const {
-    Cuts<M> masses(sizes_of(mechanism_).cuts);
+    constexpr Real rounding = Real(1e4) * std::numeric_limits<Real>::epsilon();
+    Cuts<M> masses(sizes_of(mechanism_).cuts), others(masses);
     Real heaviest(0);
     for (std::size_t c = 0; c < masses.size(); ++c) {
-      for (std::size_t k = first(c); k < first(c + 1); ++k) masses[c] = std::max(masses[c], mass_[k]);
+      for (std::size_t k = first(c); k < first(c + 1); ++k) {
+        if (!(mass_[k] < rounding * alone_[k])) masses[c] = std::max(masses[c], mass_[k]);
+        others[c] = std::max(others[c], alone_[k]);
+      }
       heaviest = std::max(heaviest, masses[c]);
     }
-    for (Real& mass : masses)
-      if (!(mass > Real(1e-9) * heaviest)) mass = heaviest > Real(0) ? heaviest : Real(1);
+    for (std::size_t c = 0; c < masses.size(); ++c)
+      if (!(masses[c] > Real(1e-9) * heaviest)) masses[c] = heaviest > Real(0) ? heaviest : others[c] > Real(0) ? others[c] : Real(1);
     return masses;
   }
 
   M& mechanism_;
   std::size_t m_;
-  Equations<M> a_, gap_, residual_, rate_, rest_, mass_;
+  Equations<M> a_, gap_, residual_, rate_, rest_, mass_, alone_;
   Speeds<M> still_, dz_, without_;
   Array<M, m * m> T_, scaled_, vectors_;
 };
