@@ -246,7 +246,7 @@ class RecursiveEquations(Equations):
     @property
     def crossing(self) -> RecursiveEquations:
         """The equations without the functions that steps over events, and their start, do not call."""
-        weighs = self.topology.ends_on_massless or self.scene.pose == "equilibrium" and self.scene.positions
+        weighs = self.topology.ends_on_massless or (self.scene.pose == "equilibrium" and self.scene.positions)
         unused = ("events",) if weighs else ("events", "energy")
         return replace(self, functions=tuple(f for f in self.functions if f.name not in unused), switches=())
 
