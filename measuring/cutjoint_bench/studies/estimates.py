@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache, partial
+from itertools import islice
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -150,8 +151,13 @@ def judge_scene(model: Model, scene: Scene) -> Iterator[Row]:
             yield Row(method=method, settings=name, judgement=judge(run, reference, jumps))
 
 
-def judge_parameters(compiled: Callable[[], Mapping[str, Artifact]], scene: Scene, parameters: Mapping[str, float]) -> Iterator[Row]:
-    """The runs of a mechanism with these numbers by all methods; none where friction holds what moves: it has no motion to compare with."""
+def judge_parameters(
+    compiled: Callable[[], Mapping[str, Artifact]], scene: Scene, parameters: Mapping[str, float], *, integrators: bool = True
+) -> Iterator[Row]:
+    """The runs of a mechanism with these numbers by all methods, by default and by all ``integrators``.
+
+    There are none where friction holds what moves: it has no motion to compare with.
+    """
     artifacts = compiled()
     reference, other = (
         simulate(artifacts["recursive"], parameters=parameters, integrator="dormand-prince", tolerance=x, error=False, check=False)
@@ -161,7 +167,7 @@ def judge_parameters(compiled: Callable[[], Mapping[str, Artifact]], scene: Scen
         return
     unknown = {name: float(np.max(np.abs(reference[name] - other[name]))) for name in reference.columns}
     for method, artifact in artifacts.items():
-        for name, settings in settings_of(method, scene):
+        for name, settings in islice(settings_of(method, scene), None if integrators else 1):
             run = simulate(artifact, parameters=parameters, check=False, **settings)  # type: ignore[arg-type]
             yield Row(method=method, settings=name, judgement=judge(run, reference, unknown=unknown))
 
@@ -175,7 +181,7 @@ def _interpreted(model: Model, scene: Scene) -> Mapping[str, Artifact]:
     return artifacts
 
 
-def judge_draws(count: int, seed: int, store: Store, say: Say) -> Iterator[Row]:
+def judge_draws(count: int, seed: int, store: Store, say: Say, *, integrators: bool = True) -> Iterator[Row]:
     """All runs of the mechanisms whose numbers are drawn; those that are stored are not taken again."""
     all_ = list(draws(count, seed))
     for number, draw in enumerate(all_):
@@ -184,8 +190,8 @@ def judge_draws(count: int, seed: int, store: Store, say: Say) -> Iterator[Row]:
         compiled = cache(partial(_interpreted, model, scene))
         for i, parameters in enumerate(draw.parameters):
             say(f"{draw.name}, draw {i + 1}", share=(number + i / count) / len(all_))
-            of = {"model": draw.text, "parameters": parameters}
-            yield from _stored(store, of, partial(judge_parameters, compiled, scene, parameters))
+            of = {"model": draw.text, "parameters": parameters, "integrators": integrators}
+            yield from _stored(store, of, partial(judge_parameters, compiled, scene, parameters, integrators=integrators))
 
 
 @cache
@@ -237,7 +243,8 @@ def _row(judgement: Judgement) -> tuple[str, ...]:
 @click.option("--draws", "count", default=4, help="Draws of each mechanism whose numbers are drawn.", show_default=True)
 @click.option("--seed", default=1, help="Of the draws.", show_default=True)
 @click.option("--drawn-only", is_flag=True, help="Leave out the files.")
-def main(models: tuple[Path, ...], scenes: tuple[str, ...], count: int, seed: int, drawn_only: bool) -> None:
+@click.option("--default-only", is_flag=True, help="Leave out runs of draws that name an integrator.")
+def main(models: tuple[Path, ...], scenes: tuple[str, ...], count: int, seed: int, drawn_only: bool, default_only: bool) -> None:
     """Judge estimated errors of all methods and integrators on MODELS, by default those of models/, and on mechanisms that are drawn."""
     console, judgements, store = Console(highlight=False, width=200), [], Store(RESULTS / "estimates" / "measurements.jsonl")
     judged = f"of outputs with a true error above {FLOOR:g} and {LEAST:g} of the largest of their unit"
@@ -252,7 +259,7 @@ def main(models: tuple[Path, ...], scenes: tuple[str, ...], count: int, seed: in
                 console.print(_of_scene(title, rows))
                 judgements += [row.judgement for row in rows]
         if count:
-            rows = list(judge_draws(count, seed, store, say))
+            rows = list(judge_draws(count, seed, store, say, integrators=not default_only))
             console.print(_drawn(count, rows, seed))
             judgements += [row.judgement for row in rows]
     console.print(_summary(judgements), markup=False)
