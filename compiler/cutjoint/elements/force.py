@@ -319,6 +319,11 @@ class Force:
         return isinstance(self.interaction, RoadContact)
 
     @property
+    def radius(self) -> Scalar:
+        """The radius of the wheel, m, of a force that touches the road."""
+        raise NotImplementedError
+
+    @property
     def needs_attitude(self) -> bool:
         """Return whether the force depends on all directions of its bodies, or works on them."""
         return isinstance(self.interaction, Compliance | RoadContact)

@@ -18,7 +18,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Binding, Body, Model, Scalar, Scene, Tyre
+from cutjoint.model.records import Binding, Body, Model, Scalar, Scene
 from cutjoint.model.starts import fault_of_quaternion, normalised
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
@@ -147,7 +147,7 @@ def _changing_bodies(model: Model) -> Iterator[Body]:
 
 def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     """The expressions that these parts come from; of a road the wheel's radius."""
-    radii = {f.name: f.constants["radius"] for f in model.forces if isinstance(f, Tyre)}
+    radii = {f.name: f.radius for f in model.forces if f.has_road}
     return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
 
 

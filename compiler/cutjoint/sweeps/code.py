@@ -12,7 +12,7 @@ from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.records import Column
 from cutjoint.model.expressions import variable
-from cutjoint.model.records import Model, Scalar, Scene, Tyre
+from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.model.starts import UNIT_BOUND
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import changing
@@ -92,7 +92,7 @@ def _following(
 
 def _radii(model: Model) -> set[Scalar]:
     """The parameters that tyres' radii follow from."""
-    return set().union(*(f.constants["radius"].free_symbols for f in model.forces if isinstance(f, Tyre)))
+    return set().union(*(f.radius.free_symbols for f in model.forces if f.has_road))
 
 
 def _symbols(model: Model, columns: Sequence[Column], names: Mapping[str, Sequence[str]]) -> dict[Scalar, Scalar]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.model.records import AxialForce, BodyLoad, Bushing, Force, PointSpring, Reaction, Tyre
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, RoadContact, Wrench
+from cutjoint.model.records import Force, Reaction
 from cutjoint.view import meshes
 from cutjoint.view.colours import FORCE, REACTION
 from cutjoint.view.motions import along
@@ -52,22 +53,21 @@ class Arrows(Placed):
 
     def _push(self, force: Force) -> tuple[Array, Array] | None:
         """The point at which a force acts on its follower or body, and the force (times, 3), N; None where outputs do not have it."""
-        match force:
-            case PointSpring() if (tension := self._column(force.name, "force")) is not None:
-                end, way = self.place(force.follower, force.end), self.place(force.base, force.start)
-                way = way - end
+        match force.interaction:
+            case LineForce() as how if (tension := self._column(force.name, "force")) is not None:
+                end = self.point(force, how.end)
+                way = self.point(force, how.start) - end
                 return end, tension * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-            case AxialForce() if (push := self._column(force.name, "force")) is not None:
-                return self.place(force.follower, force.point), push * self.turn(force.base, force.axis)
-            case Bushing() if (parts := self._triple(force.name)) is not None:
-                axes = np.stack([self.turn(force.base, axis) for axis in force.axes], axis=-1)
-                return self.place(force.follower, force.point), _turned(axes, parts)
-            case BodyLoad() if force.point is not None and (parts := self._triple(force.name)) is not None:
-                place, rotation = self.place(force.body, force.point), self.poses[force.body].rotation
-                return place, _turned(rotation, parts) if force.in_body else parts
-            case Tyre() if (load := self._column(force.name, "Fz")) is not None:
-                radius = self.numbers.number(force.constants["radius"])
-                return self.place(force.body, force.centre) - radius * self.up, load * self.up
+            case AxisForce() as how if (push := self._column(force.name, "force")) is not None:
+                return self.point(force, how.point), push * self.turn(how.axis.body(force), how.axis.of(force))
+            case Compliance() as how if (parts := self._triple(force.name)) is not None:
+                axes = np.stack([self.turn(how.frame.body(force), axis) for axis in how.frame.of(force)], axis=-1)
+                return self.point(force, how.follower), _turned(axes, parts)
+            case Wrench(point=point) if point.of(force) is not None and (parts := self._triple(force.name)) is not None:
+                return self.point(force, point), _turned(self.poses[point.body(force)].rotation, parts) if force.has_frame else parts
+            case RoadContact() as how if (load := self._column(force.name, "Fz")) is not None:
+                radius = self.numbers.number(force.radius)
+                return self.point(force, how.centre) - radius * self.up, load * self.up
         return None
 
     def _reactions(self) -> Iterator[tuple[str, bool, Array, Array]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutjoint.export.laws import Numbers
-from cutjoint.model.records import Model, Tyre
+from cutjoint.model.records import Model
 from cutjoint.view.motions import rotation_to, turned
 from cutjoint.view.page import Camera
 from cutjoint.view.placed import Placed
@@ -21,7 +21,7 @@ _SAMPLES = 50
 def find_camera(placed: Placed, drawing: Drawing) -> Camera:
     """The camera looks from the side if all axes of turns are one direction, else from ahead, the left and above."""
     model, numbers, sizes = placed.model, placed.numbers, placed.sizes
-    has_road = any(isinstance(force, Tyre) for force in model.forces)
+    has_road = any(force.has_road for force in model.forces)
     return Camera(
         direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
         follow=_followed(placed),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cutjoint.model.quantities import Element
-from cutjoint.model.records import GROUND, BodyLoad, Gear, Joint, JointForce, Marker, Model, Reaction, RodForce, Tyre
+from cutjoint.model.records import GROUND, Force, Gear, Joint, Marker, Model, Reaction, RodForce
 
 
 def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:
@@ -20,13 +20,17 @@ def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:
 
 def _bodies(element: Element, joints: dict[str, Joint]) -> Iterator[str]:
     match element:
-        case Marker() | BodyLoad() | Tyre():
+        case Marker():
             yield element.body
-        case Reaction() | JointForce():
+        case Force() if not element.joint_of:
+            yield from element.bodies
+        case Force():
+            yield from _bodies(joints[element.joint_of], joints)
+        case Reaction():
             yield from _bodies(joints[element.joint], joints)
         case Gear():
             yield from (body for name in element.joints for body in _bodies(joints[name], joints))
         case RodForce():
             yield from (body for name, _ in element.pushes for body in _bodies(joints[name], joints))
-        case _:
-            yield from (element.base, element.follower)  # type: ignore[union-attr]
+        case Joint():
+            yield from (element.base, element.follower)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, RoadContact
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import AxialForce, Bushing, PointSpring, Tyre
+from cutjoint.model.records import Force
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.colours import JOINT, ROAD, RUBBER, STEEL
@@ -33,21 +34,22 @@ class ForceNodes(Placed):
         for force in self.model.forces:
             if not is_active(force, self.scene):
                 continue
-            match force:
-                case PointSpring():
-                    start, end = self.place(force.base, force.start), self.place(force.follower, force.end)
+            match force.interaction:
+                case LineForce() as how:
+                    start, end = self.point(force, how.start), self.point(force, how.end)
                     yield self._drawn_out(force.name, meshes.coil(self.sizes.spring), start, end)
-                case AxialForce():
-                    yield self._axial(force)
-                case Bushing():
+                case AxisForce() as how:
+                    yield self._axial(force, how)
+                case Compliance() as how:
                     ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
                     mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
-                    turned = mesh.moved(rotation_to(point_of(self.numbers, force.axes[2])), np.zeros(3))
-                    rotation = quaternions_of(self.poses[force.base].rotation)
-                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self.place(force.base, force.point), rotation)
-                case Tyre():
-                    wheels.append((force, self.place(force.body, force.centre)))
-                    yield self._wheel(force, wheels[-1][1])
+                    turned = mesh.moved(rotation_to(point_of(self.numbers, how.frame.of(force)[2])), np.zeros(3))
+                    rotation = quaternions_of(self.poses[how.frame.body(force)].rotation)
+                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self.point(force, how.base), rotation)
+                case RoadContact() as how:
+                    radius = self.numbers.number(force.radius)
+                    wheels.append((radius, self.point(force, how.centre)))
+                    yield self._wheel(force, how, radius, wheels[-1][1])
         for joint in self.model.joints:
             if joint.to is not None:
                 start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
@@ -67,17 +69,16 @@ class ForceNodes(Placed):
         seen = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 1e-9 * self.sizes.extent, way, self.up if axis is None else axis)
         return self._node(name, (Part(mesh=mesh, colour=STEEL, roughness=0.4),), start, along(seen), scale)
 
-    def _axial(self, force: AxialForce) -> Node:
+    def _axial(self, force: Force, how: AxisForce) -> Node:
         """A spring along the force's line, as long as its travel."""
-        point, origin = self.place(force.follower, force.point), self.place(force.base, force.origin)
-        axis = self.turn(force.base, force.axis)
+        point, origin = self.point(force, how.point), self.point(force, how.origin)
+        axis = self.turn(how.axis.body(force), how.axis.of(force))
         travel = np.sum((point - origin) * axis, axis=1, keepdims=True)
         return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point, axis)
 
-    def _wheel(self, tyre: Tyre, centre: Array) -> Node:
+    def _wheel(self, force: Force, how: RoadContact, radius: float, centre: Array) -> Node:
         """A wheel that turns as far as it goes, which no coordinate of the model says."""
-        radius, axis = self.numbers.number(tyre.constants["radius"]), point_of(self.numbers, tyre.axis)
-        pose = self.poses[tyre.body]
+        axis, pose = point_of(self.numbers, how.axis.of(force)), self.poses[how.axis.body(force)]
         ahead = np.cross(pose.turn(axis), self.up)
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
         turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
@@ -89,12 +90,12 @@ class ForceNodes(Placed):
             Part(mesh=meshes.tyre(radius).moved(turned, np.zeros(3)), colour=RUBBER, roughness=0.9),
             Part(mesh=meshes.rim(radius).moved(turned, np.zeros(3)), colour=STEEL, roughness=0.4),
         )
-        return self._node(tyre.name, parts, centre, one_side(rotation))
+        return self._node(force.name, parts, centre, one_side(rotation))
 
-    def _road(self, wheels: list[tuple[Tyre, Array]]) -> Node:
-        """Both tracks under the way of all wheels, in strips of a metre."""
+    def _road(self, wheels: list[tuple[float, Array]]) -> Node:
+        """Both tracks under the way of all wheels, each with its radius, in strips of a metre."""
         way = np.concatenate([centre for _, centre in wheels])
-        margin = 4 * max(self.numbers.number(tyre.constants["radius"]) for tyre, _ in wheels)
+        margin = 4 * max(radius for radius, _ in wheels)
         x0, x1 = np.floor(way[:, 0].min() - margin), np.ceil(way[:, 0].max() + margin)
         road, parts = self.scene.road, []
         tracks = [(road.left, 0.0, max(way[:, 1].max(), 0.0) + margin / 2), (road.right, min(way[:, 1].min(), 0.0) - margin / 2, 0.0)]

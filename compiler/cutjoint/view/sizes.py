@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutjoint.elements.force import Point, RoadContact, Wrench
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import AxialForce, Bushing, Force, Model, PointSpring, Scene, Shape, ShapeKind, Tyre, Vector
+from cutjoint.model.records import Force, Model, Scene, Shape, ShapeKind, Vector
 from cutjoint.view.records import Array
 
 
@@ -46,16 +47,9 @@ def point_of(numbers: Numbers, point: Vector) -> Array:
 
 
 def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
-    """The points at which a force acts, each with its body."""
-    match force:
-        case PointSpring():
-            yield from ((force.base, force.start), (force.follower, force.end))
-        case AxialForce():
-            yield from ((force.base, force.origin), (force.follower, force.point))
-        case Bushing():
-            yield from ((force.base, force.point), (force.follower, force.point))
-        case Tyre():
-            yield force.body, force.centre
+    """The points in which a force holds bodies, each with its body; a load holds nothing."""
+    if not isinstance(force.interaction, Wrench):
+        yield from ((place.body(force), place.of(force)) for place in force.places if isinstance(place, Point))
 
 
 def attached_points(model: Model, scene: Scene) -> Iterator[tuple[str, Vector]]:
@@ -75,8 +69,8 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
     for body in model.bodies:
         corners += [corner for shape in body.shapes for corner in _corners(numbers, shape)]
     for force in model.forces:
-        if isinstance(force, Tyre):
-            centre, radius = point_of(numbers, force.centre), numbers.number(force.constants["radius"])
+        if isinstance(how := force.interaction, RoadContact):
+            centre, radius = point_of(numbers, how.centre.of(force)), numbers.number(force.radius)
             corners += [centre - radius, centre + radius]
     extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0
     return Sizes(extent=extent if extent > 0 else 1.0)

@@ -11,12 +11,13 @@ import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.analysis.closing import design_coordinates, make_inputs
+from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, RoadContact
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.poses import derive_poses
 from cutjoint.model.quantities import JOINT_QUANTITIES
-from cutjoint.model.records import GROUND, AxialForce, Bushing, Model, PointSpring, Scene, Tyre, Vector
+from cutjoint.model.records import GROUND, Force, Model, Scene, Vector
 from cutjoint.view.javascript import print_function
 from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
@@ -93,19 +94,20 @@ def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, 
     def at(body: str, point: Vector) -> dict[str, Any]:
         return {"body": "" if body == GROUND else body, "point": point_of(numbers, point).tolist()}
 
+    def on(force: Force, point: Point) -> dict[str, Any]:
+        return at(point.body(force), point.of(force))
+
     for force in model.forces:
         if not is_active(force, scene):
             continue
-        match force:
-            case PointSpring():
-                yield {"name": force.name, "from": at(force.base, force.start), "to": at(force.follower, force.end)}
-            case AxialForce():
-                axis = point_of(numbers, force.axis).tolist()
-                yield {"name": force.name, "from": at(force.base, force.origin), "to": at(force.follower, force.point), "axis": axis}
-            case Bushing():
-                yield {"name": force.name, "on": at(force.base, force.point)}
-            case Tyre():
-                yield {"name": force.name, "on": at(force.body, force.centre)}
+        match force.interaction:
+            case LineForce() as how:
+                yield {"name": force.name, "from": on(force, how.start), "to": on(force, how.end)}
+            case AxisForce() as how:
+                axis = point_of(numbers, how.axis.of(force)).tolist()
+                yield {"name": force.name, "from": on(force, how.origin), "to": on(force, how.point), "axis": axis}
+            case Compliance(base=point) | RoadContact(centre=point):
+                yield {"name": force.name, "on": on(force, point)}
     for joint in model.joints:
         if joint.to is not None:
             yield {"name": joint.name, "from": at(joint.base, joint.at), "to": at(joint.follower, joint.to)}

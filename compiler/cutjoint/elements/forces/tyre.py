@@ -62,6 +62,11 @@ class Tyre(Force):
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"), constants=constants
         )
 
+    @property
+    def radius(self) -> Scalar:
+        """The radius of the wheel, m."""
+        return self.constants["radius"]
+
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the tyre's image: -1 of sideways quantities."""
         return 1 if quantity in _EVEN else -1
