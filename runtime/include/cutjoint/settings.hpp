@@ -48,7 +48,7 @@ inline FixedPoint fixed_point_of(const RunSettings& settings) {
           settings.fixed_cost};
 }
 
-/// The same for a simulation, whose inputs are known up to its end.
+/// The settings of a simulation whose inputs are known up to its end.
 inline SimulationSettings simulation_settings(const RunSettings& settings) {
   return {.stabilisation = settings.stabilisation, .fixed_point = fixed_point_of(settings), .dt = settings.dt, .end = settings.end,
           .penalty = settings.penalty, .tolerance = settings.tolerance, .absolute_tolerance = settings.absolute_tolerance.value_or(0.0),

@@ -222,7 +222,7 @@ class Simulated {
     throw failure;
   }
 
-  /// What is stepped, with the inputs of the run.
+  /// The mechanism or system with the inputs of the run.
   Subject& driven(Subject& subject) {
     data_.drive(subject);
     return subject;

@@ -34,7 +34,7 @@ const std::vector<std::string_view>& speeds_of(const Described& d) {
     return d.speeds;
 }
 
-/// A fault of a core, with the name of what failed, and of the method that did, if that shall be told.
+/// A fault of a core with the name of the failed part, and of the method if that shall be told.
 template <class Described>
 Failure failure_of(const Fault& fault, const Described& d, std::string_view method = "") {
   std::string what = method.empty() ? "" : std::string(method) + ": ";

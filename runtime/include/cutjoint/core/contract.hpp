@@ -1,4 +1,4 @@
-// What generated functions see of the runtime, beside lanes, roads and inputs.  Each of their files reads this: it includes nothing.
+// The part of the runtime that generated functions read, beside lanes, roads and inputs.  It includes nothing, since each of their files reads it.
 #pragma once
 
 namespace cutjoint {

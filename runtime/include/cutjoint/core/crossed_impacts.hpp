@@ -140,7 +140,7 @@ class CrossedImpacts {
   Real searched_{-std::numeric_limits<Real>::infinity()};
 };
 
-/// The same where guides can jump.
+/// Impacts of classes whose guides can jump.
 template <class S>
 using CrossedIf = std::conditional_t<can_jump<S>, CrossedImpacts<S>, NoImpacts>;
 

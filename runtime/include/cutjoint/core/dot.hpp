@@ -26,7 +26,7 @@ typedef double FourProducts __attribute__((vector_size(32)));
 #endif
 }
 
-/// The same by registers, in an order that does not depend on what the compiler knows of the length.
+/// The sum by registers, in an order that does not depend on how much of the length the compiler knows.
 [[gnu::always_inline]] inline double dot(std::span<const double> a, std::span<const double> b) {
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));
   FourProducts sum{}, last_a{}, last_b{};

@@ -18,7 +18,7 @@ struct Side {
   Number operator[](int k) const { return x[k]; }
   Number& operator[](int k) { return x[k]; }
 
-  /// What an operation makes of each.
+  /// An operation on each of the numbers.
   template <class Operation>
   static Side of(Operation operation) {
     Side result;

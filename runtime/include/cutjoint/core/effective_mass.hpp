@@ -45,8 +45,8 @@ auto common_penalty(const Numbers& penalties) {
 /// Effective masses of the cut joints of a mechanism, kg or kg m^2, by S = Phi_v M^-1 Phi_v^T; a cut joint's is the largest of its equations.
 ///
 /// A unit gap of equation k is answered by closing T e_k, T = S a/(1 + S a), with the penalties a that the mechanism was loaded with; massless
-/// bodies, whose S has no bound, have a bounded T.  A mass that is rounding beside what the equation would feel if each speed moved alone,
-/// which the kinetic energy tells, counts as none.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
+/// bodies, whose S has no bound, have a bounded T.  A mass that is rounding beside the one that single speeds move counts as
+/// none; the kinetic energy tells the latter.  The velocity part of `constraint_residual` is linear in the speeds.  The answer is that of
 /// `project`, or with the closure `penalty`, for which not all mechanisms have it, what multipliers of a e_k change in the accelerations.
 template <Mechanism M>
 class EffectiveMasses {
@@ -119,7 +119,7 @@ class EffectiveMasses {
     return cut < cuts.size() ? static_cast<std::size_t>(cuts[cut]) : m_;
   }
 
-  /// What each equation would feel if each speed moved alone, 1/sum_i Phi_ki^2/M_ii, of the speeds that move a mass.
+  /// The mass that each equation would feel if each speed moved alone, 1/sum_i Phi_ki^2/M_ii, of the speeds that move a mass.
   void move_alone(const StateOf<M>& state) {
     const auto energy = [&](const Speeds<M>& v) {
       Real result[2]{};
@@ -141,8 +141,8 @@ class EffectiveMasses {
     for (Real& mass : alone_) mass = mass > Real(0) ? Real(1) / mass : Real(0);
   }
 
-  /// The largest of each cut joint's equations; a cut joint whose equations have no mass gets the largest of all, where none has one what its
-  /// equations feel of speeds that move alone, or one.
+  /// The largest of each cut joint's equations.  A cut joint whose equations have no mass gets the largest of all.  Where none has one, each gets
+  /// the mass that single speeds move, or 1.
   Cuts<M> by_cut() const {
     constexpr Real rounding = Real(1e4) * std::numeric_limits<Real>::epsilon();
     Cuts<M> masses(sizes_of(mechanism_).cuts), others(masses);

@@ -3,7 +3,7 @@
 
 namespace cutjoint {
 
-/// What stopped a start or a step.  Numbers stay the same from version to version; new ones are added at the end.
+/// The reason why a start or a step stopped.  Numbers stay the same from version to version; new ones are added at the end.
 enum class Cause : int {
   none = 0,
   not_converged = 1,              ///< the iteration of a step does not end
@@ -41,9 +41,9 @@ enum class Cause : int {
 /// The list in which what failed most has its place.
 enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5 };
 
-/// A failure: nothing if the cause is none.  `index` is the place of what failed most in its list, `value` what is left of it (SI units), `size` what
-/// is compared with, `iterations` how many were made, `closer` whether the last of them came closer.  The lists are those of what is stepped, or, `at_start`,
-/// of the mechanism that finds where it starts.
+/// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
+/// bound, `iterations` their number, `closer` whether the last of them came closer.  The lists are those of the stepped mechanism or system, or
+/// `at_start` of the mechanism that finds the start.
 struct Fault {
   Cause cause = Cause::none;
   FaultList list = FaultList::none;
@@ -62,7 +62,7 @@ struct Fault {
 /// Whether a fault is of what a step has led to, not of the step.
 constexpr bool has_made_step(const Fault& fault) { return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_torn; }
 
-/// What to say of a cause.
+/// The message of a cause.
 constexpr const char* text_of(Cause cause) {
   switch (cause) {
     case Cause::none: return "nothing failed";
@@ -100,7 +100,7 @@ constexpr const char* text_of(Cause cause) {
   return "unknown cause";
 }
 
-/// What may help where Newton's iteration has no end.
+/// Advice where Newton's iteration has no end.
 constexpr const char* advice_of_newton(const Fault& fault) {
   if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "not tried: a smaller dt";
   if (fault.closer) return "it was still getting closer; not tried: more iterations, or a smaller dt";
@@ -108,10 +108,10 @@ constexpr const char* advice_of_newton(const Fault& fault) {
   return "look at the forces on this coordinate, and whether it moves mass; not tried: a smaller dt";
 }
 
-/// What may help where a step is too long for the accelerations.
+/// Advice where a step is too long for the accelerations.
 constexpr const char* shorter_steps = "not tried: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
 
-/// What may help; "not tried" where nobody has tried it.
+/// Advice, "not tried" where nobody has tried it.
 constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";

@@ -72,7 +72,7 @@ class FixedPointSteps {
   /// The state with its accelerations and multipliers.
   const StateOf<M>& complete(const StateOf<M>& state) const { return state; }
 
-  /// Who is told of impacts.
+  /// Tell a watch of impacts.
   void watch_impacts(const ImpactWatch<M>& watch) { watch_ = watch; }
 
   long iterations() const { return steps_.evaluations(); }

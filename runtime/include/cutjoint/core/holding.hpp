@@ -1,4 +1,4 @@
-// What holds given coordinates of a mechanism at rest.
+// Forces that hold given coordinates of a mechanism at rest.
 #pragma once
 
 #include <algorithm>

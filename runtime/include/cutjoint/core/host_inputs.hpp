@@ -10,8 +10,8 @@
 
 namespace cutjoint {
 
-/// What a host gives of its inputs.  An input whose value is no number follows the scene.  A value that was `put` with its rate and acceleration at a
-/// time goes on like that; one that was written instead is held.
+/// A host's inputs.  An input whose value is no number follows the scene.  A value that was `put` with its rate and acceleration at a time
+/// goes on like that; one that was written instead is held.
 template <class Real, std::size_t n>
 struct HostInputs {
   Fixed<Real, n> values;
@@ -128,7 +128,7 @@ class FollowedInputs {
     return stay;
   }
 
-  /// Those are as the host gives them.
+  /// Take the other inputs as the host gives them.
   void take_others(const Inputs& given) {
     for (std::size_t i = 0; i < n; ++i) {
       if (is_guiding(i)) continue;
@@ -207,8 +207,8 @@ class FollowedInputs {
   }
 
  private:
-  /// What comes after the present part: where and how the second one begins, and when both end; `again` is the length of the parts of another course that
-  /// comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
+  /// The parts after the present one: where and how the second one begins, and when both end; `again` is the length of the parts of another
+  /// course that comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
   struct Course {
     Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0}, arrival{0};
     long part = 0;   ///< 1 or 2; 0: as the host or the scene has it

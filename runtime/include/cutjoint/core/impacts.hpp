@@ -194,7 +194,7 @@ struct CalledImpacts {
   }
 };
 
-/// Who watches the impacts of a simulation: of one whose classes know their sizes nobody.
+/// The watch of a simulation's impacts; a simulation whose classes know their sizes has none.
 template <class S>
 using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts<S>>;
 
@@ -292,7 +292,7 @@ class Impacts {
     return largest;
   }
 
-  /// What another place of a guide changes: gaps of the equations, and masses as the free coordinates meet them.
+  /// Whether another place of a guide changes the mechanism: gaps of the equations, and masses as the free coordinates meet them.
   bool places_jump(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     const Real one = struck_.kinetic_beside_guides(q, probe_, before);

@@ -1,4 +1,4 @@
-// What gives a mechanism or system its inputs: parameters that are read at every step.
+// Inputs of a mechanism or system: parameters that are read at every step.
 #pragma once
 
 namespace cutjoint {
@@ -6,7 +6,7 @@ namespace cutjoint {
 /// Of an input in turn: its value, its rate and its acceleration.  Laws read the value; guides need all three.
 inline constexpr int numbers_per_input = 3;
 
-/// What inputs do where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the course of one
+/// The events of inputs where a step begins: whether accelerations jump, whether a guide that jumps may leave loops open, and whether the course of one
 /// has parts within the step.
 struct StepBegin {
   bool jumps = false, opens = false, parts = false;

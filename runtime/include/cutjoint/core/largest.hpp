@@ -23,7 +23,7 @@ Real largest(std::span<const Real> values) {
   return result;
 }
 
-/// The same by registers: a step asks for it more than ten times.  Part of what calls it, so that it has the flags of that.
+/// The largest by registers: a step asks for it more than ten times.  The caller's flags compile it, since it is inlined.
 [[gnu::always_inline]] inline double largest(std::span<const double> values) {
   typedef double Four __attribute__((vector_size(32)));
   typedef double Loose __attribute__((vector_size(32), aligned(8), may_alias));

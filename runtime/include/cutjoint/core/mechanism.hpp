@@ -1,4 +1,4 @@
-// What a mechanism is to the runtime: the contract between generated code (or the generic twin) and the integrators.
+// The contract of a mechanism between generated code (or the generic twin) and the integrators.
 #pragma once
 
 #include <concepts>

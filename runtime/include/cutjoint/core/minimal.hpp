@@ -29,7 +29,8 @@ class MinimalCoordinates {
  public:
   using Real = typename M::real_type;
 
-  /// What is independent, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are, with the rates there.
+  /// The choice of independent speeds, how fast others may follow (their largest rate for a unit rate of one), and a pose near which states are,
+  /// with the rates there.
   struct Choice {
     Coordinates<M> reference, pose;
     Speeds<M> rate;
@@ -54,7 +55,7 @@ class MinimalCoordinates {
     return choose(starter, state, independent);
   }
 
-  /// The same, as somebody else has chosen: `freedoms` are marked.
+  /// Take the choice of a caller, which marks the `independent` speeds.
   Fault choose(Starter<M>& starter, const StateOf<M>& state, const Speeds<M, unsigned char>& independent) {
     const Choice before = choice_;
     choice_ = {.reference = reference_at(state), .pose = state.q, .rate = {}, .independent = independent, .is_made = true};
@@ -150,7 +151,7 @@ class MinimalCoordinates {
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
 
-  /// What the delta is counted from: scalars from nought, balls from their turn in a state.
+  /// The origin of the delta: nought for scalars, for balls their turn in a state.
   static Coordinates<M> reference_at(const StateOf<M>& state) {
     Coordinates<M> reference = state.q;
     for (const Chart& chart : charts())

@@ -86,7 +86,7 @@ class NewtonSteps {
   /// The state, where guides need them with accelerations and multipliers that those of a step only come near to.
   const StateOf<S>& with_reactions(const StateOf<S>& state) { return single_.with_reactions(state); }
 
-  /// Who is told of impacts.
+  /// Tell a watch of impacts.
   void watch_impacts(const ImpactWatch<S>& watch) { watch_ = watch; }
 
   /// The residuals of the loops in the state that steps have come to.
@@ -138,7 +138,7 @@ class NewtonSteps {
     }
   };
 
-  /// The same of a system that is driven, as its description says.
+  /// The steps of a system that is driven, as its description says.
   struct SingleOfDriven {
     std::optional<Single> single;
 
@@ -158,7 +158,7 @@ class NewtonSteps {
     newton_.take_means(state.vdot);
   }
 
-  /// The same where no guide jumps.
+  /// A step where no guide jumps.
   Fault step_within(StateOf<S>& state, const SimulationSettings& settings, Real h, long number) {
     if constexpr (requires { newton_.close_loops(state); })
       if (h < Real(1e-4) * Real(settings.dt)) return pass(state, h);

@@ -74,7 +74,7 @@ class Relative {
     state = state_;
   }
 
-  /// The same for who looks on: it leaves no trace in what comes next, and counts nowhere.
+  /// The state for an onlooker: it leaves no trace in later evaluations, and counts nowhere.
   const StateOf<M>& complete(Real t, const Vector& y) {
     const Experience experience = experience_;
     complete_ = state_;
@@ -86,7 +86,7 @@ class Relative {
 
   long evaluations() const { return experience_.evaluations; }
 
-  /// What an evaluation leaves for the next one, besides multipliers.
+  /// Memory of the next evaluation, besides multipliers.
   struct Experience {
     Real effect{0};        ///< of a correction of 1 on the accelerations
     int age = 1000;        ///< evaluations since it was seen

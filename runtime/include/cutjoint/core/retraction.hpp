@@ -54,7 +54,7 @@ struct Balls {
   }
 };
 
-/// q = q_0 (+) delta: scalars add, quaternions are turned.  Part of what calls it, so that it has the flags of that.
+/// q = q_0 (+) delta: scalars add, quaternions are turned.  It is inlined, so that the caller's flags compile it.
 template <class Real>
 [[gnu::always_inline]] inline void retract(std::span<const Chart> charts, const Real* q_0, const Real* delta, Real* q) {
   Balls balls;
@@ -75,7 +75,7 @@ template <class Real>
     if (balls.number > 0) balls.turn(q_0, delta, q);
 }
 
-/// The same of a mechanism or system with these charts; coordinates without charts, natural ones, add.
+/// The retraction of a mechanism or system with these charts; coordinates without charts, natural ones, add.
 template <class Numbers>
 [[gnu::always_inline]] inline void displace(std::span<const Chart> charts, const Numbers& from, const typename Numbers::value_type* delta, Numbers& to) {
   if (charts.empty())

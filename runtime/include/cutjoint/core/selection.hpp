@@ -29,7 +29,7 @@ struct Selection {
     if (mask) number = value;
   }
 
-  /// The same of arrays; what was in them may come to be in `values`.
+  /// The choice for arrays; `values` may end with the former contents of the other.
   template <class Numbers>
   static void take_all(bool mask, Numbers& values, Numbers& numbers) {
     if (mask) numbers.swap(values);

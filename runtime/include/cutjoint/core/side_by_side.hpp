@@ -85,7 +85,7 @@ class SideBySide : public Alone {
     source_ = source;
   }
 
-  /// What `cutjoint::accelerate` does with one state, several at a time.
+  /// `cutjoint::accelerate` for several states at a time.
   void accelerate(std::array<StateOf<Alone>, states_at_once>& states, double motion) {
     if (probes_) {
       probes_->load(parameters_, stabilisation_, roads_, source_);

@@ -22,7 +22,7 @@
 
 namespace cutjoint {
 
-/// What finds the start of a simulation; systems find none.
+/// The finder of a simulation's start; systems have none.
 template <class M>
 struct StartOf {
   struct type {};
@@ -80,7 +80,7 @@ class Simulation {
 
   Settings& settings() { return settings_; }
 
-  /// What the error of a step may be, from the next one on.
+  /// Set the largest error of a step, from the next one on.
   void set_tolerance(double relative, double absolute) {
     settings_.tolerance = relative;
     settings_.absolute_tolerance = absolute;
@@ -150,7 +150,7 @@ class Simulation {
 
   bool is_started() const { return is_started_; }
 
-  /// What steps it, once it has begun.
+  /// The integrator of the simulation, once it has begun.
   Integrator& steps() { return *steps_; }
   const Integrator& steps() const { return *steps_; }
 
@@ -172,7 +172,7 @@ class Simulation {
     return call(Real(until), [this, until] { return steps_to(Real(until)); });
   }
 
-  /// The same, or to where a force changes its formula, if that is earlier: `event` is then its switch, else -1.
+  /// Advance to a time, or to where a force changes its formula, if that is earlier: `event` is then its switch, else -1.
   Fault advance_to_event(double until, int& event)
     requires Integrator::finds_events
   {
@@ -586,7 +586,7 @@ class Simulation {
     return until;
   }
 
-  /// The same where what is stepped is at the present time.
+  /// The gap where the mechanism or system is at the present time.
   Gap find_gap() {
     Equations<Subject> residual, rate;
     if constexpr (is_system) {

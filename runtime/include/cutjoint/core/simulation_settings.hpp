@@ -8,7 +8,7 @@
 
 namespace cutjoint {
 
-/// What a simulation needs to know besides its parameters: `dt` is the length of its steps, `end` that of the scene, by which rounding of times is
+/// The settings of a simulation besides its parameters: `dt` is the length of its steps, `end` that of the scene, by which rounding of times is
 /// measured.  Where steps follow from errors, these are at most `absolute_tolerance` and the share `tolerance` of the value, and one call tries `most_steps` at
 /// most.  Steps end where forces change their formulas if they can, but without `events`.  What drives the motion up to the end may be known before, as of a
 /// run: a simulation that `foresees` takes steps beyond the times that it is asked for, which then lie between their ends.

@@ -54,7 +54,7 @@ struct State {
     set_balls(d.charts);
   }
 
-  /// The same numbers in another type.
+  /// The state's numbers in another type.
   template <class Other>
   explicit State(const State<Other>& other)
       : t(static_cast<Real>(other.t)), q(converted<Real>(other.q)), v(converted<Real>(other.v)), vdot(converted<Real>(other.vdot)),

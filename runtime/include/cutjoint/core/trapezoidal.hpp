@@ -91,7 +91,7 @@ class Trapezoidal {
   void count_anew() { evaluations_ = typename Instances::Count{}; }
 
  private:
-  /// The same without the projection of the proximal closure.
+  /// Advance without the projection of the proximal closure.
   ///
   ///     v = dt/2 vdot + v_hat           v_hat = v_n + dt/2 vdot_n
   ///     z = dt^2/4 vdot + z_hat         z_hat = dt v_n + dt^2/4 vdot_n,  z counted from q_n

@@ -34,7 +34,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     return this->close_with(state, pose_, k_ * alpha_, closing_, way_, from_, left);
   }
 
-  /// The same for a state away from any step, by moving the masses least.  A fault names what stays open.
+  /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
   Fault assemble(StateOf<S>& state) {
     if (m_ == 0) return {};
     constexpr int most = 20;
@@ -52,7 +52,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
                                    Real(open ? left.position : left.velocity));
   }
 
-  /// What the next steps follow from besides the state and the factors of the last tangent.
+  /// Memory of the next steps, besides the state and the factors of the last tangent.
   struct Memory {
     typename Base::Memory steps;
     Coordinates<S> pose;
@@ -126,7 +126,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -k_ * f_[i];
   }
 
-  /// What acts is lambda + alpha Phi.  The multipliers take it over when the last iteration was still one that corrects them.
+  /// The forces are lambda + alpha Phi.  The multipliers take them over when the last iteration was still one that corrects them.
   Fault update_multipliers(StateOf<S>& state) {
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] = lambda_[i] + alpha_ * phi_[i];
     if (iteration_ <= settings_.multiplier_updates) lambda_ = state.lambda;

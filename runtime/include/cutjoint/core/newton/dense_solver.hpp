@@ -72,7 +72,7 @@ class DenseSolver {
     for (std::size_t j = 0; j < order_.size(); ++j) std::swap(at(k, j), at(largest, j));
   }
 
-  /// What column k of L takes from the rest of a column.
+  /// Take from the rest of a column the share of column k of L.
   void subtract(std::size_t k, Real factor, Real* column) {
     for (std::size_t i = k + 1; i < order_.size(); ++i) column[i] -= at(i, k) * factor;
   }

@@ -54,7 +54,7 @@ class GuardedSolver {
     long pivots = 0, trusted = 0, measured = 0;
   };
 
-  /// What else than the matrix the next solutions follow from.
+  /// Memory of the next solutions, besides the matrix.
   struct Memory {
     typename Scaled<S>::Scales scales;
     Progress progress;

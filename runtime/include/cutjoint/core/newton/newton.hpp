@@ -25,8 +25,8 @@ struct StepRule {
   bool averages() const { return alpha_m != 0.0 || alpha_f != 0.0; }
 };
 
-/// The generalised-alpha method, of order 2, which leaves the share `radius` (0 to 1) of what is fast beside a step in each step, and as little
-/// as that allows of what is slow.  Source: Chung, Hulbert, J. Appl. Mech. 60 (1993) 371-375.
+/// The generalised-alpha method, of order 2.  Each step leaves the share `radius` (0 to 1) of motions that are fast beside it, and damps slow ones
+/// as little as that allows.  Source: Chung, Hulbert, J. Appl. Mech. 60 (1993) 371-375.
 inline StepRule generalised_alpha(double radius) {
   const double alpha_m = (2 * radius - 1) / (radius + 1), alpha_f = radius / (radius + 1), gamma = 0.5 - alpha_m + alpha_f;
   return {.alpha_m = alpha_m, .alpha_f = alpha_f, .beta = (gamma + 0.5) * (gamma + 0.5) / 4, .gamma = gamma};
@@ -145,7 +145,7 @@ class Newton : public Workspace<S, Solver> {
   /// Weights of the tangent of a step.
   Weights<Real> step_weights() const { return own().weights(); }
 
-  /// What the next steps follow from besides the state; `factored` is as long as a number, so that equal ones have equal bytes.
+  /// Memory of the next steps, besides the state; `factored` is as long as a number, so that equal ones have equal bytes.
   struct Memory {
     Equations<S> lambda, lambda_before;
     Speeds<S> vdot_before, mean;
@@ -185,7 +185,7 @@ class Newton : public Workspace<S, Solver> {
   using Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::system_, Base::tangent_, Base::time_, Base::x_;
   using Base::finite, Base::rounding_like;
 
-  // What methods may have of their own.
+  // Members that methods may have of their own.
 
   void choose_weights(const StateOf<S>&) {}                              ///< of the equations against the masses
   void weigh() {}                                                   ///< the same for another length of the step

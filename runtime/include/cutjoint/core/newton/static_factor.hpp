@@ -172,7 +172,7 @@ template <class Function>
   }
 }
 
-/// What a tile's unknowns are after elimination of the earlier ones, and what they change in later ones.
+/// A tile's unknowns after elimination of the earlier ones, and the changes that these make in later ones.
 template <int pivots, class Real>
 void forward(const Step& step, const int* lowers, const Real* factors, Real* own, Real* y) {
   const Real* block = factors + step.diagonal;

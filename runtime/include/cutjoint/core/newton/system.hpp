@@ -1,4 +1,4 @@
-// What a system with a tangent is to Newton's iteration: the contract between generated code (or the generic twin) and the steps.
+// The contract of a system with a tangent between generated code (or the generic twin) and the steps of Newton's iteration.
 #pragma once
 
 #include <cstddef>

@@ -113,7 +113,7 @@ class Workspace {
     return fault_in_row(cause, static_cast<int>(n_ + equation), value);
   }
 
-  /// What a share of a quantity that is rounding in double is in this type.
+  /// The share of a quantity that is rounding in this type, for one that is rounding in double.
   static Real rounding_like(double in_double) {
     return Real(in_double / std::numeric_limits<double>::epsilon()) * std::numeric_limits<Real>::epsilon();
   }

@@ -136,7 +136,7 @@ class Scheme {
             .value = static_cast<double>(attempt.size)};
   }
 
-  /// What the next steps follow from, those of the regime included.
+  /// Memory of the next steps, that of the regime included.
   struct Memory {
     typename Dynamics::Memory dynamics;
     typename Formula<Dynamics, Table>::Memory formula;

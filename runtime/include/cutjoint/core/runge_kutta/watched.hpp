@@ -125,7 +125,7 @@ class Watched : public Relative<M> {
     int known = 0;  ///< steps
   };
 
-  /// What the next steps follow from.
+  /// Memory of the next steps.
   struct Memory {
     typename stepping::Regime<M>::Memory regime;
     History history;

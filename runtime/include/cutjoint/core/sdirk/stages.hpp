@@ -86,7 +86,7 @@ class Stages : public Workspace<S, Solver> {
   /// Put accelerations and multipliers into a state; what that takes is no part of a step.
   Fault complete(StateOf<S>& state) { return single_.begin(state, Real(1)); }
 
-  /// The same of a state as it is, which is taken over.
+  /// Go on from a state as it is, which is taken over.
   Fault go_on(StateOf<S>& state) {
     const Fault fault = single_.go_on(state);
     if (fault) return fault;
@@ -98,7 +98,7 @@ class Stages : public Workspace<S, Solver> {
   /// Close the loops of a state away from any step, by moving the masses least.
   Fault assemble(StateOf<S>& state) { return single_.assemble(state); }
 
-  /// What the error of a step may be; Newton's iteration ends where it leaves a hundredth of that.
+  /// Set the largest error of a step; Newton's iteration ends where it leaves a hundredth of that.
   void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
 
   /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
@@ -229,7 +229,7 @@ class Stages : public Workspace<S, Solver> {
     return this->close_with(state, pose_, alpha_, closing_, way_, moved_, residuals_);
   }
 
-  /// What that left of the equations.
+  /// The residuals of the equations after it.
   const Residuals& residuals() const { return residuals_; }
 
   long iterations() const { return iterations_; }
@@ -247,7 +247,7 @@ class Stages : public Workspace<S, Solver> {
     return fault;
   }
 
-  /// What the next steps follow from, those of the regime and the solvers included; flags are as long as numbers, so that equal ones have equal bytes.
+  /// Memory of the next steps, that of the regime and the solvers included; flags are as long as numbers, so that equal ones have equal bytes.
   struct Memory {
     StateOf<S> start;
     std::array<Speeds<S>, 2> middle;
@@ -323,7 +323,7 @@ class Stages : public Workspace<S, Solver> {
     return regime_.crossed() && !whole_;
   }
 
-  /// The same of a stage that is not found, or slowly: as it is, and as it was guessed, which is where the regime before would lead.
+  /// Whether a stage that is not found, or slowly, leaves the regime: as it is, and as it was guessed, which is where the regime before would lead.
   bool leaves_early(Real h) {
     if (leaves()) return true;
     const Real w = Table::gamma.as<Real>() * h;

@@ -28,7 +28,7 @@ struct Table {
   }};
   static constexpr Row error{{{0}, {-3, 16}, {-27, 32}, {25, 32}, {0}, {1, 4}}};
 
-  /// What the slope of a stage after the first is guessed to be: on a polynomial through those before.
+  /// The guessed slopes of the stages after the first: on a polynomial through those before.
   static constexpr std::array<Row, stages + 1> guess{{
       {},
       {},

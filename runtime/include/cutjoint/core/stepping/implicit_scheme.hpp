@@ -143,7 +143,7 @@ class ImplicitScheme {
 
   Fault give_up(const Attempt& attempt, long, long number) const { return stages_.give_up(attempt.found, adaptive_, number, attempt.size); }
 
-  /// What the next steps and rows follow from.
+  /// Memory of the next steps and rows.
   struct Memory {
     typename Stages::Memory stages;
     typename Interpolant<Subject>::Memory interpolant;

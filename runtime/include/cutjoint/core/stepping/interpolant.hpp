@@ -1,4 +1,4 @@
-// What lies between the ends of a step.
+// States between the ends of a step.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What integrators of a simulation share that go on by a stepper.
+// The common part of a simulation's integrators that go on by a stepper.
 #pragma once
 
 #include <algorithm>
@@ -33,7 +33,7 @@ class OverStepper {
     return finish(state, until, fault);
   }
 
-  /// The same, or to where a force changes its formula, if that is earlier.
+  /// Step to a time, or to where a force changes its formula, if that is earlier.
   Fault step_to_event(StateOf<S>& state, const SimulationSettings& settings, Real until, long number) {
     get_ready(settings, until);
     const Fault fault = own().stepper_.advance_to_event(state.t, until, own().y_, number);
@@ -43,7 +43,7 @@ class OverStepper {
   /// Where the run ends, of steps that are foreseen.
   void run_to(Real end) { own().stepper_.run_to(end); }
 
-  /// Who is told of impacts.
+  /// Tell a watch of impacts.
   void watch_impacts(const ImpactWatch<S>& watch) { watch_ = watch; }
 
   auto& stepper() { return own().stepper_; }

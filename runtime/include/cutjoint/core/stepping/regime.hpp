@@ -118,7 +118,7 @@ class Regime {
   /// The switch by which it was left.
   std::size_t first() const { return now_.first; }
 
-  /// What the next steps follow from.
+  /// Memory of the next steps.
   struct Memory {
     Switches<int> cells;
     Switches<unsigned char> sought;
@@ -136,7 +136,7 @@ class Regime {
   static constexpr int undecided = -1;
   static constexpr Real zero[1] = {Real(0)};
 
-  /// What rounding may do to a value until the next step begins.
+  /// Bound the change of a value by rounding until the next step begins.
   void weigh(std::size_t i) {
     using std::abs;
     now_.largest[i] = std::max(now_.largest[i] / 4, abs(now_.values[i]));

@@ -7,7 +7,7 @@
 
 namespace cutjoint::stepping {
 
-/// What an error may be: `absolute` and a share `relative` of the value itself.
+/// The largest error of a value: `absolute` and a share `relative` of the value itself.
 template <class Real>
 struct Tolerances {
   Real relative{0}, absolute{0};
@@ -39,7 +39,7 @@ class StepControl {
     return h * std::max(Real(0.1), safety() / pow(size, proportional()));
   }
 
-  /// What has been learnt of the errors no longer holds.
+  /// Forget the errors of earlier steps.
   void restart() { *this = StepControl(); }
 
  private:

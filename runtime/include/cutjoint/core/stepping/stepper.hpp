@@ -13,7 +13,7 @@
 
 namespace cutjoint::stepping {
 
-/// What steps took.
+/// Counts of steps and attempts.
 template <class M>
 struct Counts {
   long steps = 0, rejected = 0, events = 0;
@@ -22,7 +22,7 @@ struct Counts {
   explicit Counts(std::size_t switches) : by_switch(switches) {}
 };
 
-/// What came of an attempt of a step.
+/// The outcome of an attempt of a step.
 template <class Real>
 struct Attempt {
   Real size{0};       ///< of the error, 1 being what is allowed: 0 where it is not estimated, infinite where it is no number
@@ -98,7 +98,7 @@ class Stepper {
     go_on();
   }
 
-  /// The same where the scheme has been given its state.
+  /// Go on where the scheme has been given its state.
   void go_on() {
     control_.restart();
     if (time() < now_.since) now_.since = before_all<Real>;
@@ -115,7 +115,7 @@ class Stepper {
 
   Real time() const { return scheme_.time(); }
 
-  /// What is called after each step.
+  /// A call after each step.
   struct Watch {
     void (*call)(void* who, Scheme& scheme) = nullptr;
     void* who = nullptr;
@@ -123,7 +123,7 @@ class Stepper {
 
   void watch(const Watch& watch) { watch_ = watch; }
 
-  /// What is called where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.  `since` is when the event
+  /// A call where a step has ended at an event of a switch, before the new regime begins: it may change the speeds.  `since` is when the event
   /// before was.
   struct Strike {
     void (*call)(void* who, Scheme& scheme, std::size_t which, Real since) = nullptr;
@@ -140,7 +140,7 @@ class Stepper {
   /// The switch of the last event; as many as there are switches for one that none of them explains.
   std::size_t last_event() const { return now_.switched; }
 
-  /// What the next steps follow from, besides what they took.
+  /// Memory of the next steps, besides their counts.
   struct Memory {
     typename Scheme::Memory scheme;
     StepControl<Real, Scheme::order> control;
