@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import random
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -95,17 +97,17 @@ def check(text: str) -> tuple[str, ...]:
         exact = compile_interpreted(model, scene)
     except NoInertiaError as error:
         return tuple(str(error).splitlines())
-    limit, redundant = _limit(text), bool(find_mobility(exact.mechanism).redundant)
+    limit, redundant = cache(partial(_limit, text)), bool(find_mobility(exact.mechanism).redundant)
     told: dict[str, str] = {}
     for method in METHODS:  # the first one stops in poses that do not determine how the others go on
         told[method] = _try(model, method, None if told.get("recursive") else limit, redundant=redundant)
-    if limit is not None and not told["classical"] and not any("singular pose" in reason for reason in told.values()):
+    if not told["classical"] and not any("singular pose" in reason for reason in told.values()) and limit() is not None:
         stopped = {method: reason for method, reason in told.items() if reason}
         assert not stopped, f"classical moves the mechanism, others do not: {stopped}"
     return tuple(reason for reason in told.values() if reason)
 
 
-def _try(model: Model, method: str, limit: Trajectory | None, *, redundant: bool) -> str:
+def _try(model: Model, method: str, limit: Callable[[], Trajectory | None] | None, *, redundant: bool) -> str:
     """The reason why a method does not move a model to the end, or ""."""
     try:
         run = simulate(compile_interpreted(model, model.scenes["run"], method=method), check=False)
@@ -118,8 +120,8 @@ def _try(model: Model, method: str, limit: Trajectory | None, *, redundant: bool
         told = f"{method}: {run.failure.message}: {run.failure.advice}"
         assert "mass" in told, f"no motion is named that no mass resists: {told}"
         return told
-    if run.error.converged and limit is not None:
-        apart = max(float(np.abs(run[name] - limit[name]).max()) for name in limit.columns)
+    if run.error.converged and limit is not None and (light := limit()) is not None:
+        apart = max(float(np.abs(run[name] - light[name]).max()) for name in light.columns)
         expected = max(run.error.largest.values())
         assert apart <= max(UNCERTAIN * GOAL, PROMISED * expected), f"{method} is {apart:.1e} m off and says {expected:.1e}"
     return ""
