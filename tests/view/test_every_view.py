@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.elements.forces import FORCES
+from cutjoint.model.read import read_model
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.view.files import Gltf
 
@@ -57,7 +58,8 @@ COMMANDS = ("simulate", "equilibrium", "modes", "check", "view")
 def call(command: str, model: Path, view: Path) -> str:
     """The message of a command that refuses a view, nothing where it has written one."""
     option = "--out" if command == "view" else "--view"
-    more = ("--no-error", "--end", "0.02", "--out", view.with_suffix(".csv")) if command == "simulate" else ()
+    scene = next(iter(read_model(model).scenes))
+    more = ("--scene", scene, "--no-error", "--end", "0.02", "--out", view.with_suffix(".csv")) if command == "simulate" else ()
     result = CliRunner().invoke(main, [str(a) for a in (command, model, option, view, *more)])
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result.output if result.exit_code else ""
