@@ -118,7 +118,7 @@ def _try(model: Model, method: str, limit: Callable[[], Trajectory | None] | Non
         return told
     if run.failure is not None:
         told = f"{method}: {run.failure.message}: {run.failure.advice}"
-        assert "mass" in told, f"no motion is named that no mass resists: {told}"
+        assert "mass" in told or "depend" in told, f"neither a motion without mass is named nor equations that depend on each other: {told}"
         return told
     if run.error.converged and limit is not None and (light := limit()) is not None:
         apart = max(float(np.abs(run[name] - light[name]).max()) for name in light.columns)

@@ -126,7 +126,9 @@ Failure explain_tangent(const SystemDescription& d, const Fault& fault, const Re
   if (fault.cause == Cause::tangent_singular) return explain_singular(d, tangent, failure);
   if (fault.cause != Cause::pose_singular) return failure;
   return Failure("classical: the pose is singular, or nearly: rates that satisfy the equations are a leap away", failure.time, failure.step,
-                 failure.element, failure.residual, "not tried: another dt, or method augmented, which leaves such directions alone");
+                 failure.element, failure.residual,
+                 "look for loops whose equations depend on each other there, or a massless body in line with what it moves; not tried: another dt, or method "
+                 "augmented, which leaves such directions alone");
 }
 
 }  // namespace cutjoint
