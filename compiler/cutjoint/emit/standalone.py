@@ -28,10 +28,10 @@ from cutjoint.model.records import Scene
 from cutjoint.package.locations import runtime_folder
 from cutjoint.program.records import Program
 
-#: Headers of the runtime: all that a simulation needs but its integrator, and lanes.
-_CORE = "cutjoint/core/simulation.hpp"
+#: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
+_CORE = "cutjoint/core/checked_simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
-_DERIVATIVES = "cutjoint/core/derivatives.hpp"
+_DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
@@ -183,7 +183,6 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms,
-        "memory": "Sim::Memory" if parts.freedoms is None else "Memory",
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,

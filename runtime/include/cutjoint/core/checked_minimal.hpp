@@ -1,0 +1,138 @@
+// Calls for independent coordinates of a simulation behind a C interface, and for derivatives by them.
+#pragma once
+
+#include <cstddef>
+
+#include "cutjoint/core/checked_simulation.hpp"
+#include "cutjoint/core/derivatives.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint {
+
+/// A checked simulation of a `Model` with `Derivatives`, its `freedoms`, and `state_names` of coordinates and then of their rates.
+template <class Model>
+class CheckedMinimal : public CheckedSimulation<Model> {
+  struct Memory;
+
+ public:
+  using Base = CheckedSimulation<Model>;
+  using Derivatives = typename Model::Derivatives;
+  using Minimal = typename Derivatives::Minimal;
+
+  Minimal minimal{};
+  Derivatives derivatives{};
+
+  static int start(CheckedMinimal* s) {
+    if (!Base::holds_one(s)) return no_simulation;
+    s->minimal.restore({});
+    return Base::start(s);
+  }
+
+  static int choose(CheckedMinimal* s) {
+    if (const int status = Base::ask_started(s)) return status;
+    return Base::status_of(s, s->minimal.choose(s->sim.starter(), s->sim.state()));
+  }
+
+  static int choose_speeds(CheckedMinimal* s, const int* speeds) {
+    if (const int status = Base::ask_started(s)) return status;
+    if (!speeds && freedoms > 0) return no_array;
+    Speeds<typename Model::Sim::Mechanism, unsigned char> independent;
+    for (int i = 0; i < freedoms; ++i) {
+      if (speeds[i] < 0 || speeds[i] >= Model::speeds || independent[static_cast<std::size_t>(speeds[i])]) return no_such_index;
+      independent[static_cast<std::size_t>(speeds[i])] = 1;
+    }
+    return Base::status_of(s, s->minimal.choose(s->sim.starter(), s->sim.state(), independent));
+  }
+
+  static int is_poor(CheckedMinimal* s) { return ask(s) == call_ok && s->minimal.is_poor(s->sim.starter(), s->sim.state()); }
+
+  static const char* state_name(const CheckedMinimal* s, int index) {
+    if (!Base::holds_one(s) || !s->minimal.choice().is_made || index < 0 || index >= states) return nullptr;
+    const bool is_rate = index >= freedoms;
+    int left = is_rate ? index - freedoms : index, speed = 0;
+    while (!s->minimal.choice().independent[static_cast<std::size_t>(speed)] || left-- > 0) ++speed;
+    return element_of(Model::state_names, is_rate ? Model::speeds + speed : speed);
+  }
+
+  static int settle(CheckedMinimal* s) {
+    if (const int status = Base::ask_started(s)) return status;
+    s->minimal.settle(s->sim.state());
+    return Base::status_of(s, s->sim.watch());
+  }
+
+  static int set_minimal(CheckedMinimal* s, double time, const double* numbers) {
+    if (const int status = ask(s)) return status;
+    if (!numbers) return no_array;
+    if (!is_finite(time) || !all_finite(numbers, states)) return not_finite;
+    const auto close = [s, numbers](auto& starter, auto& found) { return s->minimal.close(s->sim.mechanism(), starter, numbers, found); };
+    return Base::status_of(s, s->sim.seek(time, close));
+  }
+
+  static int get_minimal(CheckedMinimal* s, double* numbers) {
+    if (const int status = ask(s)) return status;
+    if (!numbers) return no_array;
+    s->minimal.read(s->sim.state(), numbers);
+    return call_ok;
+  }
+
+  static int derive_minimal(CheckedMinimal* s, double* derivatives) {
+    if (const int status = ask(s)) return status;
+    if (!derivatives) return no_array;
+    s->minimal.derive(s->sim.complete_state(), derivatives);
+    return call_ok;
+  }
+
+  static int linearise(CheckedMinimal* s, double* A, double* B, double* C, double* D) {
+    if (const int status = ask(s)) return status;
+    constexpr bool has_states = states > 0, has_inputs = Model::inputs > 0, has_outputs = Model::outputs > 0;
+    if ((has_states && !A) || (has_states && has_inputs && !B) || (has_states && has_outputs && !C) || (has_inputs && has_outputs && !D)) return no_array;
+    return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
+  }
+
+  static int directional(CheckedMinimal* s, const double* dx, const double* du, double* derivatives, double* outputs) {
+    if (const int status = ask(s)) return status;
+    if (states > 0 && (!dx || !derivatives)) return no_array;
+    if ((Model::inputs > 0 && !du) || (Model::outputs > 0 && !outputs)) return no_array;
+    if (!all_finite(dx, states) || !all_finite(du, 3 * Model::inputs)) return not_finite;
+    return Base::status_of(s, s->derivatives.along(s->sim, s->minimal, dx, du, derivatives, outputs));
+  }
+
+  static int event_values(CheckedMinimal* s, double* values) {
+    if (const int status = Base::ask_started(s)) return status;
+    if (!values) return no_array;
+    s->sim.starter();
+    cutjoint::event_values(s->sim.mechanism(), s->sim.state(), s->sim.roads(), values);
+    return call_ok;
+  }
+
+  static std::size_t snapshot_size() { return sizeof(Memory) + sizeof(Model::mark); }
+
+  static int save(const CheckedMinimal* s, void* snapshot) {
+    if (const int status = Base::ask_started(s)) return status;
+    return snapshot ? Base::write(Memory{s->sim.memory(), s->minimal.choice()}, snapshot) : no_array;
+  }
+
+  static int restore(CheckedMinimal* s, const void* snapshot) {
+    if (!Base::holds_one(s)) return no_simulation;
+    return Base::template read<Memory>(snapshot, [s](const Memory& memory) {
+      s->sim.restore(memory.sim);
+      s->minimal.restore(memory.choice);
+    });
+  }
+
+ private:
+  static constexpr int freedoms = Model::freedoms, states = 2 * freedoms;
+
+  struct Memory {
+    typename Model::Sim::Memory sim;
+    typename Minimal::Choice choice;
+  };
+
+  /// A status of calls that need independent coordinates, which then have been chosen.
+  static int ask(CheckedMinimal* s) {
+    if (const int status = Base::ask_started(s)) return status;
+    return s->minimal.choice().is_made ? static_cast<int>(call_ok) : choose(s);
+  }
+};
+
+}  // namespace cutjoint

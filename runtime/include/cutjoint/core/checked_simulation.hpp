@@ -1,0 +1,346 @@
+// One simulation behind a C interface: the caller's memory, checked calls, statuses, names.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <iterator>
+#include <limits>
+#include <new>
+#include <type_traits>
+
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/gap.hpp"
+#include "cutjoint/core/simulation.hpp"
+#include "cutjoint/core/simulation_settings.hpp"
+
+namespace cutjoint {
+
+/// Statuses of calls: 0, or the reason why a call did nothing.  Those of a motion are causes of faults, above 0.
+enum CallStatus : int { call_ok = 0, no_simulation = -1, no_such_index = -2, not_started = -3, not_finite = -4, no_array = -5, time_passed = -6 };
+
+/// A number of a start: the place of a coordinate or speed; the last of a list has the place -1.
+struct Given {
+  int index;
+  double value;
+};
+
+/// The element of a table; none for an index that is not in it.
+template <class Table>
+const char* element_of(const Table& table, int index) {
+  return index < 0 || static_cast<std::size_t>(index) >= std::size(table) ? nullptr : table[index];
+}
+
+/// The index of a name in a table that ends with a null pointer, -1 if it is not there.
+template <class Table>
+int find_in(const Table& table, const char* name) {
+  for (int i = 0; name && table[i]; ++i)
+    if (std::strcmp(table[i], name) == 0) return i;
+  return -1;
+}
+
+inline bool is_finite(double x) { return x - x == 0.0; }
+
+inline bool all_finite(const double* numbers, int length) {
+  bool finite = true;
+  for (int i = 0; i < length; ++i) finite = finite && is_finite(numbers[i]);
+  return finite;
+}
+
+/// Text in a caller's memory, cut where that ends.
+struct Text {
+  char* next;
+  std::size_t left;
+
+  Text& operator<<(const char* words) {
+    for (; words && *words && left > 1; --left) *next++ = *words++;
+    *next = '\0';
+    return *this;
+  }
+};
+
+/// The meaning of a status.
+inline const char* text_of_status(int status) {
+  switch (status) {
+    case no_simulation: return "the simulation is a null pointer, or its memory holds none";
+    case no_such_index: return "an index is not that of any";
+    case not_started: return "the simulation has not been started";
+    case not_finite: return "a number is not finite, or out of its range";
+    case no_array: return "an array is a null pointer, or no snapshot of this model";
+    case time_passed: return "the time to advance to has passed";
+    default: return text_of(static_cast<Cause>(status));
+  }
+}
+
+/// A simulation of a `Model`, which has
+/// - `Sim`, the type of the simulation, and `mark`, a number that tells its memory from other memory,
+/// - numbers of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
+/// - `settings`, `values` of the parameters, `roads`, `gap_limits`, and the start, `coordinates_given` and `speeds_given`,
+/// - tables of names and places,
+/// - `set_step`, which sets the length of steps and the settings that follow from it.
+///
+/// Calls are static, since a simulation may be a null pointer.  They return a status, and change nothing where it is below 0.
+template <class Model>
+class CheckedSimulation {
+ public:
+  using Sim = typename Model::Sim;
+
+  unsigned long long mark = Model::mark;
+  Sim sim{Model::settings, Model::values, Model::roads, Model::gap_limits};
+  Fault fault{};
+
+  /// A simulation in memory of so many bytes, with the scene's start; a null pointer where the memory is too small.
+  template <class Own>
+  static Own* create(void* memory, std::size_t bytes) {
+    constexpr std::size_t aligned = alignof(Own);
+    const std::size_t skip = (aligned - reinterpret_cast<std::uintptr_t>(memory) % aligned) % aligned;
+    if (!memory || bytes < skip + sizeof(Own)) return nullptr;
+    auto* own = ::new (static_cast<char*>(memory) + skip) Own{};
+    give_scene(own);
+    return own;
+  }
+
+  static bool holds_one(const CheckedSimulation* s) { return s && s->mark == Model::mark; }
+  static bool is_started(const CheckedSimulation* s) { return holds_one(s) && s->sim.is_started(); }
+
+  static int status_of(CheckedSimulation* s, const Fault& fault) {
+    s->fault = fault;
+    return static_cast<int>(fault.cause);
+  }
+
+  static int set_step(CheckedSimulation* s, double dt) {
+    if (!holds_one(s)) return no_simulation;
+    if (!is_finite(dt) || !(dt > 0.0)) return not_finite;
+    Model::set_step(s->sim.settings(), dt);
+    return call_ok;
+  }
+
+  static int set_iterations(CheckedSimulation* s, int iterations) {
+    if (!holds_one(s)) return no_simulation;
+    if (iterations < 0 || iterations > 1000000) return not_finite;
+    FixedPoint& how = s->sim.settings().fixed_point;
+    how.fixed_cost = iterations > 0;
+    how.iterations = iterations > 0 ? iterations : Model::settings.fixed_point.iterations;
+    return call_ok;
+  }
+
+  static int set_tolerance(CheckedSimulation* s, double relative, double absolute) {
+    if (!holds_one(s)) return no_simulation;
+    if (!is_finite(relative) || !(relative > 0.0) || !is_finite(absolute) || !(absolute > 0.0)) return not_finite;
+    s->sim.set_tolerance(relative, absolute);
+    return call_ok;
+  }
+
+  static int set_most_steps(CheckedSimulation* s, long steps) {
+    if (!holds_one(s)) return no_simulation;
+    if (steps < 1) return not_finite;
+    s->sim.settings().most_steps = steps;
+    return call_ok;
+  }
+
+  static int set_equilibrium(CheckedSimulation* s, int wanted) {
+    if (!holds_one(s)) return no_simulation;
+    s->sim.settings().equilibrium = wanted != 0;
+    return call_ok;
+  }
+
+  static int set_parameter(CheckedSimulation* s, int index, double value) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= Model::parameters) return no_such_index;
+    if (!is_finite(value)) return not_finite;
+    s->sim.parameters()[static_cast<std::size_t>(index)] = value;
+    return call_ok;
+  }
+
+  static int set_input(CheckedSimulation* s, int index, double value, double rate, double acceleration) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= Model::inputs) return no_such_index;
+    if (!is_finite(value) || !is_finite(rate) || !is_finite(acceleration)) return not_finite;
+    s->sim.inputs().put(static_cast<std::size_t>(index), s->sim.state().t, value, rate, acceleration);
+    return call_ok;
+  }
+
+  static int release_input(CheckedSimulation* s, int index) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= Model::inputs) return no_such_index;
+    s->sim.inputs().values[static_cast<std::size_t>(index)] = std::numeric_limits<double>::quiet_NaN();
+    return call_ok;
+  }
+
+  static double input(CheckedSimulation* s, int index) {
+    const bool known = is_started(s) && index >= 0 && index < Model::inputs;
+    return known ? s->sim.present_input(static_cast<std::size_t>(index)) : std::numeric_limits<double>::quiet_NaN();
+  }
+
+  static double* inputs(CheckedSimulation* s) { return holds_one(s) ? s->sim.inputs().values.data() : nullptr; }
+
+  static int give_coordinate(CheckedSimulation* s, int index, double value) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= Model::start_coordinates) return no_such_index;
+    if (!is_finite(value)) return not_finite;
+    s->sim.start_state().q[static_cast<std::size_t>(index)] = value;
+    s->sim.given_coordinates()[static_cast<std::size_t>(index)] = 1;
+    return call_ok;
+  }
+
+  static int give_speed(CheckedSimulation* s, int index, double value) {
+    if (!holds_one(s)) return no_simulation;
+    if (index < 0 || index >= Model::start_speeds) return no_such_index;
+    if (!is_finite(value)) return not_finite;
+    s->sim.start_state().v[static_cast<std::size_t>(index)] = value;
+    s->sim.given_speeds()[static_cast<std::size_t>(index)] = 1;
+    return call_ok;
+  }
+
+  static int give_scene(CheckedSimulation* s) {
+    if (!holds_one(s)) return no_simulation;
+    s->sim.forget_start();
+    for (const Given& given : Model::coordinates_given)
+      if (given.index >= 0) give_coordinate(s, given.index, given.value);
+    for (const Given& given : Model::speeds_given)
+      if (given.index >= 0) give_speed(s, given.index, given.value);
+    return call_ok;
+  }
+
+  static int start(CheckedSimulation* s) { return holds_one(s) ? status_of(s, s->sim.start()) : no_simulation; }
+
+  static int step(CheckedSimulation* s) {
+    if (const int status = ask_started(s)) return status;
+    return status_of(s, s->sim.step());
+  }
+
+  static int advance(CheckedSimulation* s, double time) {
+    if (const int status = ask_started(s)) return status;
+    if (const int status = ask_time(s, time)) return status;
+    return status_of(s, s->sim.advance(time));
+  }
+
+  static int advance_to_event(CheckedSimulation* s, double time, int* event) {
+    if (const int status = ask_started(s)) return status;
+    if (!event) return no_array;
+    if (const int status = ask_time(s, time)) return status;
+    return status_of(s, s->sim.advance_to_event(time, *event));
+  }
+
+  static double next_time(CheckedSimulation* s) { return is_started(s) ? s->sim.next_time() : 0.0; }
+
+  /// `outputs`, unless it is a null pointer, receives those at the end of each step.
+  static int play(CheckedSimulation* s, long steps, double* outputs) {
+    if (const int status = ask_started(s)) return status;
+    for (long i = 0; i < steps; ++i) {
+      if (const int status = status_of(s, s->sim.step())) return status;
+      if (outputs) std::memcpy(outputs + i * Model::outputs, s->sim.report(), Model::outputs * sizeof(double));
+    }
+    return call_ok;
+  }
+
+  static int set_state(CheckedSimulation* s, double time, const double* coordinates, const double* speeds) {
+    if (const int status = ask_started(s)) return status;
+    if (!coordinates || !speeds) return no_array;
+    if (!is_finite(time) || !all_finite(coordinates, Model::coordinates) || !all_finite(speeds, Model::speeds)) return not_finite;
+    return status_of(s, s->sim.go_to(time, coordinates, speeds));
+  }
+
+  static int displace(CheckedSimulation* s, const double* displacements) {
+    if (const int status = ask_started(s)) return status;
+    if (!displacements) return no_array;
+    if (!all_finite(displacements, Model::speeds)) return not_finite;
+    return status_of(s, s->sim.displace(displacements));
+  }
+
+  static int jacobian(CheckedSimulation* s, double* jacobian) {
+    if (const int status = ask_started(s)) return status;
+    if (!jacobian) return no_array;
+    s->sim.jacobian(jacobian);
+    return call_ok;
+  }
+
+  static double gap(CheckedSimulation* s, int* equation) {
+    const Gap gap = is_started(s) ? s->sim.gap() : Gap{};
+    if (equation) *equation = gap.equation;
+    return gap.size;
+  }
+
+  static double time(const CheckedSimulation* s) { return holds_one(s) ? s->sim.state().t : 0.0; }
+  static const double* outputs(CheckedSimulation* s) { return is_started(s) ? s->sim.report() : nullptr; }
+  static const double* coordinates(const CheckedSimulation* s) { return is_started(s) ? s->sim.state().q.data() : nullptr; }
+  static const double* speeds(const CheckedSimulation* s) { return is_started(s) ? s->sim.state().v.data() : nullptr; }
+  static const double* accelerations(CheckedSimulation* s) { return is_started(s) ? s->sim.complete_state().vdot.data() : nullptr; }
+  static const double* multipliers(CheckedSimulation* s) { return is_started(s) ? s->sim.complete_state().lambda.data() : nullptr; }
+  static const double* parameters(const CheckedSimulation* s) { return holds_one(s) ? s->sim.parameters().data() : nullptr; }
+
+  static std::size_t snapshot_size() { return sizeof(typename Sim::Memory) + sizeof(Model::mark); }
+
+  static int save(const CheckedSimulation* s, void* snapshot) {
+    if (const int status = ask_started(s)) return status;
+    return snapshot ? write(s->sim.memory(), snapshot) : no_array;
+  }
+
+  static int restore(CheckedSimulation* s, const void* snapshot) {
+    return !holds_one(s) ? no_simulation : read<typename Sim::Memory>(snapshot, [s](const auto& memory) { s->sim.restore(memory); });
+  }
+
+  /// The meaning of the last status, the name and place of the failed element, and advice, in at most so many bytes.
+  static int explain(const CheckedSimulation* s, char* text, std::size_t bytes) {
+    if (!holds_one(s)) return no_simulation;
+    if (!text || bytes == 0) return no_array;
+    const Fault& fault = s->fault;
+    Text words{text, bytes};
+    words << text_of(fault.cause);
+    const char *name = nullptr, *place = nullptr;
+    const auto look_up = [&](const auto& names, const auto& places) { name = element_of(names, fault.index), place = element_of(places, fault.index); };
+    switch (fault.list) {
+      case FaultList::speeds:
+        fault.at_start ? look_up(Model::start_speed_names, Model::start_speed_places) : look_up(Model::speed_names, Model::speed_places);
+        break;
+      case FaultList::equations:
+        fault.at_start ? look_up(Model::start_equation_names, Model::start_equation_places) : look_up(Model::equation_names, Model::equation_places);
+        break;
+      case FaultList::guards: look_up(Model::guard_names, Model::guard_places); break;
+      case FaultList::coordinates: look_up(Model::coordinate_names, Model::coordinate_places); break;
+      case FaultList::switches: look_up(Model::switch_names, Model::switch_places); break;
+      case FaultList::none: break;
+    }
+    if (name) words << ": '" << name << "' (" << place << ")";
+    if (fault) words << "; " << advice_of(fault);
+    return call_ok;
+  }
+
+ protected:
+  static int ask_started(const CheckedSimulation* s) {
+    if (!holds_one(s)) return no_simulation;
+    return s->sim.is_started() ? call_ok : not_started;
+  }
+
+  /// Bytes between members are 0, so that equal states have equal snapshots.
+  template <class Memory>
+  static int write(const Memory& memory, void* snapshot) {
+    static_assert(std::is_trivially_copyable_v<Memory>);
+    alignas(Memory) char bytes[sizeof(Memory)] = {};
+    ::new (bytes) Memory(memory);
+    std::memcpy(snapshot, &Model::mark, sizeof Model::mark);
+    std::memcpy(static_cast<char*>(snapshot) + sizeof Model::mark, bytes, sizeof bytes);
+    return call_ok;
+  }
+
+  template <class Memory, class Take>
+  static int read(const void* snapshot, Take take) {
+    if (!snapshot || std::memcmp(snapshot, &Model::mark, sizeof Model::mark) != 0) return no_array;
+    alignas(Memory) char bytes[sizeof(Memory)];
+    std::memcpy(bytes, static_cast<const char*>(snapshot) + sizeof Model::mark, sizeof bytes);
+    take(*reinterpret_cast<const Memory*>(bytes));
+    return call_ok;
+  }
+
+ private:
+  /// Steps that one call takes at most.
+  static constexpr double most_steps = 1e9;
+
+  static int ask_time(CheckedSimulation* s, double time) {
+    if (!is_finite(time)) return not_finite;
+    if (time < s->sim.state().t) return time_passed;
+    return time - s->sim.state().t <= most_steps * s->sim.settings().dt ? call_ok : not_finite;
+  }
+};
+
+}  // namespace cutjoint
