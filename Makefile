@@ -20,9 +20,9 @@ near: setup
 quick: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp"
 
-# All tests, as before a release
+# All tests, as before a release; tests of motions run generated code
 full: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
+	CUTJOINT_TEST_CODE=generated $(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
 
 sanitize: setup
 	$(BIN)/python scripts/sanitize
