@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.fewer_cases import left_out
+
 if TYPE_CHECKING:
     from tests.view.browser import Page
 
@@ -61,13 +63,14 @@ _ONE_CASE = (
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of folders that compile, and leave the other cases of `_ONE_CASE` to `make full`."""
+    """Mark the tests of folders that compile, and leave the other cases of `_ONE_CASE` and of `fewer_cases` to `make full`."""
     seen: set[str] = set()
+    fewer = left_out(item.nodeid for item in items)
     for item in items:
         if item.nodeid.startswith(_COMPILING):
             item.add_marker(pytest.mark.cpp)
         test = item.nodeid.partition("[")[0]
-        if test in seen and test.startswith(_ONE_CASE):
+        if item.nodeid in fewer or (test in seen and test.startswith(_ONE_CASE)):
             item.add_marker(pytest.mark.heavy)
         seen.add(test)
 

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import INTEGRATORS, METHODS, Events
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
@@ -20,7 +21,7 @@ from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text
-from tests.physics.simulation import compile_model, with_numerics
+from tests.physics.simulation import with_numerics
 
 pytestmark = needs_cpp
 

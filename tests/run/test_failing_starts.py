@@ -11,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from tests.conftest import needs_cpp
-from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

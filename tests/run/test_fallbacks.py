@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.compile.pipeline import derive
+from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
@@ -27,7 +27,6 @@ from cutjoint.run.simulator_run import Start, start
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.realtime import run_in_real_time
 from tests.conftest import MODELS, needs_cpp
-from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.commands.table import Setting
 from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.run.artifact import Artifact
@@ -25,7 +26,6 @@ from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint.tasks.states import find_scene_modes
 from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import needs_cpp
-from tests.physics.simulation import compile_scene
 from tests.run.test_failing_starts import PENDULUM
 
 pytestmark = needs_cpp

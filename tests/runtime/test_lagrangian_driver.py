@@ -116,6 +116,7 @@ def linked_by(binary: Path) -> str:
     return subprocess.run(["ldd", binary], capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.heavy
 def test_compiles_with_clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Without warnings, and with the same motion."""
     expected = completed(tmp_path, DOUBLE_PENDULUM, CLASSICAL, end=0.1)
