@@ -61,9 +61,24 @@ _ONE_CASE = (
 )  # fmt: skip
 
 
+#: Derivations: `make quick` has the first case of each test, and none of those that take seconds.
+_DERIVING = tuple(f"tests/{folder}/" for folder in ("analysis", "formulate", "program", "report", "topology"))
+_SECONDS = (
+    "tests/analysis/test_linearisation.py::test_trees_in_motion", "tests/analysis/test_linearisation.py::test_cut_joints_in_motion",
+    "tests/emit/test_source.py::test_a_check_of_the_run", "tests/emit/test_source.py::test_a_rotation_is_not",
+    "tests/emit/test_source.py::test_no_folder", "tests/emit/test_source.py::test_quantities", "tests/emit/test_source.py::test_same_bytes",
+    "tests/emit/test_source.py::test_scenes_that_differ", "tests/formulate/test_against_dense.py::test_iltis",
+    "tests/formulate/test_natural.py::test_reaction_of_a_cut_joint", "tests/formulate/test_natural.py::test_tangents",
+    "tests/fuzz/test_command.py", "tests/fuzz/test_models.py", "tests/model/test_problems.py::test_problems_without_end",
+    "tests/program/test_loops.py::test_the_code_of_a_chain", "tests/report/test_explain_natural.py::test_formulas_of_a_random_model",
+    "tests/report/test_explain_natural.py::test_the_same_bytes", "tests/test_same_code.py", "tests/topology/test_operations.py",
+    "tests/topology/test_search.py::test_no_cuts_by_hand", "tests/view/test_damaged_pages.py",
+)  # fmt: skip
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of folders that compile, and leave the other cases of `_ONE_CASE` and of `fewer_cases` to `make full`."""
+    """Mark the tests of folders that compile, and those that are left to `make test` and to `make full`."""
     seen: set[str] = set()
     fewer = left_out(item.nodeid for item in items)
     for item in items:
@@ -72,6 +87,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         test = item.nodeid.partition("[")[0]
         if item.nodeid in fewer or (test in seen and test.startswith(_ONE_CASE)):
             item.add_marker(pytest.mark.heavy)
+        if test.startswith(_SECONDS) or (test in seen and test.startswith(_DERIVING)):
+            item.add_marker(pytest.mark.slow)
         seen.add(test)
 
 

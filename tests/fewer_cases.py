@@ -1,4 +1,4 @@
-"""Tests whose cases differ in a kind, a method, a compiler or a version: the cases that stay in `make test`; `make full` has all of them."""
+"""Tests whose cases differ in a kind, a method, a compiler or a version: the cases that stay in `make test`; `make full` has all."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_inputs_begin_with_the_scenes_value_and_are_held": ("3",),
     },
     "tests/formulate/test_implicit.py": {"test_tangent_of_loops": ("*-roots", "universal-*", "point_on_line-*")},
-    "tests/formulate/test_natural.py": {"test_cut_joint": ("*-roots", "universal-*", "point_on_line-*"), "test_tree_joint": ("*-reversed",)},
+    "tests/formulate/test_natural.py": {
+        "test_cut_joint": ("*-roots", "universal-*", "point_on_line-*"), "test_tree_joint": ("*-reversed",),
+    },
     "tests/runtime/test_explicit.py": {"test_number_types": ("single",)},
     "tests/standalone/test_derivatives.py": {
         "test_derivatives_are_those_of_differences_in_113_bits": ("spinning-*", "driven-*"),
@@ -66,7 +68,9 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_any_name_will_do": ("install",),
     },
     "tests/standalone/test_impacts.py": {
-        "test_steps_are_those_of_the_command_line": tuple(f"cart-0.2037-{rule[1:]}" for rule in _IMPACTS) + ("four_bar-0.2-recursive-newton-sdirk4-located",),
+        "test_steps_are_those_of_the_command_line": (
+            *(f"cart-0.2037-{rule[1:]}" for rule in _IMPACTS), "four_bar-0.2-recursive-newton-sdirk4-located",
+        ),
         "test_a_cart_takes_its_rod_along": tuple(f"0.2037-{rule[1:]}" for rule in _IMPACTS),
         "test_a_loop_is_struck_as_by_dense_algebra": _IMPACTS,
         "test_the_code_takes_no_memory": _IMPACTS[1:],

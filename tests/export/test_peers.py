@@ -23,7 +23,7 @@ from tests.mechanisms.random_models import random_tree
 
 
 def of_each(what: Callable[[Expected], Iterable[Any]] = lambda _: ("",)) -> list[Any]:
-    """The peers with what is expected of each; they are skipped where they are not installed.  Programs with Pinocchio compile for minutes."""
+    """The peers with what is expected of each; they are skipped where they are not installed.  Pinocchio's programs compile for minutes."""
     return [
         pytest.param(
             peer, value, id=f"{peer}-{getattr(value, 'name', value)}".rstrip("-"),

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,9 @@ from cutjoint.run.simulation import simulate
 GENERATED = os.environ.get("CUTJOINT_TEST_CODE") == "generated"
 
 
-def compile_model(path: Path, scene: str | None = None, **choices: Any) -> Artifact:
+def compile_model(path: Path, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
     """As `pipeline.compile_model`, for the interpreter."""
-    model = read_model(path)
+    model = read_model(path, opened=opened)
     return compile_scene(model, find_scene(model, scene), CompileOptions(**choices))
 
 
