@@ -22,7 +22,7 @@ quick: setup
 
 # All tests, as before a release; tests of motions run generated code
 full: setup
-	CUTJOINT_TEST_CODE=generated $(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
 
 sanitize: setup
 	$(BIN)/python scripts/sanitize

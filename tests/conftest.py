@@ -25,6 +25,12 @@ os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
 os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Where heavy tests are asked for, as by `make full`, tests of motions run generated code (`tests/physics/simulation.py`)."""
+    if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
+        os.environ["CUTJOINT_TEST_CODE"] = "generated"
+
+
 #: Compilers are found by tests with this mark only; `make quick` leaves these out.
 needs_cpp = pytest.mark.cpp
 

@@ -1,6 +1,6 @@
 """Runs models from their text: interpreted, since compiling takes fifty times as long as such a run.
 
-`make full` says by $CUTJOINT_TEST_CODE that the same tests run generated code, which `tests/compile_run` compares with the interpreter.
+In `make full` the same tests run generated code, which `tests/compile_run` compares with the interpreter.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 
-#: Whether generated code is run, as `make full` has it.
-GENERATED = os.environ.get("CUTJOINT_TEST_CODE") == "generated"
+
+def is_generated() -> bool:
+    """Return whether generated code is run, as `make full` has it."""
+    return os.environ.get("CUTJOINT_TEST_CODE") == "generated"
 
 
 def compile_model(path: Path, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
@@ -35,7 +37,7 @@ def compile_model(path: Path, scene: str | None = None, opened: Sequence[str] = 
 
 def compile_scene(model: Model, scene: Scene, options: CompileOptions = DEFAULT) -> Artifact:
     """As `pipeline.compile_scene`, for the interpreter, which has no other options than the method and the outputs."""
-    if GENERATED or options != CompileOptions(method=options.method, outputs=options.outputs):
+    if is_generated() or options != CompileOptions(method=options.method, outputs=options.outputs):
         return pipeline.compile_scene(model, scene, options)
     return compile_interpreted(model, scene, method=options.method, outputs=options.outputs)
 
@@ -64,4 +66,4 @@ def read_reference(path: Path) -> dict[str, np.ndarray]:
     return {name: table[:, i] for i, name in enumerate(lines[0].split(","))}
 
 
-__all__ = ["compile_model", "compile_scene", "compile_text", "completed", "read_reference", "simulate", "with_numerics"]
+__all__ = ["compile_model", "compile_scene", "compile_text", "completed", "is_generated", "read_reference", "simulate", "with_numerics"]

@@ -11,14 +11,14 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from tests.conftest import MODELS
-from tests.physics.simulation import GENERATED
+from tests.physics.simulation import is_generated
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _interpreted() -> Iterator[None]:
     """Runs that are shown are interpreted, but in `make full`."""
     with pytest.MonkeyPatch.context() as patch:
-        if not GENERATED:
+        if not is_generated():
             patch.setenv("CUTJOINT_IMPLEMENTATION", "interpreted")
         yield
 
