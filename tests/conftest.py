@@ -26,7 +26,7 @@ os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Where heavy tests are asked for, as by `make full`, tests of motions run generated code (`tests/physics/simulation.py`)."""
+    """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`."""
     if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
         os.environ["CUTJOINT_TEST_CODE"] = "generated"
 
