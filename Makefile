@@ -16,11 +16,11 @@ test: setup
 near: setup
 	near=$$($(BIN)/python scripts/near $(BASE)) && if [ -n "$$near" ]; then $(BIN)/python -m pytest -n auto --dist loadfile $$near; fi
 
-# What calls no C++ compiler
+# What calls no C++ compiler, without derivations that take seconds
 quick: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp and not slow"
 
-# All tests, as before a release
+# All tests, as before a release; tests of motions run generated code
 full: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.fewer_cases import left_out
+
 if TYPE_CHECKING:
     from tests.view.browser import Page
 
@@ -22,6 +24,12 @@ gc.set_threshold(100_000)  # as commands have it: an eighth less time
 os.environ.setdefault("CUTJOINT_FLAGS", "-O1")
 os.environ.setdefault("CUTJOINT_STRICT", "1")
 os.environ.setdefault("CUTJOINT_IMPLEMENTATION", "generated")  # whatever a machine's speed and cache are
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let tests of motions run generated code (`tests/physics/simulation.py`) where heavy tests are asked for, as by `make full`."""
+    if "heavy" in str(config.getoption("markexpr")).replace("not heavy", ""):
+        os.environ["CUTJOINT_TEST_CODE"] = "generated"
+
 
 #: Compilers are found by tests with this mark only; `make quick` leaves these out.
 needs_cpp = pytest.mark.cpp
@@ -59,16 +67,34 @@ _ONE_CASE = (
 )  # fmt: skip
 
 
+#: Derivations: `make quick` has the first case of each test, and none of those that take seconds.
+_DERIVING = tuple(f"tests/{folder}/" for folder in ("analysis", "formulate", "program", "report", "topology"))
+_SECONDS = (
+    "tests/analysis/test_linearisation.py::test_trees_in_motion", "tests/analysis/test_linearisation.py::test_cut_joints_in_motion",
+    "tests/emit/test_source.py::test_a_check_of_the_run", "tests/emit/test_source.py::test_a_rotation_is_not",
+    "tests/emit/test_source.py::test_no_folder", "tests/emit/test_source.py::test_quantities", "tests/emit/test_source.py::test_same_bytes",
+    "tests/emit/test_source.py::test_scenes_that_differ", "tests/formulate/test_against_dense.py::test_iltis",
+    "tests/formulate/test_natural.py::test_reaction_of_a_cut_joint", "tests/formulate/test_natural.py::test_tangents",
+    "tests/fuzz/test_command.py", "tests/fuzz/test_models.py", "tests/model/test_problems.py::test_problems_without_end",
+    "tests/program/test_loops.py::test_the_code_of_a_chain", "tests/report/test_explain_natural.py::test_formulas_of_a_random_model",
+    "tests/report/test_explain_natural.py::test_the_same_bytes", "tests/test_same_code.py", "tests/topology/test_operations.py",
+    "tests/topology/test_search.py::test_no_cuts_by_hand", "tests/view/test_damaged_pages.py",
+)  # fmt: skip
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of folders that compile, and leave the other cases of `_ONE_CASE` to `make full`."""
+    """Mark the tests of folders that compile, and those that are left to `make test` and to `make full`."""
     seen: set[str] = set()
+    fewer = left_out(item.nodeid for item in items)
     for item in items:
         if item.nodeid.startswith(_COMPILING):
             item.add_marker(pytest.mark.cpp)
         test = item.nodeid.partition("[")[0]
-        if test in seen and test.startswith(_ONE_CASE):
+        if item.nodeid in fewer or (test in seen and test.startswith(_ONE_CASE)):
             item.add_marker(pytest.mark.heavy)
+        if test.startswith(_SECONDS) or (test in seen and test.startswith(_DERIVING)):
+            item.add_marker(pytest.mark.slow)
         seen.add(test)
 
 

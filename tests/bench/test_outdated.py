@@ -23,6 +23,7 @@ def swing(*contenders: str, end: float = 0.2) -> Plan:
     return Plan(cases=[case], contenders=choose(contenders), steps=[0.01, 0.005], repetitions=1, reference="extended", limits=False)
 
 
+@pytest.mark.heavy
 def test_what_is_of_other_code_or_missing_is_named(tmp_path: Path) -> None:
     plan = swing("recursive", "augmented/generic")
     data = perform(plan, Store(tmp_path / "store.jsonl"))

@@ -63,6 +63,7 @@ def test_long_functions_are_compiled_in_parts(monkeypatch: pytest.MonkeyPatch, c
             assert np.abs(results[name] - values).max(initial=0.0) <= 1e-10 * max(1.0, float(np.abs(values).max(initial=0.0))), name
 
 
+@pytest.mark.heavy
 @pytest.mark.skipif("avx2" not in Path("/proc/cpuinfo").read_text(), reason="the processor has no AVX2")
 def test_lanes_in_avx2_registers_equal_the_interpreter() -> None:
     """With AVX2 the lanes are one register, and their sines come from libmvec, exact to 4 units in the last place."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -17,6 +18,7 @@ from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
 
 
+@cache
 def source(model: str, scene: str) -> Source:
     read = read_model(MODELS / f"{model}.yaml")
     chosen = find_scene(read, scene)

@@ -23,9 +23,12 @@ from tests.mechanisms.random_models import random_tree
 
 
 def of_each(what: Callable[[Expected], Iterable[Any]] = lambda _: ("",)) -> list[Any]:
-    """The peers with what is expected of each; they are skipped where they are not installed."""
+    """The peers with what is expected of each; they are skipped where they are not installed.  Pinocchio's programs compile for minutes."""
     return [
-        pytest.param(peer, value, id=f"{peer}-{getattr(value, 'name', value)}".rstrip("-"), marks=needs(peer))
+        pytest.param(
+            peer, value, id=f"{peer}-{getattr(value, 'name', value)}".rstrip("-"),
+            marks=(needs(peer), pytest.mark.heavy) if peer == "pinocchio" else needs(peer),
+        )
         for peer, expected in EXPECTED.items() for value in what(expected)
     ]  # fmt: skip
 

@@ -19,6 +19,7 @@ from tests.export.cases import turning_loop
 from tests.export.own import Case, case_of, exported, needs, vehicle
 
 
+@pytest.mark.heavy
 @needs("pinocchio")
 def test_runge_kutta_is_of_fourth_order(tmp_path: Path) -> None:
     """Against its own run with a small step: a universal joint and a loop."""
@@ -28,6 +29,7 @@ def test_runge_kutta_is_of_fourth_order(tmp_path: Path) -> None:
     assert 12 < coarse / fine < 20
 
 
+@pytest.mark.heavy
 @needs("pinocchio")
 def test_balls_are_integrated_in_fourth_order(tmp_path: Path) -> None:
     """A free body that tumbles, whose quaternion the stages carry."""

@@ -14,13 +14,13 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Binding, Model
 from cutjoint.run.simulation import simulate
 from tests.conftest import ROOT, needs_cpp
+from tests.physics.simulation import compile_model, compile_scene
 
 MODELS = sorted((ROOT / "models").glob("*.yaml"))
 PRESS = ROOT / "models" / "press.yaml"

@@ -9,7 +9,6 @@ import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
@@ -17,7 +16,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.estimate_models import LAWS, MECHANISMS
 from cutjoint_bench.studies.estimates import judge
-from tests.physics.simulation import completed
+from tests.physics.simulation import compile_scene, completed
 
 #: A mass of 1 kg on a spring of 400 N/m: 20 rad/s, from 0.1 m at rest.
 OSCILLATOR = """

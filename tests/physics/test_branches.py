@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.studies.branches import EQUAL_BARS, MECHANISMS, judge
 from tests.conftest import MODELS
-from tests.physics.simulation import completed
+from tests.physics.simulation import compile_scene, completed
 
 #: Half a degree or so of a crank that turns at 1 rad/s.
 STEP = pi / 200

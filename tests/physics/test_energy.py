@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import EnergyBalance, Trajectory
@@ -22,6 +21,7 @@ from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.fuzz import poses
 from tests.mechanisms.bouncing import bouncing_text
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.mechanisms.bouncing import GRAVITY, MASS, bouncing_text, exact_bounces
 from tests.mechanisms.swaying import swaying_text
 from tests.mechanisms.switching import PULSES, TABLE, WHEEL, pulsed, swing_over_knots, wheel_heights
-from tests.physics.simulation import completed, simulate
+from tests.physics.simulation import compile_model, compile_scene, completed, simulate
 
 #: Integrators with steps of equal length, as long as the tolerance allows, and the method that has both.
 EQUAL = {"rk4": "recursive", "sdirk4-fixed": "recursive-newton"}

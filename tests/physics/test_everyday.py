@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS
-from tests.physics.simulation import compile_text, completed, simulate
+from tests.physics.simulation import compile_model, compile_scene, compile_text, completed, simulate
 from tests.physics.test_iltis_references import check_in_phase_bump
 from tests.physics.test_spin import SPIN, TEXT, attitude, body_rates
 

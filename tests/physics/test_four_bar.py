@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from tests.conftest import DATA, MODELS
 from tests.mechanisms.four_bar import exact_tip, four_bar_text
-from tests.physics.simulation import compile_text, completed, read_reference, simulate, with_numerics
+from tests.physics.simulation import compile_model, compile_scene, compile_text, completed, read_reference, simulate, with_numerics
 
 
 def largest_error(run: object, windows: int) -> float:

@@ -10,12 +10,13 @@ import pytest
 import sympy
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import Artifact, compile_scene
 from cutjoint.model.read import read_model_text
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.mechanisms import gears
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

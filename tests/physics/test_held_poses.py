@@ -15,7 +15,6 @@ import pytest
 import cutjoint
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -24,6 +23,7 @@ from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
 from tests.conftest import needs_cpp
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

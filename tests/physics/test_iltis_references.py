@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.export.start import find_start
 from cutjoint.model.read import read_model
 from cutjoint.run.results import Trajectory
 from cutjoint.tasks.states import find_equilibrium
 from cutjoint.topology.build import build_topology
 from tests.conftest import DATA, MODELS, with_heavy
-from tests.physics.simulation import compile_text, completed, read_reference, simulate
+from tests.physics.simulation import compile_model, compile_text, completed, read_reference, simulate
 
 ILTIS = MODELS / "iltis.yaml"
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model, generate
+from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene, with_closure
 from tests.conftest import MODELS
-from tests.physics.simulation import compile_text, completed, simulate
+from tests.physics.simulation import compile_model, compile_text, completed, simulate
 
 ILTIS = MODELS / "iltis.yaml"
 CORNERS = ("front_left", "front_right", "rear_left", "rear_right")

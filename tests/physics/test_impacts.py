@@ -14,14 +14,13 @@ import pytest
 import sympy
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.records import Model, Output
 from cutjoint.run.artifact import Artifact
 from cutjoint.topology.build import build_topology
 from tests.conftest import needs_cpp
 from tests.mechanisms.random_models import NOWHERE, TIME, random_loops, random_tree, scene
 from tests.oracles.dense import DenseMechanism, Instant, Motion
-from tests.physics.simulation import completed, simulate
+from tests.physics.simulation import compile_model, completed, simulate
 
 pytestmark = needs_cpp
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.run.artifact import Artifact
@@ -19,7 +18,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS
-from tests.physics.simulation import completed, simulate
+from tests.physics.simulation import compile_model, completed, simulate
 from tests.physics.test_spin import TEXT, attitude, body_rates
 
 BY_NAME = {p.name: p for p in PROBLEMS}

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS, SOLVERS
 from cutjoint.model.read import read_model
 from cutjoint.run.artifact import Artifact
@@ -16,7 +15,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
-from tests.physics.simulation import completed, simulate, with_numerics
+from tests.physics.simulation import compile_model, completed, simulate, with_numerics
 from tests.physics.test_iltis_references import check_in_phase_bump
 
 LAGRANGIAN = ("augmented", "classical")
@@ -107,7 +106,7 @@ STEPS = {"SC3D": (1.25e-4, 6.25e-5, 3.125e-5)}
 
 
 @each_method
-@pytest.mark.parametrize("name", sorted(BY_NAME))
+@pytest.mark.parametrize("name", with_heavy(sorted(BY_NAME), "A05", "SC3D"))
 def test_second_order(name: str, method: str) -> None:
     problem: Problem = BY_NAME[name]
     artifact = compiled(problem.model, None, method)
@@ -129,7 +128,8 @@ def test_errors_of_the_scene_as_it_stands(name: str, method: str) -> None:
     assert measure_errors(problem, run).largest < BOUNDS[name]
 
 
-@pytest.mark.parametrize("method", with_heavy(LAGRANGIAN, "augmented"))
+@pytest.mark.heavy
+@pytest.mark.parametrize("method", LAGRANGIAN)
 def test_solvers_agree(method: str) -> None:
     """Every library finds the motion that the emitted factorisation finds; with the widest vectors, whose memory is aligned otherwise."""
     flags = ("-O1", "-march=native")

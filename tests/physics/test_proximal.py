@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Numerics
 from cutjoint.run.artifact import Artifact
@@ -21,7 +20,7 @@ from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
 from tests.mechanisms.overconstrained import parallel_cranks_text
-from tests.physics.simulation import completed, simulate
+from tests.physics.simulation import compile_scene, completed, simulate
 from tests.physics.test_four_bar import largest_error
 
 PROBLEMS_WITH_LOOPS = [p for p in PROBLEMS if p.name in ("A02", "A03", "SC3D")]

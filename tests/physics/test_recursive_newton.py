@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory, read_table
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
+from tests.physics.simulation import compile_model
 
 pytestmark = needs_cpp
 

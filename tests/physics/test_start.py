@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS
 from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.four_bar import four_bar_text
-from tests.physics.simulation import compile_text, completed, simulate
+from tests.physics.simulation import compile_model, compile_text, completed, simulate
 
 PENDULUM = """
 cutjoint: 1

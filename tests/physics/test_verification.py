@@ -11,14 +11,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
+from cutjoint.compile import pipeline
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies import verification
 from cutjoint_bench.studies.problems import PROBLEMS, Array, Problem, measure_errors, observed_orders, read_reference, reference_rows
-from tests.physics.simulation import completed, simulate
+from tests.physics.simulation import compile_model, completed, simulate
 
 BY_NAME = {p.name: p for p in PROBLEMS}
 
@@ -84,7 +84,7 @@ def test_second_order_of_newtons_iteration(problem: Problem) -> None:
 def test_lanes_change_nothing() -> None:
     """The governor's two arms side by side or one after the other: the same motion, to what the tolerance of the iteration leaves."""
     problem = BY_NAME["A05"]
-    together, apart = (compile_model(problem.path, lanes=lanes) for lanes in (True, False))
+    together, apart = (pipeline.compile_model(problem.path, lanes=lanes) for lanes in (True, False))
     assert together.program.instructions("evaluate") < 0.6 * apart.program.instructions("evaluate")
     one, other = (completed(simulate(artifact, end=2.0)) for artifact in (together, apart))
     for column in one.columns:

@@ -10,7 +10,6 @@ import pytest
 import sympy
 
 from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scalar, Scene
 from cutjoint.reduce.freeze import freeze_idle
@@ -24,6 +23,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.symmetric import CARRIAGE
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.compile import prepared
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.reduce import choose as choose_module
@@ -27,6 +26,7 @@ from cutjoint.toolchain.compiler import Compiler
 from cutjoint_bench.exact.chain import Chain, crank_motion
 from cutjoint_bench.exact.elliptic import quarter_period
 from tests.conftest import MODELS, needs_cpp
+from tests.physics.simulation import compile_scene
 from tests.toolchain.damage import damaged_records
 
 pytestmark = needs_cpp

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene, generate
+from cutjoint.compile.pipeline import generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
@@ -22,7 +22,7 @@ from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic
 from tests.conftest import MODELS, needs_cpp, with_heavy
-from tests.physics.simulation import completed
+from tests.physics.simulation import compile_scene, completed
 
 pytestmark = needs_cpp
 

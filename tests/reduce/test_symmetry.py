@@ -11,7 +11,6 @@ import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
@@ -25,7 +24,7 @@ from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.symmetric import CARRIAGE, wings_text
 from tests.oracles.dense import Instant, Numerics
 from tests.oracles.evaluation import both as both_ways
-from tests.physics.simulation import completed
+from tests.physics.simulation import compile_scene, completed
 
 pytestmark = needs_cpp
 

@@ -16,7 +16,6 @@ from click.testing import CliRunner
 
 from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.guards import guard_forces
@@ -27,6 +26,7 @@ from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from tests.conftest import needs_cpp
+from tests.physics.simulation import compile_scene
 
 pytestmark = needs_cpp
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.options import Options
@@ -16,6 +15,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.reading import read_model_text
 from tests.conftest import needs_cpp
+from tests.physics.simulation import compile_scene
 from tests.physics.test_energy import CART
 
 #: Two links that swing.

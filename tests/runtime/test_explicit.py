@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import INTEGRATORS
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact
@@ -21,7 +20,7 @@ from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
-from tests.physics.simulation import compile_text, completed
+from tests.physics.simulation import compile_model, compile_text, completed
 
 SLIDE = """
 cutjoint: 1

@@ -103,6 +103,7 @@ def test_equilibrium_is_the_start_at_rest(method: str, tmp_path: Path) -> None:
     assert (columns["p0.ax"], columns["p0.az"], columns["lambda0"]) == pytest.approx((0.0, -9.81, 0.0), abs=1e-6)
 
 
+@pytest.mark.heavy
 def test_the_plain_driver_does_without_suitesparse(tmp_path: Path) -> None:
     plain, comparing = simulator(comparison=False), simulator(comparison=True)
     for library in ("umfpack", "klu", "cholmod"):
@@ -116,6 +117,7 @@ def linked_by(binary: Path) -> str:
     return subprocess.run(["ldd", binary], capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.heavy
 def test_compiles_with_clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Without warnings, and with the same motion."""
     expected = completed(tmp_path, DOUBLE_PENDULUM, CLASSICAL, end=0.1)

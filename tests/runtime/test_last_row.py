@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.run.simulation import simulate
+from tests.physics.simulation import compile_model
 
 #: A guide and a load over time, and a law that has no value after 0.355 s.
 DRIVEN = """

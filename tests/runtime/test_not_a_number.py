@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
+from tests.physics.simulation import compile_scene
 
 #: Two masses that know nothing of each other; the force on the first is no number beyond 1 m.
 MODEL = """

@@ -15,7 +15,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import needs_cpp
-from tests.run.test_settings import compiled, pendulum
+from tests.run.test_settings import pendulum
 
 pytestmark = needs_cpp
 
@@ -25,8 +25,7 @@ MISSING = object()
 
 @cache
 def binary(method: str) -> Path:
-    artifact = compiled() if method == "recursive" else compile_scene(pendulum(), pendulum().scenes["rest"], CompileOptions(method=method))
-    return artifact.binary.path
+    return compile_scene(pendulum(), pendulum().scenes["rest"], CompileOptions(method=method)).binary.path
 
 
 def refused(method: str, changes: dict[str, Any], folder: Path) -> str:

@@ -141,6 +141,7 @@ def test_a_worker_that_is_killed(tmp_path: Path, processes: Processes, whole: by
     assert out.read_bytes() == whole
 
 
+@pytest.mark.heavy
 def test_a_client_that_is_killed(tmp_path: Path, processes: Processes, whole: bytes) -> None:
     processes.start_scheduler()
     processes.start_worker()
@@ -153,6 +154,7 @@ def test_a_client_that_is_killed(tmp_path: Path, processes: Processes, whole: by
     assert out.read_bytes() == whole
 
 
+@pytest.mark.heavy
 def test_a_scheduler_that_is_killed(tmp_path: Path, processes: Processes, whole: bytes) -> None:
     scheduler = processes.start_scheduler()
     processes.start_worker()
@@ -196,6 +198,7 @@ def test_workers_that_cannot_run_the_library(tmp_path: Path, monkeypatch: pytest
             perform_study(read, tmp_path / "out.parquet", scheduler=cluster.scheduler_address)
 
 
+@pytest.mark.heavy
 def test_one_worker_of_two_is_refused(tmp_path: Path) -> None:
     """Chunks go to the worker that can run the library alone."""
     read, said = read_study(study(tmp_path)), []
@@ -239,6 +242,7 @@ def test_a_worker_that_joins_late_has_its_share(tmp_path: Path) -> None:
             cluster.close()
 
 
+@pytest.mark.heavy
 def test_timers_of_workers_stop_for_a_sweep(tmp_path: Path) -> None:
     """Also those of a worker that joins late; after the sweep they go on, in a worker that joins then too."""
     read = read_study(study(tmp_path))

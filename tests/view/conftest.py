@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,16 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from tests.conftest import MODELS
+from tests.physics.simulation import is_generated
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interpreted() -> Iterator[None]:
+    """Runs that are shown are interpreted, but in `make full`."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not is_generated():
+            patch.setenv("CUTJOINT_IMPLEMENTATION", "interpreted")
+        yield
 
 
 @dataclass(frozen=True)

@@ -160,8 +160,9 @@ def test_natural_coordinates_show_the_same(text: str, how: tuple[str, ...], tmp_
 
 
 @needs_cpp
-def test_what_method_auto_has_run_is_seen(tmp_path: Path) -> None:
+def test_what_method_auto_has_run_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The reduced model that it picks: of the press it may be a planar one."""
+    monkeypatch.setenv("CUTJOINT_IMPLEMENTATION", "generated")
     text = PRESS.read_text(encoding="utf-8").replace("outputs: [", "outputs: [crank.x, crank.z, ")
     model, table, glb = tmp_path / "press.yaml", tmp_path / "run.csv", tmp_path / "run.glb"
     model.write_text(text, encoding="utf-8")

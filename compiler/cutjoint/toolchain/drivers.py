@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,6 +111,9 @@ def parts_for(parts: Sequence[Part], folder: Path, library: Path) -> Iterator[tu
         for part in parts:
             if not any(map(is_sound, part.places)):
                 stack.enter_context(alone(part.place(library)))
+                if library != cache_folder():
+                    with suppress(ToolchainError):  # where the cache cannot be written nobody builds there
+                        stack.enter_context(alone(part.place(cache_folder())))
         copies = {part: part.fetch(folder) for part in parts}
         yield [f"-D{part.definition}={copy}" for part, copy in copies.items() if copy], [part for part, copy in copies.items() if not copy]
 
