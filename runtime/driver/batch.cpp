@@ -39,6 +39,8 @@ const Abilities abilities{.tasks = {Task::batch}, .integrators = {Integrator::tr
 /// The keys that a case may have of its own.
 constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "inputs", "positions", "rates", "roads"});
 
+}  // namespace
+
 /// A mechanism with several instances.
 using Instances = AnyMechanism<Real>;
 
@@ -198,13 +200,15 @@ class Group {
   const Description& d_;
   const RunSettings& settings_;
   const Json& file_;
-  LaneSteps<Instances> lanes_;
   std::array<Json, width> files_;
   std::array<std::optional<Start>, width> starts_;
+  LaneSteps<Instances> lanes_;
   std::vector<Real> end_, smallest_, largest_;
   std::vector<Json> results_;
   double seconds_ = 0.0;
 };
+
+namespace {
 
 /// Groups of cases, taken one by one by threads.
 class Batch {
