@@ -4,17 +4,30 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <exception>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <string_view>
 #include <thread>
 #include <vector>
 
-#include "cutjoint/batch/group.hpp"
+#include "cutjoint/core/lane_steps.hpp"
+#include "cutjoint/core/side_by_side.hpp"
+#include "cutjoint/domains.hpp"
+#include "cutjoint/failure_report.hpp"
+#include "cutjoint/guards.hpp"
+#include "cutjoint/initial_state.hpp"
+#include "cutjoint/json.hpp"
+#include "cutjoint/mechanism.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
+#include "cutjoint/run_file.hpp"
+#include "cutjoint/settings.hpp"
+#include "cutjoint/state.hpp"
 #include "cutjoint/stop.hpp"
 
 namespace cutjoint::batch {
@@ -25,6 +38,177 @@ const Abilities abilities{.tasks = {Task::batch}, .integrators = {Integrator::tr
 
 /// The keys that a case may have of its own.
 constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "inputs", "positions", "rates", "roads"});
+
+}  // namespace
+
+/// A mechanism with several instances.
+using Instances = AnyMechanism<Real>;
+
+/// A mechanism that somebody else holds.
+class Referred {
+ public:
+  using real_type = double;
+
+  explicit Referred(AnyMechanism<double>& alone) : alone_(alone) {}
+
+  const Description& description() const { return alone_.description(); }
+  void load(const double* parameters, const Stabilisation<double>& s, const Road<double>* roads) { alone_.load(parameters, s, roads); }
+  void drive_by(const InputSource<double>& source) { alone_.drive_by(source); }
+  void begin_step(double t, double motion) { alone_.begin_step(t, motion); }
+  void evaluate(const double* q, const double* v, const double* lambda, double* vdot, double* correction) const {
+    alone_.evaluate(q, v, lambda, vdot, correction);
+  }
+  void constraint_residual(const double* q, const double* v, double* residual, double* rate) const { alone_.constraint_residual(q, v, residual, rate); }
+  void report(const double* q, const double* v, const double* vdot, const double* lambda, double* column) const {
+    alone_.report(q, v, vdot, lambda, column);
+  }
+  void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const {
+    alone_.energy(q, v, vdot, lambda, energy);
+  }
+  void project(const double* q, const double* gap, double* dz) const { alone_.project(q, gap, dz); }
+  void domains(const double* q, const double* v, double* inside) const { alone_.domains(q, v, inside); }
+
+ private:
+  AnyMechanism<double>& alone_;
+};
+
+using SideBySide = cutjoint::SideBySide<Referred, Instances>;
+
+/// Runs cases of a scene: what a case says stands for what the run file says otherwise.
+///
+/// They start one by one and take their steps together; a case that fails stays at its last state, and the others go on.
+class Group {
+ public:
+  Group(AnyMechanism<double>& alone, Instances& instances, const RunSettings& settings, const Json& file)
+      : alone_(alone), side_by_side_(alone), d_(alone.description()), settings_(settings), file_(file), lanes_(instances) {
+    side_by_side_.lend(lanes_);
+  }
+
+  /// At most `width` cases: how each ended, with `end`, `smallest` and `largest` value of each column.  After a request to stop they have not
+  /// come to their ends.
+  std::vector<Json> run(std::span<const Json> cases) {
+    results_.assign(cases.size(), Json::object());
+    lanes_.clear();
+    start(cases);
+    if (lanes_.any_goes()) go();
+    return results_;
+  }
+
+  /// Seconds of all steps so far.
+  double seconds() const { return seconds_; }
+
+ private:
+  using Start = InitialState<SideBySide>;
+
+  void start(std::span<const Json> cases) {
+    std::array<const State<double>*, width> begun{};
+    for (std::size_t k = 0; k < cases.size() && !stop_requested(); ++k) {
+      files_[k] = file_;
+      files_[k].update(cases[k]);
+      try {
+        Start& start = starts_[k].emplace(side_by_side_, settings_, files_[k]);
+        begun[k] = &start.in_motion();
+        results_[k]["undetermined"] = start.undetermined();
+      } catch (const Failure& failure) {
+        cutjoint::report(starts_[k]->explain(failure), results_[k]);
+      }
+    }
+    for (std::size_t k = 0; k < begun.size(); ++k)
+      if (begun[k]) put(k, *begun[k]);
+  }
+
+  void put(std::size_t k, const State<double>& state) {
+    ModelData<double>& data = starts_[k]->data();
+    lanes_.put(static_cast<int>(k), LaneStart<State<double>>{.state = state, .parameters = data.parameters().data(),
+                                                             .penalties = starts_[k]->penalties().data(), .roads = data.roads().data(),
+                                                             .inputs = data.inputs()});
+  }
+
+  void go() {
+    lanes_.begin(simulation_settings(settings_));
+    const auto [steps, stride] = count_steps<double>(settings_);
+    end_ = smallest_ = largest_ = lanes_.report();
+    const Mask begun = lanes_.going();
+    lanes_.watch(Real(0));
+    heed(begun & ~lanes_.going(), true);
+    const auto begin = std::chrono::steady_clock::now();
+    for (long n = 1; n <= steps && lanes_.any_goes() && !stop_requested(); ++n) {
+      const Mask going = lanes_.going();
+      lanes_.step();
+      heed(going & ~lanes_.going(), (n - 1) % stride == 0);
+      if (n % stride == 0 || n == steps) record(lanes_.going());
+    }
+    seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    for (std::size_t k = 0; k < results_.size(); ++k) {
+      if (!lanes_.goes(static_cast<int>(k))) continue;
+      results_[k]["status"] = "done";
+      add_columns(k);
+    }
+  }
+
+  /// Heed the instances that have stopped.  Where a step has failed the state before it is the last row, unless it `is_row` already.
+  void heed(Mask stopped, bool is_row) {
+    if (!any(stopped)) return;
+    Mask failed{};
+    for (int k = 0; k < width; ++k) failed[k] = stopped[k] && lanes_.fault(k).cause != Cause::guard_violated ? -1 : 0;
+    if (!is_row) record(failed);
+    for (int k = 0; k < width; ++k) {
+      if (!stopped[k]) continue;
+      cutjoint::report(failure(k), results_[static_cast<std::size_t>(k)]);
+      if (lanes_.fault(k).step > 0) add_columns(static_cast<std::size_t>(k));
+    }
+  }
+
+  /// The reason that a case has stopped.  That of a step is explained by the single mechanism from the state before it.
+  Failure failure(int k) {
+    const Fault& fault = lanes_.fault(k);
+    if (fault.cause == Cause::guard_violated) {
+      std::vector<double> margins(d_.guards.size());
+      take_lane(k, lanes_.margins(), margins);
+      return failure_of_guards(d_.guards, margins, fault.t, fault.step);
+    }
+    Start& start = *starts_[static_cast<std::size_t>(k)];
+    State<double> state(d_);
+    take_lane(k, lanes_.states(), state);
+    start.data().load_mechanism(alone_, settings_.stabilisation, start.penalties());
+    return explain_by_domains(alone_, state, settings_.dt, failure_of(fault, d_));
+  }
+
+  /// A row of some cases.
+  void record(Mask which) {
+    const std::vector<Real>& values = lanes_.report();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      end_[i] = where(which, values[i], end_[i]);
+      smallest_[i] = where(which, smaller(smallest_[i], values[i]), smallest_[i]);
+      largest_[i] = where(which, larger(largest_[i], values[i]), largest_[i]);
+    }
+  }
+
+  void add_columns(std::size_t k) {
+    Json& result = results_[k];
+    result["evaluations"] = lanes_.evaluations(static_cast<int>(k));
+    const auto add = [&](const char* name, const std::vector<Real>& values) {
+      for (const Real value : values) result[name].push_back(number_or_null(value[static_cast<int>(k)]));
+    };
+    add("end", end_);
+    add("smallest", smallest_);
+    add("largest", largest_);
+  }
+
+  AnyMechanism<double>& alone_;
+  SideBySide side_by_side_;
+  const Description& d_;
+  const RunSettings& settings_;
+  const Json& file_;
+  std::array<Json, width> files_;
+  std::array<std::optional<Start>, width> starts_;
+  LaneSteps<Instances> lanes_;
+  std::vector<Real> end_, smallest_, largest_;
+  std::vector<Json> results_;
+  double seconds_ = 0.0;
+};
+
+namespace {
 
 /// Groups of cases, taken one by one by threads.
 class Batch {

@@ -181,6 +181,19 @@ def test_a_run_that_fails_does_not_stop_the_others() -> None:
     assert np.isnan(batch.end["chassis.z"][3])
 
 
+@pytest.mark.parametrize("closure", ["penalty", "proximal"])
+def test_a_law_without_a_value_is_named_as_in_a_single_run(closure: str) -> None:
+    """The rope's law has none at a step, and none at the start."""
+    scene, cases = with_closure(ride(), closure), [{"slack": slack} for slack in (0.02, -1.0)]
+    batch, single = simulate_batch(compile_scene_batch(model(), scene), cases, check=False), compile_scene(model(), scene)
+    for failure, case in zip(batch.failures, cases, strict=True):
+        run = simulate(single, parameters=case, check=False)
+        assert failure is not None
+        assert run.failure is not None
+        assert (failure.message, failure.element, failure.step) == (run.failure.message, run.failure.element, run.failure.step)
+        assert failure.element == "rope"
+
+
 def test_guards_stop_the_runs_whose_forces_would_act() -> None:
     """The rail acts above a height that a heavy load does not reach."""
     scene = replace(ride(), switches={"rail": True}, pose="design")

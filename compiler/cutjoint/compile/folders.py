@@ -21,10 +21,12 @@ from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.records import Equations, SystemEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
+    INTEGRATORS,
     METHODS,
     Events,
     Formulation,
@@ -32,7 +34,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.records import Scene
+from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -53,6 +55,11 @@ _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
 
 #: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
 _SAVED = 30e-9
+
+
+def fits_lanes(model: Model, scene: Scene, method: str, integrator: str) -> bool:
+    """Return whether runs of a scene can go side by side: lanes have no impacts of guides."""
+    return METHODS[method].batch and INTEGRATORS[integrator].batch and not guides_jump(model, scene)
 
 
 def lanes_break_even(operations: int, steps: float) -> bool:
@@ -89,8 +96,9 @@ class Standalone:
 
     @property
     def fits_lanes(self) -> bool:
-        """Return whether its simulations can go side by side: lanes have no impacts of guides."""
-        return self.steps.in_lanes and not self.parts.guides_jump
+        """Return whether its simulations can go side by side."""
+        equations = self.parts.stepped
+        return fits_lanes(equations.topology.model, equations.scene, self.method, self.integrator)
 
     @property
     def size(self) -> int:

@@ -63,7 +63,7 @@ class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
     ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
-    whether a number of iterations can be set, ``adaptive`` whether tolerances can, ``in_lanes`` whether simulations can go side by side.
+    whether a number of iterations can be set, ``adaptive`` whether tolerances can.
     """
 
     header: str
@@ -72,7 +72,6 @@ class Steps:
     finds_events: bool = False
     is_iterated: bool = False
     adaptive: bool = False
-    in_lanes: bool = False
 
 
 _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_steps.hpp"
@@ -80,9 +79,7 @@ _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive": {
-        "trapezoidal": Steps(
-            header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, in_lanes=True
-        ),
+        "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
         "rk4": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
         ),

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.compile.folders import fits_lanes
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.emit.source import emit
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import AnyPath
@@ -82,7 +82,8 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
         ToolchainError: the C++ side failed.
     """
     _require_batch(scene)
-    if guides_jump(model, scene) or not find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options()).batch:
+    integrator = find_integrator(scene.numerics, METHODS[METHOD], Implementation.GENERATED, Options())
+    if not fits_lanes(model, scene, METHOD, integrator.name):
         return _compile_alone(model, scene, flags)
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)

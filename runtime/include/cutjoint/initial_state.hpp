@@ -43,6 +43,9 @@ class InitialState {
   /// Adds to a failure to start what is known of its cause.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
+  /// What the mechanism is loaded with and driven by.
+  ModelData<Real>& data() { return data_; }
+
   /// Penalties of the cut joints, known when a start has been found; the closure `penalty` has one for all.
   const std::vector<Real>& penalties() const { return initialisation_.penalties(); }
 

@@ -93,9 +93,11 @@ class ModelData {
 
   const std::vector<Real>& parameters() const { return parameters_; }
 
+  InputSource<Real> inputs() { return inputs_.source(); }
+
   template <class M>
   void drive(M& mechanism) {
-    mechanism.drive_by(inputs_.source());
+    mechanism.drive_by(inputs());
   }
 
   template <class M>

@@ -62,7 +62,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
  public:
   using LaneSteps<M>::width;
 
-  LaneSimulations() : LaneSteps<M>(this->mechanism), probes_(this->mechanism) {}
+  LaneSimulations() : LaneSteps<M>(this->mechanism) {}
 
   /// How many bytes some take in memory that begins anywhere, with so many for each simulation alone.
   static constexpr std::size_t bytes(std::size_t each) { return alignof(LaneSimulations) + sizeof(LaneSimulations) + width * each; }
@@ -76,7 +76,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   }
 
   /// Have a simulation search its start in the instances, before their steps.
-  void lend_to(Sim& sim) { sim.mechanism().lend(probes_); }
+  void lend_to(Sim& sim) { sim.mechanism().lend(*this); }
 
   void step() {
     call([this] { LaneSteps<M>::step(); }, [](Sim& alone) { return alone.step(); });
@@ -134,7 +134,6 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
   }
 
   std::array<Sim*, width> sims_{};
-  Probes<M> probes_;
   std::array<LaneFollowed<typename Sim::Followed>, width> inputs_;
 };
 

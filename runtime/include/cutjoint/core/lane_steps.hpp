@@ -14,6 +14,7 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/stabilisation.hpp"
+#include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 
@@ -64,7 +65,7 @@ struct LaneStart {
 /// Steps by the trapezoidal rule of instances side by side.
 ///
 /// They go as one alone would, up to rounding.  What the other lanes have changes no bit of one, nor does the lane that it is in.  One that fails
-/// stops at its last state, and the others go on.
+/// stops at its last state, and the others go on.  Between runs the instances may find accelerations of several states of one mechanism.
 template <Mechanism M>
 class LaneSteps {
  public:
@@ -82,6 +83,21 @@ class LaneSteps {
   LaneSteps(const LaneSteps&) = delete;
   LaneSteps& operator=(const LaneSteps&) = delete;
 
+  /// Accelerations and multipliers of states of one mechanism, which is loaded and driven like that; no lane goes.
+  template <class StateOfOne>
+  void accelerate(std::array<StateOfOne, width>& states, double motion, const double* parameters, const Stabilisation<double>& s,
+                  const Road<double>* roads, const InputSource<double>& source) {
+    for (int k = 0; k < width; ++k) {
+      put_lane(k, at(states, k), state_);
+      put_data(k, parameters, s.penalties, roads, source);
+    }
+    mechanism_.load(parameters_.data(), {.penalty = Real(s.penalty), .damping_ratio = Real(s.damping_ratio), .frequency = Real(s.frequency),
+                                         .penalties = s.penalties ? penalties_.data() : nullptr}, roads_.data());
+    drive();
+    cutjoint::accelerate(mechanism_, state_, Real(motion), vdot_, correction_);
+    for (int k = 0; k < width; ++k) take_lane(k, state_, at(states, k));
+  }
+
   /// All lanes stand still.
   void clear() { going_ = Instances::all_if(false); }
 
@@ -98,7 +114,7 @@ class LaneSteps {
     settings_ = settings;
     gap_limits_ = gap_limits;
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), settings_.stabilisation, penalties_);
-    if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
+    drive();
     mechanism_.begin_step(state_.t, Real(1));
     steps_.set_fixed_point(settings_.fixed_point);
     steps_.count_anew();
@@ -196,12 +212,22 @@ class LaneSteps {
   template <class StateOfOne>
   void fill(int k, const LaneStart<StateOfOne>& start) {
     put_lane(k, start.state, state_);
-    put_lane(k, start.parameters, parameters_), put_lane(k, start.penalties, penalties_);
-    for (std::size_t i = 0; i < roads_.size(); ++i) roads_[i].put(k, start.roads[i]);
-    at(inputs_, k) = start.inputs;
+    put_data(k, start.parameters, start.penalties, start.roads, start.inputs);
     origin_.v[k] = start.origin;
     number_.v[k] = static_cast<double>(start.number);
     at(unmeasured_, k) = start.unmeasured;
+  }
+
+  void put_data(int k, const double* parameters, const double* penalties, const Road<double>* roads, const InputSource<double>& source) {
+    put_lane(k, parameters, parameters_);
+    if (penalties) put_lane(k, penalties, penalties_);
+    for (std::size_t i = 0; i < roads_.size(); ++i) roads_[i].put(k, roads[i]);
+    at(inputs_, k) = source;
+  }
+
+  /// The mechanism takes inputs from the source of each lane.
+  void drive() {
+    if constexpr (!Sized<M> || sizes.inputs > 0) sources_.drive(mechanism_, [this](int k) { return at(inputs_, k); });
   }
 
   /// The time of those that go.
