@@ -96,7 +96,7 @@ class Topology:
 
     @property
     def ends_on_massless(self) -> bool:
-        """Whether all that closes loops joins massless bodies, so that perhaps no mass resists it: kinetic energy then tells penalties
+        """True where all that closes loops joins massless bodies, so that perhaps no mass resists it: kinetic energy then tells penalties
         (runtime/include/cutjoint/core/effective_mass.hpp)."""
         massless, joints = {b.name for b in self.model.bodies if b.is_massless}, {j.name: j for j in self.model.joints}
         ends = [[e] if isinstance(e, Joint) else [joints[name] for name in e.joints] for e in self.closing]
