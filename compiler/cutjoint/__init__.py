@@ -15,8 +15,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
+    from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.model.errors import ModelError
     from cutjoint.package.errors import CutjointError, EquationsError
@@ -51,7 +51,7 @@ __all__ = [
 ]  # fmt: skip
 
 _HOMES = {
-    "cutjoint.analysis.guides": ("GuideError",),
+    "cutjoint.analysis.mobility": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.package.errors": ("CutjointError", "EquationsError"),

@@ -14,10 +14,9 @@ import sympy
 from cutjoint.analysis.natural import call
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import TIME, input_functions
-from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import COORDINATES, Joint, JointForce, JointKind, Model
 from cutjoint.report.explain.natural.derivation import derive_natural

@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import evaluate_scene_inputs
+from cutjoint.analysis.closing import evaluate_scene_inputs, explore
 from cutjoint.analysis.natural import closed_states, dependent_equations
-from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import open_parameters
-from cutjoint.formulate.natural.equations import formulate_lagrangian
-from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.rigid import describe_geometry
+from cutjoint.analysis.skew import describe_geometry
 from cutjoint.commands import options
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene

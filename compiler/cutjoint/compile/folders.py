@@ -19,8 +19,8 @@ from cutjoint.emit.classes import SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, SystemEquations
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.linearise import Linearisation, Point, linearise
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.methods import LINEARISED
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene

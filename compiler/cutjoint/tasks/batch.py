@@ -16,8 +16,8 @@ import numpy as np
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.emit.source import emit
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene

@@ -15,7 +15,7 @@ from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, Roa
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.records import GROUND, Force, Model, Scene, Vector
 from cutjoint.view.javascript import print_function

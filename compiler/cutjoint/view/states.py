@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import design_coordinates
+from cutjoint.analysis.closing import Pose, design_coordinates
 from cutjoint.analysis.inertia import find_momentary_motions
 from cutjoint.analysis.modes import Complex, Mode, Modes, Participant
-from cutjoint.analysis.poses import Pose
 from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene

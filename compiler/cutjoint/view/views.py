@@ -12,7 +12,7 @@ from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_pose
 from cutjoint.export.laws import Numbers
 from cutjoint.export.start import find_start
 from cutjoint.formulate.natural.poses import derive_spans
-from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.locations import AnyPath

@@ -55,7 +55,7 @@ import sympy
 note("import SymPy")
 from cutjoint.commands import simulate
 from cutjoint.compile import pipeline
-from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model
 from cutjoint.compile.systems import schedule_system
 from cutjoint.toolchain.build import write_source

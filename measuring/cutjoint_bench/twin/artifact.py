@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.compile.pipeline import generate
-from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, join_and, names_of
 from cutjoint.model.records import Model, Output, Scene

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from cutjoint.analysis.natural import closed_states, dependent_equations
 from cutjoint.compile.systems import plan_system
-from cutjoint.formulate.natural.equations import formulate_lagrangian, without
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian, without
 from cutjoint.formulate.natural.layout import Group
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Body, Model, Scene
