@@ -11,8 +11,8 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.reading import read_model_text
 from tests.conftest import needs_cpp

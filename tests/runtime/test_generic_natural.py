@@ -26,9 +26,9 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Reaction, Scene
 from cutjoint.package.locations import runtime_folder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.run.options import Options
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology

@@ -22,10 +22,10 @@ from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.settings import Options
 from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
 

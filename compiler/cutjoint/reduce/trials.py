@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextvars import copy_context
+from fractions import Fraction
+from math import lcm
 from threading import RLock, Thread
 from typing import TypeVar
 
@@ -23,7 +25,6 @@ from cutjoint.reduce.sampling import compiling_seconds
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.run.steps import common_step
 
 #: The function of a system that each iteration calls beside its tangent.
 _RESIDUAL = "dynamic_residual"
@@ -131,3 +132,14 @@ def begin(work: Callable[[], Result]) -> Future[Result]:
 
     Thread(target=perform, daemon=True).start()
     return future
+
+
+def exact(seconds: float) -> Fraction:
+    """The short fraction that a step was written as."""
+    return Fraction(repr(seconds)).limit_denominator(10**9)
+
+
+def common_step(dt: float, row: float) -> float:
+    """The shortest time that is a whole number of steps and of rows."""
+    a, b = exact(dt), exact(row)
+    return float(Fraction(lcm(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator))

@@ -99,7 +99,7 @@ class Wait:
 #: A simulation that Python holds, and the library of a study with many runs.
 _LOAD = "import cutjoint; cutjoint.load('{model}', scene='simul1')"
 _SWEEP = """
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.reading import read_study_text
 build_kernels(read_study_text('''
 cutjoint_study: 1
