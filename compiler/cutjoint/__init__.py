@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
-    from cutjoint.stepping.statespace import StateSpace
+    from cutjoint.stepping.values import StateSpace
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate_batch
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
@@ -70,7 +70,7 @@ _HOMES = {
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
-    "cutjoint.stepping.statespace": ("StateSpace",),
+    "cutjoint.stepping.values": ("StateSpace",),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),

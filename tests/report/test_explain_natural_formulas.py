@@ -19,8 +19,7 @@ from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import COORDINATES, Joint, JointForce, JointKind, Model
-from cutjoint.report.explain.natural.derivation import derive_natural
-from cutjoint.report.explain.natural.forms import form_text
+from cutjoint.report.explain.natural.derivation import derive_natural, form_text
 from cutjoint.report.explain.natural.joints import Equation, joint_equations
 from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.topology.build import build_topology
