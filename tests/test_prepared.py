@@ -22,7 +22,7 @@ from cutjoint.commands import options, preparing
 from cutjoint.compile import prepared
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.package import extensions
-from cutjoint.run.options import Options
+from cutjoint.run.settings import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from tests.conftest import MODELS, needs_cpp

@@ -15,8 +15,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cutjoint.analysis.guides import GuideError
     from cutjoint.analysis.inertia import NoInertiaError
+    from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.model.errors import ModelError
     from cutjoint.package.errors import CutjointError, EquationsError
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
-    from cutjoint.stepping.statespace import StateSpace
+    from cutjoint.stepping.values import StateSpace
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate_batch
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
@@ -51,7 +51,7 @@ __all__ = [
 ]  # fmt: skip
 
 _HOMES = {
-    "cutjoint.analysis.guides": ("GuideError",),
+    "cutjoint.analysis.mobility": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
     "cutjoint.package.errors": ("CutjointError", "EquationsError"),
@@ -70,7 +70,7 @@ _HOMES = {
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
-    "cutjoint.stepping.statespace": ("StateSpace",),
+    "cutjoint.stepping.values": ("StateSpace",),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),

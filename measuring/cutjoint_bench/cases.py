@@ -9,11 +9,11 @@ from pathlib import Path
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
+from cutjoint.reduce.trials import exact
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
-from cutjoint.run.steps import exact
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint_bench.records import Case
 
 #: Rows of a comparison, at most; of one whose rows are given.

@@ -24,11 +24,11 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
+from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.run.steps import common_step
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.records import Case, Contender

@@ -25,13 +25,13 @@ def timed(line: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     return (p for p in line.get("points", ()) if not p["failure"] and p["seconds"])
 
 
-def order(line: Line, name: str = "position") -> float:
+def order(line: Line) -> float:
     """The order of convergence: the slope of log error over log step at the three smallest steps that show it; NaN if none do.
 
     Small steps at which a line flattens out are left out.  Of such a line, so are all errors within a decade of its least one: rounding,
     the reference or the tolerance of the iteration contribute to them.
     """
-    points = [(log(p["dt"]), log(p["errors"][name])) for p in timed(line) if p["errors"][name]]
+    points = [(log(p["dt"]), log(p["errors"]["position"])) for p in timed(line) if p["errors"]["position"]]
     points.sort()
     count = len(points)
     floor = min((error for _, error in points), default=0.0)

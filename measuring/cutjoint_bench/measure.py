@@ -8,8 +8,8 @@ from statistics import median, quantiles
 
 import numpy as np
 
+from cutjoint.reduce.trials import common_step, exact
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.run.steps import common_step, exact
 from cutjoint_bench.errors import measure_errors
 from cutjoint_bench.records import Case, Point, Runner
 from cutjoint_bench.reference import Reference

@@ -11,9 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cutjoint.reduce.trials import common_step
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import Trajectory
-from cutjoint.run.steps import common_step
 from cutjoint_bench.export.peers import PEERS, Peer
 from cutjoint_bench.peers.run import available, run_peer
 from cutjoint_bench.records import Case, Contender

@@ -11,9 +11,9 @@ from typing import Protocol
 
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import PLAIN_STEPS
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,9 +24,9 @@ from cutjoint.methods import METHODS, PLAIN_CLOSURE, Formulation
 from cutjoint.model.records import Scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.cache import alone, cache_folder, read_record, write_record
 from cutjoint_bench.progress import Say, silently

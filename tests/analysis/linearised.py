@@ -8,8 +8,7 @@ import numpy as np
 
 from cutjoint.analysis.linearise import Linearisation, Point, linearise
 from cutjoint.analysis.natural import call
-from cutjoint.formulate.implicit.equations import formulate_implicit
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations, formulate_implicit
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import design_coordinates, evaluate_closures, retract
-from cutjoint.analysis.poses import explore
+from cutjoint.analysis.closing import design_coordinates, evaluate_closures, explore, retract
 from tests.analysis.formulated import dense_closures, formulated
 from tests.mechanisms.overconstrained import parallel_cranks_text
 from tests.mechanisms.random_models import chosen_loops, random_loops, state

@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import design_coordinates, evaluate_closures
+from cutjoint.analysis.closing import design_coordinates, evaluate_closures, explore
 from cutjoint.analysis.conditioning import RatedChoice, rate_choices
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.poses import explore
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.choice import rank_cuts
-from cutjoint.topology.conditioning import design_jacobian
-from cutjoint.topology.geometry import JointGeometry
+from cutjoint.topology.geometry import JointGeometry, design_jacobian
+from cutjoint.topology.search import rank_cuts
 from cutjoint.topology.spanning_tree import joints_around
 from tests.analysis.formulated import formulated
 from tests.conftest import MODELS

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from cutjoint.analysis.guides import GuideError
+from cutjoint.analysis.mobility import GuideError
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import METHODS

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import NoInertiaError, describe_momentary, find_idle_motions, find_momentary_motions, require_inertia
-from cutjoint.analysis.poses import explore
 from cutjoint.compile.pipeline import generate
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model_text

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import close_loops, evaluate_closures, evaluate_guided_rates, retract
+from cutjoint.analysis.closing import close_loops, evaluate_closures, evaluate_guided_rates, explore, retract
 from cutjoint.analysis.linearise import Linearisation, NoMassError, ReducedSystem, reduce_system
-from cutjoint.analysis.poses import explore
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene

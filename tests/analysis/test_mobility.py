@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.mobility import Mobility, find_mobility
-from cutjoint.analysis.poses import explore
 from tests.analysis.formulated import dense_closures, formulated
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text

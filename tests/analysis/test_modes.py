@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize_scalar
 from cutjoint.analysis.closing import close_loops, design_coordinates
 from cutjoint.analysis.modes import Modes, eigenpairs, find_mode_shapes
 from cutjoint.cli import main
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.states import find_scene_modes

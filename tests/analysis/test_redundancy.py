@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.poses import explore
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.redundancy import Redundancy, choose_independent, find_redundancy
 from tests.analysis.formulated import dense_closures, formulated
 from tests.conftest import MODELS

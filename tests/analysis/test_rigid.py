@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.rigid import describe_geometry
+from cutjoint.analysis.skew import describe_geometry
 from tests.analysis.formulated import formulated
 from tests.conftest import MODELS
 from tests.mechanisms.overconstrained import parallel_cranks_text

@@ -14,11 +14,11 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.methods import METHODS, names_of
+from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.run.steps import common_step
 from cutjoint_bench import cutjoint_contenders
 from cutjoint_bench.cases import falling_steps, make_case
 from cutjoint_bench.command import command

@@ -14,8 +14,8 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.records import Program
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
 
 Inputs: TypeAlias = Mapping[str, np.ndarray]

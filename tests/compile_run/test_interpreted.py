@@ -23,8 +23,8 @@ from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from tests.compile_run.generated import interpret_program, random_states, run_evaluate

@@ -9,7 +9,7 @@ import pytest
 
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import runtime_folder
 from cutjoint.run.scenes import find_scene

@@ -11,7 +11,7 @@ import pytest
 
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import emit, mechanism_class, system_class
-from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import runtime_folder

@@ -10,8 +10,8 @@ import pytest
 
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Source, emit
-from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.formulate.system import CHECKS
+from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.records import CHECKS
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS, ROOT

@@ -18,11 +18,11 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure, places_of
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene, with_closure, with_settings
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint.topology.build import build_topology

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_model
-from cutjoint.export.fmu.units import Unit, describe_unit
+from cutjoint.export.fmu.description import Unit, describe_unit
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import make_inputs, retract
-from cutjoint.analysis.poses import explore
+from cutjoint.analysis.closing import explore, make_inputs, retract
 from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import make_translator

@@ -16,8 +16,7 @@ import pytest
 
 from cutjoint.analysis.closing import design_coordinates, retract
 from cutjoint.analysis.natural import call
-from cutjoint.formulate.implicit.equations import formulate_implicit
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations, formulate_implicit
 from cutjoint.formulate.records import SwitchPlace
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model

@@ -14,14 +14,12 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.analysis.closing import design_coordinates, evaluate_closures, retract
+from cutjoint.analysis.closing import design_coordinates, evaluate_closures, explore, retract
 from cutjoint.analysis.natural import call, closed_states, constraint_jacobian, dependent_equations
-from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.natural.nodes import NodeKind
-from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.formulate.system import NAMES
+from cutjoint.formulate.records import NAMES
 from cutjoint.model.errors import ModelError
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model

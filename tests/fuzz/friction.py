@@ -17,7 +17,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import start
 from tests.fuzz import mechanisms

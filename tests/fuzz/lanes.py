@@ -11,7 +11,7 @@ import numpy as np
 
 from cutjoint.compile.pipeline import derive
 from cutjoint.compile.systems import formulate_system
-from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.lanes import find_corresponding
 from cutjoint.formulate.records import Equations, Function
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text

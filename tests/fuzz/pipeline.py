@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 from zlib import crc32
 
-from cutjoint.analysis.guides import GuideError
 from cutjoint.analysis.inertia import NoInertiaError
+from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile import pipeline
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations

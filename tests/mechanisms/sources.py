@@ -24,7 +24,7 @@ from typing import Any
 import cutjoint
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import emit
-from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cutjoint.analysis.guides import GuideError
+from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
-from cutjoint.analysis.poses import explore
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS

@@ -7,7 +7,7 @@ import pytest
 
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.compile.systems import formulate_system
-from cutjoint.formulate.correspondence import find_corresponding
+from cutjoint.formulate.lanes import find_corresponding
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.read import read_model, read_model_text

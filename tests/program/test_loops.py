@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import make_inputs
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.program.interpret import interpret_scalar, interpret_scalars
 from cutjoint.program.loops import Given, Input, Loop, Rolled, Stored, Table, roll

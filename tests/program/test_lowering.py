@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.formulate.inputs import INPUTS
-from cutjoint.formulate.scene_inputs import LAW_TIME, LAW_VALUES
+from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output, Scene, Tyre
 from cutjoint.program.interpret import FUNCTIONS, interpret_blocks, interpret_scalars

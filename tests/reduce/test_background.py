@@ -9,7 +9,7 @@ from threading import Event, current_thread, main_thread
 
 import pytest
 
-from cutjoint.reduce.background import begin
+from cutjoint.reduce.trials import begin
 
 WORD: ContextVar[str] = ContextVar("word", default="")
 
@@ -44,6 +44,6 @@ def test_it_has_the_context_of_who_began_it() -> None:
 
 
 def test_a_program_ends_before_its_work() -> None:
-    script = "from cutjoint.reduce.background import begin; import time; begin(lambda: time.sleep(60)); print('ends')"
+    script = "from cutjoint.reduce.trials import begin; import time; begin(lambda: time.sleep(60)); print('ends')"
     ended = subprocess.run([sys.executable, "-c", script], timeout=30, check=True, capture_output=True, text=True)
     assert ended.stdout == "ends\n"

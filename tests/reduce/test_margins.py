@@ -13,7 +13,7 @@ from cutjoint.model.operations import Term
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.reduce.margins import zero_region
+from cutjoint.reduce.guards import zero_region
 
 TRAVEL, RATE, K = variable("travel"), variable("rate"), parameter_symbol("k")
 NAMES = {"travel": Term(TRAVEL), "rate": Term(RATE), "k": Term(K), "t": Term(variable("t"))}

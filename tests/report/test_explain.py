@@ -25,7 +25,7 @@ from cutjoint.report.explain.operations import derive, parameter_costs
 from cutjoint.report.explain.views import find_counterparts
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.elimination import eliminate
+from cutjoint.topology.records import eliminate
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models

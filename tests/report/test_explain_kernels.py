@@ -15,7 +15,7 @@ from cutjoint.model.records import Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.report.explain import laws as tyre
-from cutjoint.report.explain.force_descriptions import DESCRIPTIONS
+from cutjoint.report.explain.forces import DESCRIPTIONS
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants
 from cutjoint.report.explain.laws import differentiate, expand_polynomials

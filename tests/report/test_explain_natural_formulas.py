@@ -14,14 +14,12 @@ import sympy
 from cutjoint.analysis.natural import call
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import TIME, input_functions
-from cutjoint.formulate.natural.equations import formulate_lagrangian
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import COORDINATES, Joint, JointForce, JointKind, Model
-from cutjoint.report.explain.natural.derivation import derive_natural
-from cutjoint.report.explain.natural.forms import form_text
+from cutjoint.report.explain.natural.derivation import derive_natural, form_text
 from cutjoint.report.explain.natural.joints import Equation, joint_equations
 from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.topology.build import build_topology

@@ -10,8 +10,8 @@ import pytest
 from cutjoint.compile.options import CompileOptions
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import make_simulator_run
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.reading import read_model_text
 from tests.conftest import needs_cpp

@@ -15,7 +15,7 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import INTEGRATORS, METHODS, Events
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
+from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model

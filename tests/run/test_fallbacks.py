@@ -19,8 +19,8 @@ from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.failures import FailedRunError
 from cutjoint.run.fallbacks import Fallback, try_fallbacks
-from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import Start, start

@@ -21,8 +21,8 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch

@@ -16,10 +16,9 @@ from cutjoint.model.ranges import LARGEST_INTEGER, MOST_ROWS, RANGES, Steps, Ste
 from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
 from cutjoint.run.modes import _ending_at
-from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
-from cutjoint.run.settings import require_settings
+from cutjoint.run.settings import Options, require_settings
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.run.test_failing_starts import PENDULUM

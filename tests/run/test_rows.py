@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.read import read_model_text
-from cutjoint.run.options import Options
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Options
 from tests.conftest import MODELS, needs_cpp
 from tests.run.test_failing_starts import PENDULUM
 

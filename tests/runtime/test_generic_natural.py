@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.analysis.closing import evaluate_scene_inputs
+from cutjoint.analysis.closing import evaluate_scene_inputs, explore
 from cutjoint.analysis.natural import closed_states, dependent_equations
-from cutjoint.analysis.poses import explore
 from cutjoint.elements.joints import JOINTS
 from cutjoint.formulate.inputs import open_parameters
-from cutjoint.formulate.natural.equations import formulate_lagrangian
-from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Implementation
 from cutjoint.model.errors import ModelError
@@ -28,9 +26,9 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Output, Reaction, Scene
 from cutjoint.package.locations import runtime_folder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.run.options import Options
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError, call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.topology.build import build_topology

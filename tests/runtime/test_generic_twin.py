@@ -15,10 +15,9 @@ import pytest
 
 from cutjoint.analysis.closing import evaluate_scene_inputs
 from cutjoint.elements.joints import JOINTS
-from cutjoint.formulate.inputs import open_parameters
+from cutjoint.formulate.inputs import LAW_TIME, open_parameters
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.scene_inputs import LAW_TIME
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene

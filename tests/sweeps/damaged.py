@@ -19,11 +19,11 @@ import pyarrow.parquet as pq
 from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.kernel import Kernel
-from cutjoint.sweeps.manifest import make_manifest
 from cutjoint.sweeps.parts import Parts
 from cutjoint.sweeps.reading import read_study
+from cutjoint.sweeps.run import make_manifest
 from cutjoint.sweeps.table import Layout
 from cutjoint.sweeps.work import Chunk, Rows, Work
 

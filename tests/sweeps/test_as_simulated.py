@@ -19,9 +19,8 @@ from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import write_description
 from cutjoint.methods import METHODS, Implementation
 from cutjoint.model.read import read_model_text
-from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene
-from cutjoint.run.settings import GOAL, find_integrator
+from cutjoint.run.settings import GOAL, Options, find_integrator
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.topology.reading import read_model

@@ -19,8 +19,8 @@ from distributed import Client, LocalCluster, config
 import cutjoint
 from cutjoint.run.errors import RunError
 from cutjoint.sweeps import kernel as kernels
-from cutjoint.sweeps.build import build_kernels
 from cutjoint.sweeps.cluster import Cluster
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
 from cutjoint.sweeps.work import Chunk, Work

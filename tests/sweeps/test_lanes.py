@@ -18,8 +18,8 @@ from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.scenes import with_closure
-from cutjoint.sweeps import build
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps import code
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.kernel import Kernel, Left
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Array, Study
@@ -170,7 +170,7 @@ def test_rows_in_memory_are_those_of_all_lanes(tmp_path: Path, monkeypatch: pyte
         assert work._at_once(replace(many, rows=rows, series=1)) == held
         assert work._at_once(replace(one, rows=rows, series=1)) == 4 * 10**6 // rows
     for most, lanes in ((8 * one.rows, 8), (8 * one.rows - 1, 1)):
-        monkeypatch.setattr(build, "_MOST_ROWS", most)
+        monkeypatch.setattr(code, "_MOST_ROWS", most)
         assert build_kernels(asked, lanes=True)[0].lanes == lanes
 
 

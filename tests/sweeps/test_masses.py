@@ -11,7 +11,7 @@ import pytest
 import cutjoint
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.work import Chunk, Work

@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from cutjoint.sweeps.seals import is_sealed, seal
+from cutjoint.sweeps.table import is_sealed, seal
 from tests.conftest import needs_cpp
 
 from .damaged import ASIDE, CUTS, DAMAGES, OUT, PARTS, RUNS, Harm, begin, call, files, name_of, require_sound, whole, write_study
@@ -109,5 +109,5 @@ def test_files_of_others_stay(tmp_path: Path) -> None:
 def test_large_files_are_digested_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     file = BytesIO(files()[name_of(0, CUTS[0])])
     seal(file, "again")
-    monkeypatch.setattr("cutjoint.sweeps.seals._BLOCK", 7)
+    monkeypatch.setattr("cutjoint.sweeps.table._BLOCK", 7)
     assert is_sealed(file, "again")

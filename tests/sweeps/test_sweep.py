@@ -27,10 +27,9 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.records import Scene
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.simulation import simulate
-from cutjoint.sweeps.local import Threads
 from cutjoint.sweeps.parts import missing
 from cutjoint.sweeps.reading import read_study
-from cutjoint.sweeps.work import Chunk, Rows, Work
+from cutjoint.sweeps.work import Chunk, Rows, Threads, Work
 from cutjoint.topology.reading import read_model
 from tests.conftest import MODELS, needs_cpp
 from tests.listening import listen

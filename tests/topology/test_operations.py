@@ -11,8 +11,8 @@ import pytest
 from scipy.stats import spearmanr
 
 from cutjoint.elements.joints import JOINTS
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.read import read_model
 from cutjoint.model.records import GROUND, Gear, JointCoordinate, JointKind, Model

@@ -11,7 +11,7 @@ from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model
 from cutjoint.view.graph import Graph, GraphBody, GraphLink, draw_graph
-from cutjoint.view.reduction import show_reduction
+from cutjoint.view.states import show_reduction
 from cutjoint.view.views import write_shown
 from tests.conftest import MODELS
 from tests.view.browser import Page

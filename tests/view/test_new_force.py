@@ -63,8 +63,8 @@ READ = """
 import json
 import numpy as np
 from cutjoint.topology.reading import read_model_text
-from cutjoint.view.arrows import Arrows
-from cutjoint.view.columns import bodies_of
+from cutjoint.view.forces import Arrows
+from cutjoint.model.quantities import bodies_of
 from cutjoint.view.drawing import draw
 from cutjoint.view.sliders import make_sliders
 from cutjoint.view.views import _placed, show_start

@@ -13,9 +13,8 @@ from cutjoint.analysis.closing import evaluate_closures
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.reading import read_model
-from cutjoint.view.javascript import print_function
 from cutjoint.view.motions import Mover
-from cutjoint.view.sliders import make_sliders
+from cutjoint.view.sliders import make_sliders, print_function
 from cutjoint.view.views import show_start
 from tests.conftest import MODELS, needs_cpp
 from tests.view.browser import Page

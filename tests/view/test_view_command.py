@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.analysis.body_poses import find_poses
 from cutjoint.cli import main
-from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.records import ShapeKind
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model, read_model_text

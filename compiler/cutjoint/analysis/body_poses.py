@@ -9,10 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.formulate.inputs import INPUTS
+from cutjoint.formulate.inputs import INPUTS, LAW_TIME
 from cutjoint.formulate.natural.poses import Span, SpanEquations
-from cutjoint.formulate.recursive.poses import PoseEquations
-from cutjoint.formulate.scene_inputs import LAW_TIME
+from cutjoint.formulate.recursive.kinematics import PoseEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks
 

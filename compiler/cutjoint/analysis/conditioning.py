@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cutjoint.topology.choice import Choice, Option
-from cutjoint.topology.conditioning import loop_condition
-from cutjoint.topology.geometry import JointGeometry
+from cutjoint.topology.geometry import JointGeometry, loop_condition
 from cutjoint.topology.records import Topology
+from cutjoint.topology.search import Choice, Option
 
 
 @dataclass(frozen=True, kw_only=True)

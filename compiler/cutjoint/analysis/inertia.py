@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, design_coordinates, evaluate_closures, evaluate_rates
-from cutjoint.analysis.poses import Pose, explore
+from cutjoint.analysis.closing import Array, Pose, design_coordinates, evaluate_closures, evaluate_rates, explore
 from cutjoint.elements.joint import Direction, Slide, Turn
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
@@ -20,10 +19,8 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematic
 from cutjoint.model.records import Body, Model
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.blocks import Block, Builder
-from cutjoint.topology.conditioning import TOLERANCE
-from cutjoint.topology.elimination import degrees
-from cutjoint.topology.geometry import evaluate
-from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.geometry import TOLERANCE, evaluate
+from cutjoint.topology.records import TreeJoint, degrees
 
 #: A share of a motion below this is none.
 _PART = 1e-6

@@ -9,9 +9,9 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, retract
 from cutjoint.analysis.natural import call, evaluate_results
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.program.interpret import RoadTable
-from cutjoint.topology.conditioning import TOLERANCE
+from cutjoint.topology.geometry import TOLERANCE
 
 # Equations
 

@@ -1,14 +1,23 @@
-"""Degrees of freedom: the rank of the cut joints' equations, in the design position and around it; models without a solution."""
+"""Degrees of freedom: the rank of the cut joints' equations, in the design position and around it; models without a solution.
+
+Guides contradict each other where loops cannot stay closed while they move.  The penalty of a
+cut joint would let such a loop gape without a word, since a guide does not yield to forces.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cutjoint.analysis.guides import require_guides
+import numpy as np
+import sympy
+
+from cutjoint.analysis.closing import Array, Pose, close_loops, design_coordinates, evaluate_closures, evaluate_guided_rates, explore
 from cutjoint.analysis.inertia import require_inertia
-from cutjoint.analysis.poses import Pose, explore
+from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.records import Joint
+from cutjoint.package.errors import EquationsError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,3 +67,78 @@ def require_soundness(equations: RecursiveEquations) -> RecursiveEquations:
     require_inertia(equations)
     require_guides(equations)
     return equations
+
+
+#: Shares of a scene at which it is looked at.
+_TIMES = (0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+
+#: The share of the guides' rates that must remain when all speeds have done what they can.
+_PART = 1e-3
+
+
+class GuideError(EquationsError, ValueError):
+    """Guides that no motion of the other joints can follow."""
+
+
+def require_guides(equations: RecursiveEquations) -> None:
+    """Refuse guides that tear a loop open, or a gear, in the equations' scene.
+
+    They do if the loops can be closed at none of several times, and at none of them the other joints' speeds make up for the guides'.
+
+    Raises:
+        GuideError: they do; it names them and the loop.
+    """
+    moving = _moving(equations)
+    if not moving or not equations.closures:
+        return
+    gaps = np.zeros(len(equations.equation_names))
+    q = design_coordinates(equations)
+    for time in (equations.scene.end * share for share in _TIMES):
+        rates = evaluate_guided_rates(equations, q, time)
+        if not np.abs(rates).max(initial=0.0) > 0:
+            continue
+        left = _not_made_up_for(evaluate_closures(equations, q, time)[1], rates)
+        if np.abs(left).max() < _PART * np.abs(rates).max() or close_loops(equations, q, t=time) is not None:
+            return
+        gaps = np.maximum(gaps, np.abs(left))
+    if gaps.any():
+        raise GuideError(_words(equations, moving, gaps))
+
+
+def _moving(equations: RecursiveEquations) -> list[Joint]:
+    """The tree joints whose guides move in the scene."""
+    topology = equations.topology
+    return [t.joint for t in topology.tree if any(rate != 0 for rate in _rates(equations, t.joint))]
+
+
+def _rates(equations: RecursiveEquations, joint: Joint) -> Iterator[object]:
+    laws = input_functions(equations.topology.model, equations.scene)
+    for guide in joint.guide or ():
+        yield sympy.diff(guide.subs(laws), TIME)
+
+
+def _not_made_up_for(jacobian: Array, rates: Array) -> Array:
+    """The rest of rates that speeds cannot make up for."""
+    if not jacobian.size:
+        return rates
+    speeds = np.linalg.lstsq(jacobian, rates, rcond=1e-9)[0]
+    return np.asarray(rates - jacobian @ speeds)
+
+
+def _words(equations: RecursiveEquations, moving: list[Joint], gaps: Array) -> str:
+    worst = int(np.argmax(gaps))
+    torn = next(c.joint for c in equations.closures if c.first <= worst < c.first + len(c.names))
+    if any(gear.name == torn for gear in equations.topology.model.gears):
+        names = ", ".join(f"'{joint.name}'" for joint in moving)
+        return (
+            f"{moving[0].span}: scene '{equations.scene.name}': the guides of {names} contradict the gear '{torn}': "
+            "no motion of the other joints goes with them; leave out a guide or the gear"
+        )
+    loop = next(loop for loop in equations.topology.loops if loop.cut == torn)
+    joint_of = equations.topology.joint_of
+    guided = [joint_of[body].joint for body in loop.bodies if joint_of[body].joint.guide is not None]
+    names = ", ".join(f"'{joint.name}'" for joint in guided or moving)
+    return (
+        f"{(guided or moving)[0].span}: scene '{equations.scene.name}': the guides of {names} tear open the loop that '{torn}' closes: "
+        "no motion of its other joints goes with them; leave out a guide, or free another joint of the loop"
+    )

@@ -8,14 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, evaluate_scene_inputs, make_inputs
-from cutjoint.analysis.poses import Pose, explore
+from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs
 from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
-from cutjoint.formulate.natural.records import LagrangianEquations
+from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
-from cutjoint.topology.conditioning import TOLERANCE
+from cutjoint.topology.geometry import TOLERANCE
 
 #: The arrays of a call that input symbols' columns stand in.
 _ARRAYS = ("q", "v", "vdot", "lambda", "w", "relative_q", "relative_v", "weights.turns")

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
-from cutjoint.analysis.poses import Pose, explore
+from cutjoint.analysis.closing import Array, FlatRoad, Pose, explore, make_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.quantities import quantities
 from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.topology.conditioning import TOLERANCE
+from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
 # Equations

@@ -15,10 +15,9 @@ from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import count_failures, describe_failures
-from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.results import Batch
-from cutjoint.run.settings import with_options
+from cutjoint.run.settings import Options, with_options
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.poses import explore
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
-from cutjoint.analysis.rigid import describe_geometry
+from cutjoint.analysis.skew import describe_geometry
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.choice import rank_cuts
 from cutjoint.topology.reading import read_model
+from cutjoint.topology.search import rank_cuts
 from cutjoint.view.graph import draw_graph
 from cutjoint.view.states import find_notes, show_directions
 from cutjoint.view.views import require_view, write_shown

@@ -21,11 +21,10 @@ from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import require_unit
-from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
-from cutjoint.run.settings import require_settings, with_options
+from cutjoint.run.settings import Options, require_settings, with_options
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation, SimulationError
 

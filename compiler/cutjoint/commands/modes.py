@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
-from cutjoint.report.modes import mode_tables, modes_json
+from cutjoint.report.tasks import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_scene

@@ -16,8 +16,8 @@ from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.reductions import choice_table
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 
 
 def pick_and_play(

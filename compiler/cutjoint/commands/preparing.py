@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from cutjoint.analysis.mobility import find_mobility
-from cutjoint.analysis.rigid import describe_geometry
+from cutjoint.analysis.skew import describe_geometry
 from cutjoint.commands import options
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
@@ -22,10 +22,10 @@ from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.settings import Options
 from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
 

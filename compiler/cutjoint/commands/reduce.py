@@ -12,7 +12,7 @@ from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.reading import read_model
-from cutjoint.view.reduction import show_reduction
+from cutjoint.view.states import show_reduction
 from cutjoint.view.views import require_view, write_shown
 
 

@@ -1,4 +1,7 @@
-"""`cutjoint simulate --view`, which reads the model again: a cached run knows its program alone; imported only where it is asked for."""
+"""`cutjoint simulate --view`, which reads the model again: a cached run knows its program alone; imported only where it is asked for.
+
+A failed run is made once more, with a row for each of its steps: its last rows show the way to the failure.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from pathlib import Path
 from cutjoint.commands.preparing import FinishedRun, read_request
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
+from cutjoint.methods import INTEGRATORS
 from cutjoint.run.errors import RunError
-from cutjoint.run.last_steps import with_each_step
 from cutjoint.run.results import Trajectory
-from cutjoint.run.simulator_run import SimulatorRun
+from cutjoint.run.simulator import SimulatorError
+from cutjoint.run.simulator_run import SimulatorRun, start
 from cutjoint.view.ghost import read_page
 from cutjoint.view.mesh_files import require_meshes
 from cutjoint.view.views import PAGE, require_view, show_run, write_shown
@@ -52,3 +56,27 @@ def write_replay(
     steps = with_each_step(replace(plan, with_coordinates=True), run)
     shown = show_run(played.model, scene, played.method, played.parameters, steps, variant=played.variant)
     return write_shown(view, shown, over=None if over is None else read_page(over, "--over"))
+
+
+#: Runs of more steps are not repeated for their last ones; an adaptive integrator gets so many rows.
+_MOST_STEPS, _ROWS = 20_000, 400
+
+
+def with_each_step(plan: SimulatorRun, run: Trajectory) -> Trajectory:
+    """A failed run of a plan, with a row for each step, of an adaptive integrator 400 rows or more, at which its steps end.
+
+    The first run is returned where the second one does not fail, has fewer rows, or cannot be had.
+
+    Raises:
+        Interrupted, Terminated: a signal has ended the run.
+    """
+    failure, settings = run.failure, plan.run_file.settings
+    if failure is None or not (0 < failure.step <= _MOST_STEPS and failure.time > 0):
+        return run
+    adaptive = INTEGRATORS[settings.integrator].adaptive
+    dt = min(settings.dt, failure.time / _ROWS) if adaptive else failure.time / failure.step
+    try:
+        again = start(replace(plan, run_file=replace(plan.run_file.with_settings(dt=dt), output_step=dt)))
+    except SimulatorError:
+        return run
+    return replace(again, failure=failure) if again.failure is not None and again.t.size > run.t.size else run

@@ -13,10 +13,10 @@ from cutjoint.methods import AUTO
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.failures import describe_failure, describe_rest
-from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 
 if TYPE_CHECKING:
     from cutjoint.commands.preparing import FinishedRun

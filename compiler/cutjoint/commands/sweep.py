@@ -14,11 +14,10 @@ from cutjoint.commands import options, table
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.sweeps.manifest import steps_of
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
-from cutjoint.sweeps.run import Sweep, perform_study
+from cutjoint.sweeps.run import Sweep, perform_study, steps_of
 from cutjoint.view.views import require_view
 
 #: The number of printed reasons of failures, and the pattern of numbers, by which reasons alike may differ.

@@ -19,8 +19,8 @@ from cutjoint.emit.classes import SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, SystemEquations
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
@@ -38,12 +38,11 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance
+from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance
 from cutjoint.sparse.pattern import settle_entries
 from cutjoint.sparse.plan import plan_definite
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of

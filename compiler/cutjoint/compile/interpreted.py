@@ -14,11 +14,11 @@ from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.toolchain.build import FLAGS, build_interpreter
+from cutjoint.toolchain.build import build_interpreter
 
 
 def compile_interpreted(
-    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = FLAGS, outputs: Sequence[Output] | None = None,
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, outputs: Sequence[Output] | None = None,
     scheduled: tuple[Equations, Program] | None = None,
 ) -> Artifact:  # fmt: skip
     """A model in a scene for the interpreter, of which nothing is compiled; ``outputs`` are instead of the scene's.  ``scheduled`` is what
@@ -38,7 +38,7 @@ def compile_interpreted(
     source, description = _interpret(equations, program)
     generated = perf_counter()
     # Binary
-    binary = build_interpreter(source.driver, flags=flags)
+    binary = build_interpreter(source.driver)
     return Artifact(
         scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
         implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,

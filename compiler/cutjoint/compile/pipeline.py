@@ -16,9 +16,9 @@ from cutjoint.analysis.mobility import require_soundness
 from cutjoint.compile.folders import plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
 from cutjoint.emit.source import Generated, Source, emit
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.locations import AnyPath

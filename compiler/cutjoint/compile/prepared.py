@@ -24,8 +24,8 @@ from cutjoint.methods import DEFAULT_PRECISION, Implementation
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
-from cutjoint.run.options import Options
 from cutjoint.run.record import RunFile, Settings
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record

@@ -11,20 +11,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
-from cutjoint.analysis.poses import explore
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
 from cutjoint.emit.source import Source
 from cutjoint.emit.system import emit_system
-from cutjoint.formulate.correspondence import find_corresponding
 from cutjoint.formulate.implicit.equations import formulate_implicit
-from cutjoint.formulate.natural.equations import formulate_lagrangian, without
-from cutjoint.formulate.natural.records import LagrangianEquations
-from cutjoint.formulate.records import RecursiveEquations, SystemEquations
-from cutjoint.formulate.recursive.lanes import schedule_recursive
-from cutjoint.formulate.system import CHECKS
+from cutjoint.formulate.lanes import find_corresponding, schedule_recursive
+from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian, without
+from cutjoint.formulate.records import CHECKS, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Output
 from cutjoint.program.fold import fold

@@ -15,8 +15,8 @@ from typing import Any, TypeAlias
 
 from cutjoint.emit.factor_tables import table_items
 from cutjoint.emit.source import Source, description, switches_of
+from cutjoint.formulate.inputs import LAW_TIME
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.scene_inputs import LAW_TIME
 from cutjoint.program.records import Program, Result
 from cutjoint.program.scalars import Graph, Scalar
 from cutjoint.sparse.plan import Plan

@@ -14,8 +14,8 @@ from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.scenes import with_closure
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.records import Topology
 

@@ -1,26 +1,15 @@
-"""The quantities of each element that can be outputs, with units."""
+"""The quantities of each element that can be outputs, with units, and the bodies to which an output's element belongs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TypeAlias
 
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import (
-    Body,
-    Force,
-    Gear,
-    Joint,
-    Marker,
-    Model,
-    Output,
-    Reaction,
-    RodForce,
-    Vector,
-)
+from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Marker, Model, Output, Reaction, RodForce, Vector
 
 Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker
 
@@ -90,3 +79,31 @@ def reported_element(model: Model, output: Output) -> Element:
     """The element that an output is a quantity of."""
     groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears)
     return next(e for group in groups for e in group if e.name == output.element)
+
+
+def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:
+    """The bodies of every element by its name, the ground left out."""
+    joints = {joint.name: joint for joint in model.joints}
+    elements: list[Element] = [
+        *model.joints, *model.gears, *model.force_elements, *model.reactions, *model.markers,
+    ]  # fmt: skip
+    found = {e.name: tuple(dict.fromkeys(b for b in _bodies(e, joints) if b != GROUND)) for e in elements}
+    return {**{body.name: (body.name,) for body in model.bodies}, **found}
+
+
+def _bodies(element: Element, joints: dict[str, Joint]) -> Iterator[str]:
+    match element:
+        case Marker():
+            yield element.body
+        case Force() if not element.joint_of:
+            yield from element.bodies
+        case Force():
+            yield from _bodies(joints[element.joint_of], joints)
+        case Reaction():
+            yield from _bodies(joints[element.joint], joints)
+        case Gear():
+            yield from (body for name in element.joints for body in _bodies(joints[name], joints))
+        case RodForce():
+            yield from (body for name, _ in element.pushes for body in _bodies(joints[name], joints))
+        case Joint():
+            yield from (element.base, element.follower)

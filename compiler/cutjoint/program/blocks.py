@@ -344,7 +344,7 @@ class Builder:
         """The 3x3 matrix p~ with p~ x = p x x."""
         return self.zero(3, 3) if is_zero(p) else self._make("skew", (p,), (3, 3))
 
-    def stack(self, grid: Sequence[Sequence[Block]], *, symmetric: bool = False) -> Block:
+    def stack(self, grid: Sequence[Sequence[Block]]) -> Block:
         """Blocks beside each other (inner sequences) and above each other (outer)."""
         heights = tuple(row[0].shape[0] for row in grid)
         widths = tuple(a.shape[1] for a in grid[0])
@@ -352,7 +352,7 @@ class Builder:
         shape = (sum(heights), sum(widths))
         if all(is_zero(a) for a in args):
             return self.zero(*shape)
-        return self._make("stack", args, shape, data=(heights, widths), symmetric=symmetric)
+        return self._make("stack", args, shape, data=(heights, widths))
 
     def column(self, scalars: Sequence[Block]) -> Block:
         """A column of scalars."""

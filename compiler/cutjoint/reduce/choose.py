@@ -21,15 +21,13 @@ from cutjoint.compile.prepared import made_with
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
-from cutjoint.reduce.background import DERIVING, begin
 from cutjoint.reduce.measure import Truth, distance, find_truth, fraction, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
-from cutjoint.reduce.trials import Trials, at_step
+from cutjoint.reduce.trials import DERIVING, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.run.steps import common_step
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.machine import machine

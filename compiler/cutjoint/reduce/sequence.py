@@ -1,4 +1,7 @@
-"""The reduction sequence: the full model and what is left of it after more and more passes."""
+"""The reduction sequence: the full model and what is left of it after more and more passes.
+
+A reduced model holds for its scene's inputs: their laws stand in it, and it has no inputs.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from cutjoint.compile.pipeline import schedule_method
+from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
 from cutjoint.reduce.approximations import lighten_links, roll_straight
-from cutjoint.reduce.fix_inputs import fix_inputs
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
+from cutjoint.reduce.half.plane import put_in
 from cutjoint.reduce.half.symmetry import flatten_nearly, halve, halve_nearly
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
@@ -219,3 +223,17 @@ def _dearer(notes: Sequence[Note], name: str, found: int, before: int) -> list[N
     """The notes of a pass that was left undone since it would cost more."""
     words = f"stays: the pass '{name}' would take {found} operations in place of {before}"
     return [replace(note, words=words) for note in notes]
+
+
+def fix_inputs(outcome: Outcome) -> Outcome:
+    """The outcome with the scene's functions of time in place of inputs."""
+    model, scene = outcome.model, outcome.scene
+    laws = input_functions(model, scene)
+    if not laws:
+        return outcome
+    guards = (replace(put_in(g, laws), force=put_in(g.force, laws)) for g in model.guards)
+    settled = replace(
+        model, parameters=tuple(p for p in model.parameters if p.binding is not Binding.INPUT),
+        joints=tuple(put_in(j, laws) for j in model.joints), forces=tuple(put_in(f, laws) for f in model.forces), guards=tuple(guards),
+    )  # fmt: skip
+    return replace(outcome, model=settled, scene=replace(scene, inputs={}))

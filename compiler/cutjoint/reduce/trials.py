@@ -1,9 +1,17 @@
-"""A model's runs at one step after another, as calibrations make them: interpreted while that takes less than compiling."""
+"""A model's runs at one step after another, as calibrations make them: interpreted while that takes less than compiling.
+
+Work in another thread goes on while this one derives equations or waits for a simulator or a compiler.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from contextvars import copy_context
+from fractions import Fraction
+from math import lcm
+from threading import RLock, Thread
+from typing import TypeVar
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
@@ -13,12 +21,10 @@ from cutjoint.formulate.records import Equations
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Scene
 from cutjoint.program.records import Program
-from cutjoint.reduce.background import DERIVING, begin
 from cutjoint.reduce.sampling import compiling_seconds
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.run.steps import common_step
 
 #: The function of a system that each iteration calls beside its tangent.
 _RESIDUAL = "dynamic_residual"
@@ -105,3 +111,35 @@ def at_step(artifact: Artifact, dt: float) -> Artifact:
 def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
     """A run whose rows are some of the scene's."""
     return simulate(at_step(artifact, dt), dt=dt, parameters=parameters, error=False, check=False)
+
+
+Result = TypeVar("Result")
+
+#: Held by a thread that derives equations: SymPy is not made for several.
+DERIVING = RLock()
+
+
+def begin(work: Callable[[], Result]) -> Future[Result]:
+    """Begin some work.  Nobody waits for it when the program ends, by Ctrl-C or otherwise."""
+    future: Future[Result] = Future()
+    context = copy_context()  # who listens to the compiler
+
+    def perform() -> None:
+        try:
+            future.set_result(context.run(work))
+        except BaseException as error:
+            future.set_exception(error)
+
+    Thread(target=perform, daemon=True).start()
+    return future
+
+
+def exact(seconds: float) -> Fraction:
+    """The short fraction that a step was written as."""
+    return Fraction(repr(seconds)).limit_denominator(10**9)
+
+
+def common_step(dt: float, row: float) -> float:
+    """The shortest time that is a whole number of steps and of rows."""
+    a, b = exact(dt), exact(row)
+    return float(Fraction(lcm(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator))

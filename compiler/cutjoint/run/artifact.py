@@ -19,11 +19,10 @@ from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
 from cutjoint.run.inputs import GivenInput
-from cutjoint.run.options import Options
 from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import find_goal, find_settings, with_options
+from cutjoint.run.settings import Options, find_goal, find_settings, with_options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology

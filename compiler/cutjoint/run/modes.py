@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.linearise import Linearisation, Point, linearise
-from cutjoint.formulate.implicit.records import ImplicitEquations
+from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.methods import LINEARISED
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.record import RunFile
 from cutjoint.run.results import FailureReport
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.toolchain.temporary import temporary_folder
 

@@ -23,10 +23,9 @@ from cutjoint.model.starts import fault_of_quaternion, normalised
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
-from cutjoint.run.options import Options
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.roads import road_pieces
-from cutjoint.run.settings import find_settings, with_options
+from cutjoint.run.settings import Options, find_settings, with_options
 
 _NOTHING_ASKED = Options()
 

@@ -1,4 +1,4 @@
-"""The settings of a run: what the scene, the method, the integrator and the caller say, made one record and checked."""
+"""The settings of a run: the caller's options, and what the scene, the method and the integrator say, made one record and checked."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from cutjoint.methods import (
 from cutjoint.model.ranges import MOST_STEPS, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.run.errors import RunError
-from cutjoint.run.options import Options
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
 
@@ -251,3 +250,26 @@ def _require_ranges(scene: Scene, settings: Settings) -> None:
             if isinstance(value, float | int) and not isinstance(value, bool) and (fault := fault_of_setting(name, value)):
                 law = scene.numerics.by_step.get(name)
                 raise RunError(f"{scene.span}: scene '{scene.name}': {name}{'' if law is None else f' = {law}'}: {fault}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Settings that a caller gives in place of the scene's; None for what the scene, the method and the integrator have.
+
+    ``dt`` and ``end`` are in s.  ``tolerance`` is the relative error of an adaptive integrator's step, else the relative change of the
+    accelerations at which the iteration of a step ends.  ``iterations`` is the number that each step has, so that all cost the same.
+    ``solver`` is the linear solver, ``integrator`` one of INTEGRATORS, ``events`` one of Events.
+    """
+
+    dt: float | None = None
+    end: float | None = None
+    penalty: float | None = None
+    tolerance: float | None = None
+    iterations: int | None = None
+    solver: str | None = None
+    integrator: str | None = None
+    events: str | None = None
+
+
+#: Equal steps by the default rule over events, whatever the scene says; also of tasks without steps.
+PLAIN_STEPS = Options(integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)

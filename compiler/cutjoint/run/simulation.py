@@ -8,8 +8,8 @@ from cutjoint.package.locations import AnyPath
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.inputs import GivenInput
-from cutjoint.run.options import Options
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator import Progress
 
 

@@ -14,8 +14,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
-from cutjoint.stepping.lanes import Lanes, with_rollout
-from cutjoint.stepping.library import Library
+from cutjoint.stepping.library import Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutjoint.emit.classes import LANES
-from cutjoint.stepping.lanes import Lanes
+from cutjoint.stepping.library import Lanes
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import Array
 

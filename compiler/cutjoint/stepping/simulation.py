@@ -11,8 +11,7 @@ import numpy as np
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import Library
-from cutjoint.stepping.statespace import StateSpace
-from cutjoint.stepping.values import Array, Values, find_place
+from cutjoint.stepping.values import Array, StateSpace, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"

@@ -20,8 +20,7 @@ from typing import Any
 
 from cutjoint.run.outputs import OutputError, resolved
 from cutjoint.run.result_files import naming_output, write_whole
-from cutjoint.sweeps.seals import is_sealed, seal
-from cutjoint.sweeps.table import Layout, arrow, key_of, manifest_text, parts_label
+from cutjoint.sweeps.table import Layout, arrow, is_sealed, key_of, manifest_text, parts_label, seal
 from cutjoint.sweeps.work import Rows
 
 #: The names of files in the folder beside parts, and of parts; each of these, while it is written, with more to its name.

@@ -21,9 +21,8 @@ from cutjoint.model.source import Path as Keys
 from cutjoint.model.source import Source, parse_yaml, read_text
 from cutjoint.model.units import TIME
 from cutjoint.package.locations import AnyPath
-from cutjoint.run.options import Options
 from cutjoint.run.scenes import find_scene
-from cutjoint.run.settings import with_options
+from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
 from cutjoint.sweeps.expressions import Reader

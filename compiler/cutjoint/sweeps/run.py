@@ -1,15 +1,19 @@
 """Sweeps from end to end: read this first.
 
     study.yaml -> Study -> libraries -> chunks -> parts -> table
+
+The manifest tells the origin of a table in plain data: digests, versions, design.  No date, host or folder is in it.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
+from hashlib import sha256
+from importlib.metadata import version
 from itertools import islice
 from math import ceil
 from pathlib import Path
@@ -19,19 +23,19 @@ from typing import Any
 import numpy as np
 
 from cutjoint.package.locations import AnyPath
+from cutjoint.package.version import __version__
 from cutjoint.run.errors import RunError
-from cutjoint.run.settings import require_settings
+from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.designs import Masses
-from cutjoint.sweeps.local import Threads, Workers, processors
-from cutjoint.sweeps.manifest import make_manifest
+from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
-from cutjoint.sweeps.work import Chunk, Work, in_lanes
+from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes, processors
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
 LEAST_WORK, USUAL_WORK = 0.1, 1.0
@@ -239,3 +243,42 @@ class _Driver:
         usual, least = max(USUAL_WORK, workers / _USUAL_RATE), max(LEAST_WORK, workers / _LAST_RATE)
         work = max(least, min(usual, each * left / (2 * workers)))
         return in_lanes(max(1, min(most, ceil(work / each))), lanes)
+
+
+#: The form of tables; another number where columns or their meaning change.
+FORMAT = 2
+
+
+def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
+    """The manifest of a study's table; rows that have the same one are the same, bit by bit."""
+    target = kernels[0].target
+    return {
+        "format": FORMAT,
+        "cutjoint": __version__,
+        "name": study.model.name,
+        "model": sha256(study.model.text.encode()).hexdigest(),
+        "study": study.digest,
+        "source": {kernel.scene: kernel.source for kernel in kernels},
+        "library": {kernel.scene: kernel.digest for kernel in kernels},
+        "method": study.method,
+        **{each.name: {k.scene: getattr(k.steps, each.name) for k in kernels} for each in fields(StepSettings)},
+        "lanes": {kernel.scene: kernel.lanes for kernel in kernels},
+        "compiler": target.compiler,
+        "flags": list(target.flags),
+        "processor": [target.machine, *target.features],
+        "design": dict(study.design),
+        "runs": study.runs,
+        "versions": {name: version(name) for name in ("numpy", "pyarrow")},
+    }  # fmt: skip
+
+
+def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """The steps of each scene's runs, in words."""
+    return {
+        scene: f"{StepSettings(**{each.name: manifest[each.name][scene] for each in fields(StepSettings)})}, runs {_together(lanes)}"
+        for scene, lanes in manifest["lanes"].items()
+    }
+
+
+def _together(lanes: int) -> str:
+    return "one by one" if lanes == 1 else f"{lanes} side by side"

@@ -1,11 +1,13 @@
 """The table of a sweep: Parquet, with the manifest and a digest in the file.
 
-The bytes of a table follow from its rows and the manifest, whatever parts (`parts`) there were.
+The bytes of a table follow from its rows and the manifest, whatever parts (`parts`) there were.  Digests stand between rows and footer,
+where readers pass over them.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,14 +15,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, is_stream, resolved
 from cutjoint.sweeps.records import Kind, Study
-from cutjoint.sweeps.seals import is_sealed
 from cutjoint.sweeps.work import Rows
 
 #: The key of the manifest in a table's metadata.
@@ -167,3 +168,49 @@ def require_room(layout: Layout, out: Path) -> None:
             f"{free / 1e9:.3g} GB left; write fewer runs or thinner trajectories, or write elsewhere"
         )
 
+
+#: The bytes of a digest, those behind a footer (its length and a mark), and how many are read at a time.
+_DIGEST, _TAIL, _BLOCK = 32, 8, 1 << 20
+
+
+def seal(file: BinaryIO, label: str) -> None:
+    """Put the digest of a ``label`` and of all its bytes into a Parquet file that is open for reading and writing."""
+    footer = _find_footer(file)
+    digest = _digest(file, label, footer, footer)
+    file.seek(footer)
+    rest = file.read()
+    file.seek(footer)
+    file.write(digest + rest)
+
+
+def is_sealed(file: BinaryIO, label: str) -> bool:
+    """True where a file is, byte by byte, as it was sealed with that label."""
+    footer = _find_footer(file)
+    rows = footer - _DIGEST
+    if rows < 0:
+        return False
+    file.seek(rows)
+    return file.read(_DIGEST) == _digest(file, label, rows, footer)
+
+
+def _find_footer(file: BinaryIO) -> int:
+    """The place at which a file's footer would begin; below 0 where it cannot have one."""
+    size = file.seek(0, os.SEEK_END)
+    if size < _TAIL:
+        return -1
+    file.seek(size - _TAIL)
+    return size - _TAIL - int.from_bytes(file.read(4), "little")
+
+
+def _digest(file: BinaryIO, label: str, rows: int, footer: int) -> bytes:
+    """The digest of a label, of the bytes up to the end of ``rows`` and of those from the ``footer`` on."""
+    digest = sha256(label.encode())
+    file.seek(0)
+    left = rows
+    while left and (block := file.read(min(left, _BLOCK))):
+        digest.update(block)
+        left -= len(block)
+    file.seek(footer)
+    while block := file.read(_BLOCK):
+        digest.update(block)
+    return digest.digest()

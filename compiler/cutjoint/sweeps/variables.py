@@ -1,11 +1,14 @@
-"""The variables of a study: the parts of the model that they change, their ranges, and their values run by run."""
+"""The variables of a study: the parts of the model that they change, their ranges, and their values run by run, also from tables that users
+write.
+"""
 
 from __future__ import annotations
 
+import csv
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isnan, nan
+from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import TypeAlias
 
@@ -19,12 +22,12 @@ from cutjoint.model.records import COORDINATES, Binding, Model, Parameter, Scene
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path as Keys
 from cutjoint.model.starts import read_states
+from cutjoint.model.text import read_number
 from cutjoint.model.units import measure
 from cutjoint.sweeps import designs
 from cutjoint.sweeps.designs import Extent
 from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, Values
 from cutjoint.sweeps.records import Array, Kind, Variable
-from cutjoint.sweeps.tables import read_numbers
 
 #: Reads a number as it is written at a place, in SI units; NaN, with a problem noted, where the model cannot have it.
 Read: TypeAlias = Callable[[int | float | str, Keys], float]
@@ -219,3 +222,45 @@ class Variables:
         names, rows = read_numbers(self._folder / design.csv, lambda message, hint: self._fail(keys, message, hint))
         self._end()
         return [self._found(name, keys)[0] for name in names], rows
+
+
+#: Notes what is wrong, and what to do.
+Fail = Callable[[str, str], None]
+
+
+def read_numbers(path: Path, fail: Fail) -> tuple[list[str], Array]:
+    """Names and numbers (rows, names) of a CSV file (SI units); blank lines count not.  ``fail`` is told what is wrong, with its line."""
+    empty: tuple[list[str], Array] = ([], np.zeros((0, 0)))
+    if path.is_char_device():
+        fail(f"{path} is a device, which has no end", "name a file")
+        return empty
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, skipinitialspace=True)
+            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(cell.strip() for cell in row)]
+    except OSError as error:
+        fail(f"{path} cannot be read: {error.strerror}", "write its path from the folder of the study")
+        return empty
+    except (UnicodeDecodeError, csv.Error) as error:
+        fail(f"{path} is not a table in UTF-8: {error}", "save it as CSV UTF-8, with commas")
+        return empty
+    if len(rows) < 2:
+        fail(f"{path} has no runs", "write names in the first line and a line of numbers for each run")
+        return empty
+    names = rows[0][1]
+    return names, np.array([_numbers(f"{path}:{line}", names, row, fail) for line, row in rows[1:]], dtype=float)
+
+
+def _numbers(place: str, names: Sequence[str], row: Sequence[str], fail: Fail) -> list[float]:
+    if len(row) != len(names):
+        fail(f"{place}: {len(row)} values for {len(names)} names", "write one for each")
+        return [nan] * len(names)
+    values = []
+    for name, text in zip(names, row, strict=True):
+        try:
+            values.append(read_number(text))
+        except ValueError:
+            values.append(nan)
+        if not isfinite(values[-1]):
+            fail(f"{place}: {name}: '{text[:40]}' is not a finite number", "write a plain number in SI units")
+    return values

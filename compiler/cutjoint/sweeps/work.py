@@ -1,10 +1,17 @@
-"""The work of workers: chunks of runs, from values to rows.  A worker needs this module, the libraries and NumPy, and no compiler."""
+"""The work of workers: chunks of runs, from values to rows, and the workers that are threads of this process.
+
+A worker needs this module, the libraries and NumPy, and no compiler.  The libraries' code runs beside Python's.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from queue import Empty, Queue
 from time import perf_counter
+from typing import Protocol
 
 import numpy as np
 
@@ -109,3 +116,49 @@ class Work:
         """The rows of a trajectory that stay: each so many, and the last."""
         rows: Counts = np.unique([*range(0, kernel.rows, self.every), kernel.rows - 1])
         return rows
+
+
+class Workers(Protocol):
+    """Workers that perform chunks, several at a time."""
+
+    @property
+    def number(self) -> int:
+        """The number of chunks that are performed at a time."""
+
+    def submit(self, chunk: Chunk) -> None:
+        """Begin to perform a chunk."""
+
+    def take(self, seconds: float) -> Rows | None:
+        """The rows of a chunk that is done, None if there is none in this time; what went wrong with one is raised."""
+
+    def close(self) -> None:
+        """Begin no more chunks."""
+
+
+def processors() -> int:
+    """The number of processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+class Threads:
+    """Threads of this process."""
+
+    def __init__(self, work: Work, number: int) -> None:
+        self.number = number
+        self._work, self._done = work, Queue[Future[Rows]]()
+        self._pool = ThreadPoolExecutor(number)
+
+    def submit(self, chunk: Chunk) -> None:
+        """Begin to perform a chunk."""
+        self._pool.submit(self._work.perform, chunk).add_done_callback(self._done.put)
+
+    def take(self, seconds: float) -> Rows | None:
+        """The rows of a chunk that is done, None if there is none in this time."""
+        try:
+            return self._done.get(timeout=seconds).result()
+        except Empty:
+            return None
+
+    def close(self) -> None:
+        """Begin no more chunks, and wait for those that were begun."""
+        self._pool.shutdown(cancel_futures=True)

@@ -17,8 +17,8 @@ from cutjoint.compile.folders import fits_lanes
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
 from cutjoint.emit.source import emit
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.formulate.recursive.lanes import schedule_recursive
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import AnyPath
@@ -27,11 +27,10 @@ from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.inputs import input_entries
-from cutjoint.run.options import Options
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
 from cutjoint.run.scenes import find_scene, with_closure
-from cutjoint.run.settings import StepSettings, find_integrator, find_tolerance, require_settings
+from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests

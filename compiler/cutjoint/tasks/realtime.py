@@ -14,10 +14,10 @@ from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
-from cutjoint.run.options import Options
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
 
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.body_graph import BodyGraph
-from cutjoint.topology.branches import find_branches
+from cutjoint.topology.body_graph import BodyGraph, find_branches
 from cutjoint.topology.classes import find_classes
-from cutjoint.topology.elimination import eliminate
-from cutjoint.topology.records import Loop, Topology, TreeJoint
+from cutjoint.topology.records import Loop, Topology, TreeJoint, eliminate
 from cutjoint.topology.search import span
 
 

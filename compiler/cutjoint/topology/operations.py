@@ -12,11 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.body_graph import BodyGraph
-from cutjoint.topology.branches import find_branches
+from cutjoint.topology.body_graph import BodyGraph, find_branches
 from cutjoint.topology.classes import find_independent_classes
-from cutjoint.topology.elimination import degrees, eliminate
-from cutjoint.topology.records import Branch, TreeJoint
+from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate
 
 #: Mass matrix, weight and inertia force of a body.
 BODY = 135

@@ -1,4 +1,7 @@
-"""The search for the joints to cut."""
+"""The search for the joints to cut, and for one loop the joints that could be cut in place of its own, with the cost of each choice.
+
+Joints stand alike in the body graph, before anything is cut, by their kind, and by the joints and forces around them.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 from cutjoint.model.errors import ModelError
-from cutjoint.model.records import Joint, Model
-from cutjoint.topology.alike import number_alike
-from cutjoint.topology.conditioning import loop_condition
+from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.cuts import CutRules, find_rules, shortest_paths, torn_bodies, wrong_cuts
-from cutjoint.topology.geometry import JointGeometry
-from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.geometry import JointGeometry, loop_condition
+from cutjoint.topology.records import Topology, TreeJoint, degrees
 from cutjoint.topology.spanning_tree import Cost, TopologyError, cost_of, joints_around, split
 
 
@@ -147,3 +149,88 @@ class _Search:
             return float(f"{loop_condition(self.geometry, spanning.tree, spanning.cuts, cut):.2e}")
         except ModelError:  # a direction of this joint depends on an open parameter, so that it has no numbers yet
             return math.inf
+
+
+#: The largest distance, in joints, of a difference that tells joints apart.
+RADIUS = 8
+
+
+def number_alike(model: Model) -> Mapping[str, int]:
+    """A number for each joint by its name, the same for joints whose surroundings have one shape up to RADIUS joints away.
+
+    Bodies that guided joints carry count as the bodies that carry them, so that a steered axle is like another.
+    """
+    merged = _merged(model)
+    massless = {body.name for body in model.bodies if body.is_massless}
+    forces: dict[str, list[str]] = {}
+    for force in model.forces:
+        for body in force.bodies:
+            forces.setdefault(merged[body], []).append(type(force).__name__)
+    bodies: dict[str, Any] = {b: (b == merged[GROUND], b in massless, tuple(sorted(forces.get(b, ())))) for b in merged.values()}
+    joints: dict[str, Any] = {j.name: (j.kind, j.guide is not None) for j in model.joints}
+    ends = {j.name: (merged[j.base], merged[j.follower]) for j in model.joints}
+    for _ in range(RADIUS):
+        bodies, joints = _numbered(bodies), _numbered(joints)
+        seen: dict[str, list[tuple[int, int, int]]] = {}
+        for name, (base, follower) in ends.items():
+            seen.setdefault(base, []).append((joints[name], 0, bodies[follower]))
+            seen.setdefault(follower, []).append((joints[name], 1, bodies[base]))
+        joints = {name: (joints[name], bodies[base], bodies[follower]) for name, (base, follower) in ends.items()}
+        bodies = {body: (number, tuple(sorted(seen.get(body, ())))) for body, number in bodies.items()}
+    return _numbered(joints)
+
+
+def _numbered(shapes: Mapping[str, Any]) -> dict[str, int]:
+    known: dict[Any, int] = {}
+    return {name: known.setdefault(shape, len(known)) for name, shape in shapes.items()}
+
+
+def _merged(model: Model) -> dict[str, str]:
+    """Each body's representative among those that guided joints connect with it."""
+    merged = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
+    for joint in model.joints:
+        if degrees(joint) == 0 and merged[joint.base] != merged[joint.follower]:
+            old, new = merged[joint.follower], merged[joint.base]
+            merged = {body: new if one == old else one for body, one in merged.items()}
+    return merged
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """One joint to cut a loop at: the tree and the cut joints that follow, and their cost.
+
+    In all loops alike the joint alike is cut, or in this loop alone, whichever costs less; all other cuts stay.
+    """
+
+    joint: Joint
+    tree: tuple[TreeJoint, ...]
+    cuts: tuple[Joint, ...]
+    cost: Cost
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """A loop's cut joint in use, and the joints of its loop that could be cut instead, cheapest first, the file's order at equal cost."""
+
+    used: Option
+    alternatives: tuple[Option, ...]
+
+
+def rank_cuts(topology: Topology) -> tuple[Choice, ...]:
+    """The choice of each loop, in the order of the cut joints; a joint that must not be cut is no alternative."""
+    model = topology.model
+    exchanges, place = Exchanges(rules=find_rules(model), number=number_alike(model)), {j.name: i for i, j in enumerate(model.joints)}
+    used = Spanning(model=model, cut=frozenset(cut.name for cut in topology.cuts))
+    choices = []
+    for cut in topology.cuts:
+        joints = sorted(exchanges.around(used, cut), key=lambda j: place[j.name])
+        choices_of = {joint: (exchanges.exchange_in_all_alike(used, cut, joint), used.exchanged(cut, joint)) for joint in joints}
+        harmless = {joint: [s for s in both if exchanges.violations(s) <= exchanges.violations(used)] for joint, both in choices_of.items()}
+        options = [_option(joint, *spannings) for joint, spannings in harmless.items() if spannings]
+        choices.append(Choice(used=_option(cut, used), alternatives=tuple(sorted(options, key=lambda o: o.cost))))
+    return tuple(choices)
+
+
+def _option(joint: Joint, *choices: Spanning) -> Option:
+    best = min(choices, key=lambda choice: choice.cost)
+    return Option(joint=joint, tree=best.tree, cuts=best.cuts, cost=best.cost)

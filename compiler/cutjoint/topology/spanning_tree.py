@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.elimination import degrees
 from cutjoint.topology.operations import predict_operations
-from cutjoint.topology.records import TreeJoint
+from cutjoint.topology.records import TreeJoint, degrees
 
 
 class TopologyError(ModelError):

@@ -11,10 +11,9 @@ from cutjoint.elements.kinds import JointKind
 from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Body, Joint, Model, Scene, Shape, ShapeKind
 from cutjoint.view import meshes
-from cutjoint.view.colours import JOINT, colours_of, read_colour
 from cutjoint.view.mesh_files import load_meshes
 from cutjoint.view.motions import rotation_to
-from cutjoint.view.records import Array, Colour, Mesh, Part
+from cutjoint.view.records import JOINT, Array, Colour, Mesh, Part, colours_of, read_colour
 from cutjoint.view.sizes import Sizes, attached_points, point_of
 
 #: A centre of mass nearer to a bar than this, in radii of the bar, lies in it.

@@ -1,4 +1,4 @@
-"""From a model and the poses of its bodies to a drawing."""
+"""From a model and the poses of its bodies to a drawing, and the camera of its page at the start."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 
 from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Model
-from cutjoint.view.arrows import Arrows
 from cutjoint.view.bodies import BodyParts
 from cutjoint.view.failure import mark
-from cutjoint.view.forces import ForceNodes
-from cutjoint.view.motions import quaternions_of
-from cutjoint.view.placed import Placed
+from cutjoint.view.forces import Arrows, ForceNodes
+from cutjoint.view.motions import quaternions_of, rotation_to, turned
+from cutjoint.view.page import Camera
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
-from cutjoint.view.sizes import point_of
+from cutjoint.view.sizes import Placed, Sizes, point_of
 
 
 def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[str, str], Array] | None = None) -> Drawing:
@@ -54,3 +53,55 @@ def _moved(part: Part, shift: Array) -> Part:
     return Part(
         mesh=Mesh(points=mesh.points + shift, normals=mesh.normals, faces=mesh.faces), colour=part.colour, roughness=part.roughness
     )  # fmt: skip
+
+
+#: A body that goes further than this many extents of the mechanism is followed; what turns about a pivot goes two at most.
+_FAR = 3.0
+#: At how many times it is looked at where a node is.
+_SAMPLES = 50
+
+
+def find_camera(placed: Placed, drawing: Drawing) -> Camera:
+    """The camera looks from the side if all axes of turns are one direction, else from ahead, the left and above."""
+    model, numbers, sizes = placed.model, placed.numbers, placed.sizes
+    has_road = any(force.has_road for force in model.forces)
+    return Camera(
+        direction=_direction(model, numbers, drawing.up).tolist(), extent=sizes.extent, floor=_floor(sizes, drawing), road=has_road,
+        follow=_followed(placed),
+    )  # fmt: skip
+
+
+def _direction(model: Model, numbers: Numbers, up: Array) -> Array:
+    axes = [point_of(numbers, joint.axes[0]) for joint in model.joints if joint.axes and "rad" in joint.element.units.values()]
+    level = rotation_to(up)  # x, y and z of an observer who stands upright
+    across = axes[0] if axes else None
+    if across is not None and all(np.linalg.norm(np.cross(across, axis)) < 1e-6 for axis in axes) and abs(across @ up) < 0.5:
+        right = np.cross(up, across)
+        side = across if right @ np.ones(3) > 0 else -across
+        return np.asarray(side + 0.28 * up + 0.30 * np.cross(up, side))
+    return np.asarray(level @ np.array([0.85, 1.0, 0.55]))
+
+
+def _floor(sizes: Sizes, drawing: Drawing) -> float:
+    """A little below the lowest point at any time."""
+    lowest = [_lowest(node, drawing.up) for node in drawing.nodes if node.parts and "arrow" not in node.about]
+    return min(lowest, default=0.0) - 0.02 * sizes.extent
+
+
+def _lowest(node: Node, up: Array) -> float:
+    """The lowest point of a node at some of its times."""
+    rows = max(len(node.translation), len(node.rotation), len(node.scale))
+    kept = np.unique(np.linspace(0, rows - 1, _SAMPLES).astype(int))
+    places, turns, scales = (track[np.minimum(kept, len(track) - 1)] for track in (node.translation, node.rotation, node.scale))
+    seen_up = turned(turns * [-1, -1, -1, 1], np.broadcast_to(up, (len(kept), 3))) * scales
+    points = np.concatenate([part.mesh.points for part in node.parts])
+    return float((places @ up + (points @ seen_up.T).min(axis=0)).min())
+
+
+def _followed(placed: Placed) -> str:
+    """The heaviest body if it goes far."""
+    if not placed.model.bodies:
+        return ""
+    body = max(placed.model.bodies, key=lambda b: placed.numbers.number(b.mass))
+    way = placed.place(body.name, body.centre_of_mass)
+    return body.name if np.ptp(way, axis=0).max() > _FAR * placed.sizes.extent else ""

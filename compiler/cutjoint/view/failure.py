@@ -6,14 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Vector
 from cutjoint.run.results import Trajectory
 from cutjoint.view import meshes
-from cutjoint.view.colours import ALARM
-from cutjoint.view.columns import bodies_of
-from cutjoint.view.placed import Placed
-from cutjoint.view.records import Node, Part
-from cutjoint.view.sizes import force_points
+from cutjoint.view.records import ALARM, Node, Part
+from cutjoint.view.sizes import Placed, force_points
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -91,9 +91,10 @@ _DRAWN = 8.0
 
 
 @cache
-def coil(radius: float, turns: int = 7) -> Mesh:
+def coil(radius: float) -> Mesh:
     """A helical spring from z = 0 to 1 with straight ends, to be drawn out along z."""
-    steps, end = 14 * turns, 0.08
+    turns, end = 7, 0.08
+    steps = 14 * turns
     s = np.linspace(0.0, 1.0, steps + 1)
     reach = radius * np.minimum(1.0, np.minimum(s, 1 - s) * 20)
     path = np.stack([reach * np.cos(tau * turns * s), reach * np.sin(tau * turns * s), end + (1 - 2 * end) * s], axis=1)
@@ -103,8 +104,9 @@ def coil(radius: float, turns: int = 7) -> Mesh:
     return Mesh(points=tube.points / long, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=tube.faces)
 
 
-def _tube(path: Array, radius: float, sides: int = 7) -> Mesh:
-    """A round tube along a path (n, 3)."""
+def _tube(path: Array, radius: float) -> Mesh:
+    """A tube of seven sides along a path (n, 3)."""
+    sides = 7
     ahead = np.gradient(path, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     first = np.cross(ahead, np.eye(3)[np.abs(ahead[0]).argmin()])[0]

@@ -14,7 +14,7 @@ from cutjoint.analysis.modes import Complex
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.model.records import GROUND, Model, Scene
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.run_file import parameter_values

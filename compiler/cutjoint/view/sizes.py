@@ -1,12 +1,13 @@
-"""The sizes of drawn parts, by the extent of the mechanism in its design position."""
+"""The sizes of drawn parts, by the extent of the mechanism in its design position, and its places and directions over time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.elements.force import Point, RoadContact, Wrench
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
@@ -90,3 +91,26 @@ def _corners(numbers: Numbers, shape: Shape) -> Iterator[Array]:
         for point in shape.points[1:]:
             yield point_of(numbers, point)
     yield from (centre - sides, centre + sides)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """A model in a scene, its numbers and sizes, and the ``poses`` of all bodies, of the ground too."""
+
+    model: Model
+    scene: Scene
+    numbers: Numbers
+    sizes: Sizes
+    poses: Mapping[str, BodyPose]
+
+    def place(self, body: str, point: Vector) -> Array:
+        """The place of a body's point over time, (times, 3)."""
+        return self.poses[body].place(point_of(self.numbers, point))
+
+    def point(self, force: Force, point: Point) -> Array:
+        """The place over time of a point at which a force acts, (times, 3)."""
+        return self.place(point.body(force), point.of(force))
+
+    def turn(self, body: str, direction: Vector) -> Array:
+        """The direction over time of a vector fixed in a body, (times, 3)."""
+        return self.poses[body].turn(point_of(self.numbers, direction))

@@ -1,4 +1,6 @@
-"""Motions on screen about a state: modes, the way to the equilibrium, and directions that the loops leave free."""
+"""Motions on screen about a state, such as modes, the way to the equilibrium, and directions that the loops leave free; and the effect of a
+reduction on the picture of the topology.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import design_coordinates
+from cutjoint.analysis.body_poses import BodyPose
+from cutjoint.analysis.closing import Pose, design_coordinates
 from cutjoint.analysis.inertia import find_momentary_motions
 from cutjoint.analysis.modes import Complex, Mode, Modes, Participant
-from cutjoint.analysis.poses import Pose
 from cutjoint.analysis.redundancy import find_redundancy
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Model, Scene
-from cutjoint.report.modes import mode_figures, participants
+from cutjoint.reduce.sequence import ReducedModel
+from cutjoint.report.tasks import mode_figures, participants
 from cutjoint.run.results import MechanismState
 from cutjoint.tasks.states import find_resting_coordinates
-from cutjoint.view.columns import bodies_of
-from cutjoint.view.graph import Graph
+from cutjoint.topology.build import build_topology
+from cutjoint.view.graph import Graph, draw_graph
 from cutjoint.view.motions import PERIOD, Motion, Mover, motion_times
 from cutjoint.view.page import PlotColumn
 from cutjoint.view.records import Array
@@ -135,4 +139,29 @@ def find_notes(equations: RecursiveEquations, poses: Sequence[Pose]) -> Mapping[
     for motion in find_momentary_motions(equations, poses):
         for t in motion.joints:
             notes.setdefault(t.child, []).append(f"no mass resists its motion in the design position: {', '.join(motion.speeds)}")
+    return notes
+
+
+def show_reduction(model: Model, scene: Scene, parameters: Mapping[str, float], variants: Sequence[ReducedModel]) -> ViewSpec:
+    """The design position of the full model, and its topology: left-out elements are faint, changed ones have a note."""
+    last = variants[-1]
+    elements, kept = _names(model), _names(last.model)
+    facts = [(v.name, f"{v.unknowns} coordinates, {v.equations} equations, {v.operations} operations") for v in variants]
+    facts += [(note.element, note.words) for note in last.done if note.element not in elements]
+    graph = draw_graph(build_topology(model), facts, _notes(last), gone=elements - kept)
+    still = BodyPose(rotation=np.eye(3)[np.newaxis], shift=np.zeros((1, 3)))
+    return ViewSpec(
+        model=model, scene=scene, parameters=parameters, t=np.zeros(1), poses={body.name: still for body in model.bodies}, graph=graph,
+        note=f"{last.name}, from the full model",
+    )  # fmt: skip
+
+
+def _names(model: Model) -> frozenset[str]:
+    return frozenset([*(b.name for b in model.bodies), *(j.name for j in model.joints), *(g.name for g in model.gears)])
+
+
+def _notes(variant: ReducedModel) -> Mapping[str, Sequence[str]]:
+    notes: dict[str, list[str]] = {}
+    for note in (*variant.done, *variant.left):
+        notes.setdefault(note.element, []).append(note.words)
     return notes

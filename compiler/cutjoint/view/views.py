@@ -12,8 +12,9 @@ from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_pose
 from cutjoint.export.laws import Numbers
 from cutjoint.export.start import find_start
 from cutjoint.formulate.natural.poses import derive_spans
-from cutjoint.formulate.recursive.poses import derive_poses
+from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
+from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
@@ -24,18 +25,15 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import parameter_values
 from cutjoint.topology.build import build_topology
-from cutjoint.view.camera import find_camera
-from cutjoint.view.columns import bodies_of
-from cutjoint.view.drawing import draw
+from cutjoint.view.drawing import draw, find_camera
 from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
 from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
-from cutjoint.view.placed import Placed
 from cutjoint.view.records import Array
-from cutjoint.view.sizes import find_sizes
+from cutjoint.view.sizes import Placed, find_sizes
 from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
 
 #: The endings of files that show something.

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, make_inputs
-from cutjoint.analysis.poses import explore
+from cutjoint.analysis.closing import Array, FlatRoad, explore, make_inputs
 from cutjoint.analysis.redundancy import choose_independent
 from cutjoint.export.laws import Triple
 from cutjoint.export.start import markers_of
@@ -17,7 +16,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import GROUND, Model, Output, Scene
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.conditioning import TOLERANCE
+from cutjoint.topology.geometry import TOLERANCE
 from cutjoint_bench.export.records import Mechanism, Place
 
 

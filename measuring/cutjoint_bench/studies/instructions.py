@@ -24,7 +24,7 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.emit.source import Generated
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.options import Options
+from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import SimulatorRun
 from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance

@@ -17,8 +17,8 @@ from rich.table import Table
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import DEFAULT_SOLVER, METHODS, SOLVERS, names_of
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.options import PLAIN_STEPS
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.progress import progress_bar

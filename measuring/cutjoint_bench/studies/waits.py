@@ -55,7 +55,7 @@ import sympy
 note("import SymPy")
 from cutjoint.commands import simulate
 from cutjoint.compile import pipeline
-from cutjoint.formulate.recursive.lanes import schedule_recursive
+from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model
 from cutjoint.compile.systems import schedule_system
 from cutjoint.toolchain.build import write_source
@@ -99,7 +99,7 @@ class Wait:
 #: A simulation that Python holds, and the library of a study with many runs.
 _LOAD = "import cutjoint; cutjoint.load('{model}', scene='simul1')"
 _SWEEP = """
-from cutjoint.sweeps.build import build_kernels
+from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.reading import read_study_text
 build_kernels(read_study_text('''
 cutjoint_study: 1

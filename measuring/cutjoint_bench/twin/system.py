@@ -8,8 +8,8 @@ carried.  Expressions are trees (trees.py).
 
 from __future__ import annotations
 
+from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.nodes import Node
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import GROUND
 from cutjoint_bench.twin.mechanism import describe_generic, heading
 from cutjoint_bench.twin.natural.forces import force_elements

@@ -18,23 +18,47 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from cutjoint.formulate.forces import guard_function, margin_slots
+from cutjoint.formulate.implicit.balance import (
+    Closed,
+    Composite,
+    SharedForces,
+    close,
+    composites,
+    inertial_tangent,
+    penalty_tangent,
+    ways,
+    weights,
+    wrench_tangent,
+)
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
-from cutjoint.formulate.implicit.inertia import Composite, composites, inertial_tangent
 from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
-from cutjoint.formulate.implicit.records import ImplicitEquations
-from cutjoint.formulate.implicit.wrenches import Closed, SharedForces, close, penalty_tangent, ways, weights, wrench_tangent
-from cutjoint.formulate.inputs import Numbers, chart_slots, column_slots, make_translator, open_parameters, report_columns
-from cutjoint.formulate.records import Column, RecursiveEquations, Slot
-from cutjoint.formulate.recursive.energy import derive_energy
+from cutjoint.formulate.inputs import (
+    Numbers,
+    chart_slots,
+    column_slots,
+    derive_scene_inputs,
+    make_translator,
+    open_parameters,
+    report_columns,
+)
+from cutjoint.formulate.records import (
+    EQUATION_ARRAYS,
+    LOAD_ARGUMENTS,
+    Chart,
+    Column,
+    RecursiveEquations,
+    Slot,
+    SystemEquations,
+    energy_slots,
+    system_functions,
+)
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
-from cutjoint.formulate.recursive.outputs import Reactions, Reporter, given_accelerations
-from cutjoint.formulate.scene_inputs import derive_scene_inputs
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
-from cutjoint.formulate.system import EQUATION_ARRAYS, LOAD_ARGUMENTS, energy_slots, system_functions
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder
@@ -276,3 +300,57 @@ def _slots(start: RecursiveEquations) -> dict[str, Slot]:
         for array in EQUATION_ARRAYS:
             slots[f"{array}:{closure.joint}"] = Slot(array=array, offset=closure.first, names=closure.names)
     return slots
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ImplicitEquations(SystemEquations):
+    """The index-3 formulation in relative coordinates: those of ``start``, with its charts and cut joints.
+
+    Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``,
+    ``weights``.
+    """
+
+    @property
+    def charts(self) -> tuple[Chart, ...]:
+        """The charts of the start."""
+        return self.start.charts
+
+    @property
+    def unknowns(self) -> int:
+        """The speeds."""
+        return self.start.speeds
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """A name for each element of q."""
+        return self.start.coordinate_names
+
+    @property
+    def speed_names(self) -> tuple[str, ...]:
+        """A name for each element of v."""
+        return self.start.speed_names
+
+    @property
+    def equation_names(self) -> tuple[str, ...]:
+        """A name for each cut-joint equation."""
+        return self.start.equation_names
+
+    @property
+    def coordinate_elements(self) -> tuple[str, ...]:
+        """The joint of each element of q."""
+        return self.start.coordinate_elements
+
+    @property
+    def speed_elements(self) -> tuple[str, ...]:
+        """The joint of each element of v."""
+        return self.start.speed_elements
+
+    @property
+    def equation_elements(self) -> tuple[str, ...]:
+        """The cut joint or gear of each equation."""
+        return self.start.equation_elements
+
+    @property
+    def row_names(self) -> tuple[str, ...]:
+        """A name for each speed."""
+        return self.start.speed_names

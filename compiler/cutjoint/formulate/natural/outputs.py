@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.formulate.attitude import ATTITUDE, attitude
 from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.natural.assembly import mass_matrix
 from cutjoint.formulate.natural.constraints import Constraint, multipliers
 from cutjoint.formulate.natural.forces import Element
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
-from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Use, difference, is_nought
+from cutjoint.formulate.recursive.kinematics import ATTITUDE, attitude
 from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component

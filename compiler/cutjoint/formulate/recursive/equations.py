@@ -6,24 +6,22 @@ from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     chart_slots,
     column_slots,
+    derive_scene_inputs,
     make_charts,
     make_numbers,
     make_translator,
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot
-from cutjoint.formulate.recursive.energy import derive_energy
+from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot, energy_slots
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
-from cutjoint.formulate.recursive.outputs import Reactions, Reporter, given_accelerations
+from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
-from cutjoint.formulate.scene_inputs import derive_scene_inputs
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
-from cutjoint.formulate.system import energy_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Output, Scene

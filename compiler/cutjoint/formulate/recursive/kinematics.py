@@ -3,6 +3,8 @@
 The motion of a body is Z = [v0; w], the velocity of its point at the pole and its angular velocity, in global axes
 (Cuadrado et al. 2000, eqs. 23, 26, 27).  The pole of a branch that stands free is its root body's origin at this instant; that of a
 branch on the ground is its first joint.  Bodies of one branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
+
+`derive_poses` has the poses of all bodies as blocks of the tree's coordinates, and nothing of the recursion's dynamics.
 """
 
 from __future__ import annotations
@@ -12,11 +14,11 @@ from dataclasses import dataclass, field
 
 import sympy
 
-from cutjoint.formulate.inputs import guide_rates, reference_point
+from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, open_parameters, reference_point
 from cutjoint.formulate.records import Chart
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
-from cutjoint.model.records import GROUND, Model, Scalar, Vector
+from cutjoint.model.records import GROUND, Model, Parameter, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -259,3 +261,44 @@ def _to_pole(k: Kinematics, R: Block, at: Block, motion: Block) -> Block:
         return motion
     v, w = b.mul(R, b.take(motion, (0, 3), (0, n))), b.mul(R, b.take(motion, (3, 6), (0, n)))
     return b.stack([[b.add(v, b.mul(b.skew(at), w))], [w]])
+
+
+#: The angles that a body reports.
+ATTITUDE = frozenset({"roll", "pitch", "yaw"})
+
+
+def attitude(b: Builder, R: Block, angle: str) -> Block:
+    """Yaw, pitch or roll, turned about z, y, x in turn, of a rotation R (3, 3); the pitch by its tangent, for its sake on the nose."""
+    if angle == "pitch":
+        across = b.take(R, (2, 3), (1, 3))
+        return b.call("atan2", b.neg(b.element(R, 2, 0)), b.call("sqrt", b.mul(across, b.transpose(across))))
+    rows = {"yaw": ((1, 0), (0, 0)), "roll": ((2, 1), (2, 2))}[angle]
+    return b.call("atan2", *(b.element(R, i, j) for i, j in rows))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseEquations:
+    """A point p of a body in the design position is at ``rotations`` (3, 3) p + ``shifts`` (3, 1), from the world's origin.
+
+    Symbols are ``q:joint`` by ``charts``, ``t``, ``parameters`` and ``inputs``, the scene's values by ``laws`` over LAW_TIME.
+    """
+
+    charts: tuple[Chart, ...]
+    parameters: tuple[Parameter, ...]
+    laws: tuple[Block, ...]
+    rotations: Mapping[str, Block]
+    shifts: Mapping[str, Block]
+
+
+def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
+    """The poses of the bodies of a model in a scene."""
+    model, b = topology.model, Builder()
+    charts = make_charts(topology)
+    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts})
+    origin = (sympy.Integer(0),) * 3
+    laws = derive_scene_inputs(b, model, scene, (), events=False)
+    return PoseEquations(
+        charts=charts, parameters=open_parameters(model), laws=tuple(law for f in laws.functions for law in f.results.values()),
+        rotations={name: k.frames[name].R for name in topology.order},
+        shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},
+    )  # fmt: skip

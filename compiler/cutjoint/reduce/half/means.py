@@ -16,8 +16,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.geometry import unit
 from cutjoint.model.mirror import mirror_elements, reflected_law
 from cutjoint.model.records import Body, Force, Joint, Model, Scalar, Vector
-from cutjoint.reduce.half.images import NAMING, Images
-from cutjoint.reduce.half.pairs import Pairs
+from cutjoint.reduce.half.images import NAMING, Images, Pairs
 from cutjoint.reduce.half.plane import is_same
 
 #: The tolerance of nearness: a share of a mechanism's size, of a number, of a law's values.

@@ -18,14 +18,11 @@ from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.records import Body, Force, Joint, Model, Road, RoadSegment, Scalar, Scene
-from cutjoint.reduce.half.images import Images, require_images
-from cutjoint.reduce.half.in_plane import in_plane_words
+from cutjoint.reduce.half.images import Images, Pairs, find_pairs, require_images, settle
 from cutjoint.reduce.half.means import NEAR, AveragedModel, Nearness, mean, mean_axes, nearness
-from cutjoint.reduce.half.model import Half, cut_in_half, half_model
-from cutjoint.reduce.half.pairs import Pairs, find_pairs, settle
-from cutjoint.reduce.half.plane import AsymmetryError, Plane, require_gravity
+from cutjoint.reduce.half.model import Half, PlaneDistances, cut_in_half, find_removed, half_model, join_sides
+from cutjoint.reduce.half.plane import AsymmetryError, Plane, in_plane_words, require_gravity
 from cutjoint.reduce.half.scene import half_scene
-from cutjoint.reduce.half.sides import PlaneDistances, find_removed, join_sides
 from cutjoint.reduce.planar import flatten, held_bodies, own_images
 from cutjoint.reduce.records import Note, Outcome
 

@@ -1,23 +1,30 @@
-"""Model -> Markdown: what the compiler derived, for an engineer to read."""
+"""Model -> Markdown: what the compiler derived, for an engineer to read.
+
+Methods in relative coordinates have chapters of their own, on the step of ``recursive-newton`` and on the elements of a reduced model that
+no file has: guards, sensors of rods, columns that stand for others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from cutjoint.compile.systems import formulate_system
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Model, RodForce, Scene
+from cutjoint.program.schedule import schedule
 from cutjoint.reduce.records import Note
 from cutjoint.report.explain.bodies import explain_bodies
 from cutjoint.report.explain.closures import explain_closures
 from cutjoint.report.explain.forces import explain_forces
 from cutjoint.report.explain.graph import class_entries, cut_table, elimination, loop_table, summarise, tree_lines
 from cutjoint.report.explain.joints import explain_joints
+from cutjoint.report.explain.latex import text
 from cutjoint.report.explain.natural.document import explain_natural
-from cutjoint.report.explain.newton import explain_newton
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
-from cutjoint.report.explain.reduced import explain_reduction
-from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, find_counterparts, render
+from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, make_table, render
 from cutjoint.topology.build import build_topology
 
 
@@ -72,3 +79,82 @@ def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple
     )  # fmt: skip
     # Explanation -> Markdown
     return render("explain.md.jinja", explanation)
+
+
+def is_reduced(model: Model, scene: Scene) -> bool:
+    """Return whether a model has elements of passes: guards, sensors of rods, columns that stand for others."""
+    return bool(model.guards or any(isinstance(r, RodForce) for r in model.reactions) or any(o.stands_for for o in scene.outputs))
+
+
+_ABOUT = {
+    "dynamic_residual": r"$f$ and $\Phi$",
+    "linearise": r"the same and $T$",
+    "constraint_residual": r"$\Phi$, $\dot \Phi$, $\ddot \Phi$",
+    "apply_jacobian_transposed": r"$\Phi_z^T w$",
+    "apply_jacobian": r"$\Phi_z x$",
+}
+
+_STEP = (
+    "The elimination above finds where a run begins. A step solves the balance of the same bodies, joints and forces for the accelerations "
+    "of the joints, from which positions and speeds follow by the trapezoidal rule (eqs. 43, 44)."
+)
+
+_BALANCE = (
+    r"f = S^T \sum F + \Phi_z^T (\alpha \Phi + \lambda) - \tau = 0, \quad F_i = M_i \ddot Z_i - Q_i",
+    r"T = f_{\ddot z} + \frac{\Delta t}{2} f_{\dot z} + \frac{\Delta t^2}{4} (f_z + \Phi_z^T \alpha \Phi_z)",
+)
+
+_ITERATION = (
+    r"Factors of the tangent at the pose $z_0$ are kept, over steps too, while the iteration gets on with them; what violates the "
+    r"constraints is corrected along their $\Phi_z$. Multipliers take over what the penalty carries when the iteration is near its end."
+)
+
+_CORRECTIONS = (
+    r"T_0 \, \Delta z = -\frac{\Delta t^2}{4} (f + \Phi_{z_0}^T \alpha \Phi), \quad \lambda \leftarrow \lambda + \alpha \Phi",
+)
+
+
+def explain_newton(start: RecursiveEquations, method: str) -> Chapter:
+    """The equations of a step in the recursion's coordinates; ``start`` are those that begin a run."""
+    equations, _ = formulate_system(start, method, ())
+    program = schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
+    rows = [(f"`{name}`", about, str(program.operations(name))) for name, about in _ABOUT.items()]
+    costs, nothing = make_table(("function", "gives", "operations"), rows), make_table((), ())
+    return Chapter(title=f"The {method} method", notes=(_STEP,), formulas=_BALANCE, entries=(
+        Entry(title="Iteration", notes=(_ITERATION,), formulas=_CORRECTIONS, table=nothing),
+        Entry(title="Operations", notes=("Of one call, all lanes counted.",), formulas=(), table=costs),
+    ))  # fmt: skip
+
+
+def explain_reduction(model: Model, scene: Scene, done: Sequence[Note]) -> tuple[Chapter, ...]:
+    """The chapter of a reduced model, none for one as its file has it."""
+    if not (is_reduced(model, scene) or done):
+        return ()
+    return (Chapter(title="Reduced model", notes=(_NOTE,), formulas=(), entries=tuple(_entries(model, scene, done))),)
+
+
+_NOTE = "Passes made it from the model of the file; its elements are explained above as they are now."
+
+
+def _entries(model: Model, scene: Scene, done: Sequence[Note]) -> Iterator[Entry]:
+    if done:
+        rows = make_table(("element", "line", "what was done"), ((code(n.element), n.span.place, n.words) for n in done))
+        yield _entry("Passes", "Each element that a pass changed.", rows)
+    guards = [g for g in model.guards if is_active(g.force, scene)]
+    if guards:
+        cells = ((code(g.force.name), g.force.span.place, ", ".join(text(m, model) for m in g.margins)) for g in guards)
+        words = "Forces that are taken out, since they do not act while these margins are not negative. A run stops where one is negative."
+        yield _entry("Guards", words, make_table(("force", "line", "margins"), cells))
+    rods = [r for r in model.reactions if isinstance(r, RodForce)]
+    if rods:
+        sums = ((code(r.name), r.span.place, " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.pushes)) for r in rods)
+        words = "Reactions of links that distances stand for: the forces that push the distances' points apart, each times its share."
+        yield _entry("Sensors of rods", words, make_table(("sensor", "line", "sum"), sums))
+    others = [o for o in scene.outputs if o.stands_for]
+    if others:
+        read = ((code(o.column), f"{o.factor:g} {code(f'{o.element}.{o.quantity}')}") for o in others)
+        yield _entry("Columns", "Columns that are read from others.", make_table(("column", "read from"), read))
+
+
+def _entry(title: str, note: str, table: Table) -> Entry:
+    return Entry(title=title, notes=(note,), formulas=(), table=table)

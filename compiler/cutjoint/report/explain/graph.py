@@ -13,8 +13,7 @@ from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.report.explain.views import Counterparts, Entry, Table, code, make_table, plural
 from cutjoint.report.tables import closing_equations
-from cutjoint.topology.elimination import degrees, eliminate
-from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint
+from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint, degrees, eliminate
 
 #: The formulas of cutjoint.formulate.recursive.recursion.
 _ELIMINATION = (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from cutjoint.formulate.natural.assembly import mass_matrix
 from cutjoint.formulate.natural.layout import Group, Layout
-from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.formulate.natural.nodes import Node
 from cutjoint.model.records import Model, Scalar
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import sympy
 
-from cutjoint.formulate.attitude import ATTITUDE
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
+from cutjoint.formulate.recursive.kinematics import ATTITUDE
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.nodes import Node, NodeKind
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import Joint, Scalar
 from cutjoint_bench.twin.trees import Json, Trees
 

@@ -17,10 +17,10 @@ import sympy
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
 from cutjoint.elements.joint import JointGap
 from cutjoint.formulate.natural.constraints import held_across, row_scale
+from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.natural.joint_rows import AngleRow, JointRow, SumRow, joint_rows
 from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses
-from cutjoint.formulate.natural.records import LagrangianEquations
 from cutjoint.model.records import Gear, Joint, Scalar
 from cutjoint_bench.twin.natural.forms import FormTable
 from cutjoint_bench.twin.trees import Json, Trees

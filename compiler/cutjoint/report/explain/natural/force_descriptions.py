@@ -9,7 +9,7 @@ from typing import Any
 from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.model.records import BodyLoad, Force, JointForce, Model
 from cutjoint.report.explain import laws as tyre
-from cutjoint.report.explain.force_descriptions import ForceDescription, describe
+from cutjoint.report.explain.forces import ForceDescription, describe
 
 NOTES = (
     "A force on a point of a body works on the displacement of that point: $Q_p$ takes it, and a point that is no coordinate hands it on "

@@ -17,8 +17,7 @@ from cutjoint.model.records import Joint, Vector
 from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.joints import coordinate_symbol, explain_guide
 from cutjoint.report.explain.latex import matrix, text, variants
-from cutjoint.report.explain.natural.derivation import Derivation
-from cutjoint.report.explain.natural.forms import clean_place
+from cutjoint.report.explain.natural.derivation import Derivation, clean_place
 from cutjoint.report.explain.natural.shapes import left_out_note
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 

@@ -10,8 +10,7 @@ from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
 from cutjoint.model.records import GROUND, Force, Model, Vector
-from cutjoint.report.explain.natural.derivation import Derivation
-from cutjoint.report.explain.natural.forms import design_value, form_text
+from cutjoint.report.explain.natural.derivation import Derivation, design_value, form_text
 from cutjoint.report.explain.views import Chapter, Entry, code, make_table, plural
 
 #: The span of a basis's nodes among a body's directions, by their number.

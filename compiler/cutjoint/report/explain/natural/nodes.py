@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import sympy
 
+from cutjoint.formulate.natural.assembly import mass_matrix
 from cutjoint.formulate.natural.layout import Group, Layout
-from cutjoint.formulate.natural.mass import mass_matrix
 from cutjoint.model.records import GROUND, Body
 from cutjoint.report.explain.bodies import inertia_cells
 from cutjoint.report.explain.latex import column, equations, parameter_symbols, place, text, variants
-from cutjoint.report.explain.natural.derivation import Derivation
-from cutjoint.report.explain.natural.forms import clean
+from cutjoint.report.explain.natural.derivation import Derivation, clean
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, Table, code, group, make_table, plural, with_others
 
 _LAW = (

@@ -12,8 +12,7 @@ from cutjoint.formulate.natural.layout import Group, combination
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind
 from cutjoint.model.records import Scalar
 from cutjoint.report.explain.latex import text
-from cutjoint.report.explain.natural.derivation import Derivation
-from cutjoint.report.explain.natural.forms import clean, form_text
+from cutjoint.report.explain.natural.derivation import Derivation, clean, form_text
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 
 _LAW = (

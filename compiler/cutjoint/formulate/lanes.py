@@ -1,13 +1,26 @@
-"""Corresponding blocks of isomorphic parts, which lanes can compute side by side."""
+"""Corresponding blocks of isomorphic parts, which lanes compute side by side, and the program of the recursive method with them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
 
+from cutjoint.formulate.records import CHECKS, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
-from cutjoint.program.fold import Family
+from cutjoint.program.fold import Family, fold
+from cutjoint.program.records import Program
+from cutjoint.program.schedule import schedule
 from cutjoint.topology.records import Topology
+
+#: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
+_OFTEN = frozenset({"evaluate", "project", "guard", "events"})
+
+
+def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
+    """The program of the recursive method; what is called less than once a step stays out of the lanes."""
+    families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
+    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
+    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)
 
 
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:
