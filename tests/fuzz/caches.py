@@ -93,6 +93,8 @@ def check(text: str) -> tuple[str, ...]:
         shutil.copytree(kept, folder / "cache")
         files = [p for p in sorted((folder / "cache").rglob("*")) if p.is_file() and (p.suffix == ".a") == case["libraries"]]
         files = [p for p in files if p.suffix != ".lock"]
+        if not files:
+            return ("no driver in the cache: that of the installation is used",)
         damaged = files[case["file"] % len(files)]
         _damage(damaged, case["damage"], case["at"])
         if case["libraries"]:
