@@ -99,8 +99,8 @@ def check(text: str) -> tuple[str, ...]:
         return tuple(str(error).splitlines())
     limit, redundant = cache(partial(_limit, text)), bool(find_mobility(exact.mechanism).redundant)
     told: dict[str, str] = {}
-    for method in METHODS:  # the first one stops in poses that do not determine how the others go on
-        told[method] = _try(model, method, None if told.get("recursive") else limit, redundant=redundant)
+    for method in dict.fromkeys(("classical", "recursive", *METHODS)):  # the first two stop in poses that do not determine the motion
+        told[method] = _try(model, method, None if any(told.values()) else limit, redundant=redundant)
     if not told["classical"] and not any("singular pose" in reason for reason in told.values()) and limit() is not None:
         stopped = {method: reason for method, reason in told.items() if reason}
         assert not stopped, f"classical moves the mechanism, others do not: {stopped}"
