@@ -60,9 +60,6 @@ class Masses:
 
 # Designs
 
-#: The largest number of values of SciPy's Sobol sequences.
-MOST_DIMENSIONS = 21201
-
 
 @dataclass(frozen=True, kw_only=True)
 class Extent:
