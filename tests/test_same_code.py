@@ -22,7 +22,7 @@ def repository(tmp_path: Path) -> Path:
     place = tmp_path / "cutjoint"
     for name in ("compiler", "templates", "models", "tests/mechanisms", "scripts"):
         shutil.copytree(ROOT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("__init__.py", "conftest.py"):
+    for name in ("__init__.py", "conftest.py", "fewer_cases.py"):
         shutil.copy(ROOT / "tests" / name, place / "tests")
     for command in (("git", "init", "-q"), ("git", "add", "."), COMMIT):
         subprocess.run(command, cwd=place, check=True)

@@ -14,7 +14,7 @@ from tests.conftest import MODELS
 from tests.physics.simulation import is_generated
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def _interpreted() -> Iterator[None]:
     """Runs that are shown are interpreted, but in `make full`."""
     with pytest.MonkeyPatch.context() as patch:
