@@ -85,14 +85,18 @@ print(json.dumps({
 """
 
 
-@pytest.fixture(scope="module")
-def seen() -> dict[str, Any]:
-    """The answers of a process in which the kind is registered before models are read."""
-    script = f"{KIND}\nMODEL = {MODEL!r}\n{READ}"
+def answers(script: str) -> dict[str, Any]:
+    """The object that a script prints as JSON, in a process of its own."""
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment(), cwd=ROOT, check=False)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
     return found
+
+
+@pytest.fixture(scope="module")
+def seen() -> dict[str, Any]:
+    """The answers of a process in which the kind is registered before models are read."""
+    return answers(f"{KIND}\nMODEL = {MODEL!r}\n{READ}")
 
 
 def test_units_follow_from_the_chain_and_not_from_names(seen: dict[str, Any]) -> None:

@@ -45,10 +45,7 @@ from tests.oracles.reports import reported
 
 from .test_generic_twin import FLAT, STEPPED, WAVY, Road
 
-pytestmark = [
-    pytest.mark.heavy,  # the program around the twin's systems compiles for minutes
-    pytest.mark.skipif(shutil.which("g++") is None and shutil.which("clang++") is None, reason="needs a C++ compiler"),
-]
+pytestmark = pytest.mark.skipif(shutil.which("g++") is None and shutil.which("clang++") is None, reason="needs a C++ compiler")
 
 METHODS = ("augmented", "classical")
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT
-from tests.fuzz.press import environment
+from tests.model.test_new_kind import answers
 
 #: A strut between a head on the follower and a foot on the base; registered before models are read.
 KIND = """
@@ -90,11 +86,7 @@ print(json.dumps({
 @pytest.fixture(scope="module")
 def seen() -> dict[str, Any]:
     """The answers of a process in which the kind is registered before models are read."""
-    script = f"{KIND}\nMODEL = {MODEL!r}\n{READ}"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment(), cwd=ROOT, check=False)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
+    return answers(f"{KIND}\nMODEL = {MODEL!r}\n{READ}")
 
 
 def test_a_line_is_a_spring_between_its_points(seen: dict[str, Any]) -> None:

@@ -324,7 +324,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     equations, start = parts.stepped, parts.mechanism
     n, m, q, state = _lengths(start)
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
-    masses = 3 * m * m + 6 * m + 3 * n
+    masses = 3 * m * m + 7 * m + 3 * n
     if start.scene.pose == "equilibrium":
         assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # what holds coordinates at rest
     n, m, q, state = _lengths(equations)

@@ -109,7 +109,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
   static int save(const CheckedMinimal* s, void* snapshot) {
     if (const int status = Base::ask_started(s)) return status;
-    return snapshot ? Base::write(Memory{s->sim.memory(), s->minimal.choice()}, snapshot) : no_array;
+    return snapshot ? Base::template write<Memory>([s] { return Memory{s->sim.memory(), s->minimal.choice()}; }, snapshot) : no_array;
   }
 
   static int restore(CheckedMinimal* s, const void* snapshot) {

@@ -273,7 +273,7 @@ class CheckedSimulation {
 
   static int save(const CheckedSimulation* s, void* snapshot) {
     if (const int status = ask_started(s)) return status;
-    return snapshot ? write(s->sim.memory(), snapshot) : no_array;
+    return snapshot ? write<typename Sim::Memory>([s] { return s->sim.memory(); }, snapshot) : no_array;
   }
 
   static int restore(CheckedSimulation* s, const void* snapshot) {
@@ -312,12 +312,12 @@ class CheckedSimulation {
     return s->sim.is_started() ? call_ok : not_started;
   }
 
-  /// Bytes between members are 0, so that equal states have equal snapshots.
-  template <class Memory>
-  static int write(const Memory& memory, void* snapshot) {
+  /// Bytes between members are 0, so that equal states have equal snapshots: the memory is made in place, not copied.
+  template <class Memory, class Make>
+  static int write(Make make, void* snapshot) {
     static_assert(std::is_trivially_copyable_v<Memory>);
     alignas(Memory) char bytes[sizeof(Memory)] = {};
-    ::new (bytes) Memory(memory);
+    ::new (bytes) Memory(make());
     std::memcpy(snapshot, &Model::mark, sizeof Model::mark);
     std::memcpy(static_cast<char*>(snapshot) + sizeof Model::mark, bytes, sizeof bytes);
     return call_ok;

@@ -130,13 +130,14 @@ class EffectiveMasses {
     std::fill(dz_.begin(), dz_.end(), Real(0));
     for (std::size_t i = 0; i < dz_.size(); ++i) {
       dz_[i] = Real(1);
-      const Real forth = energy(dz_);
-      mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
+      Real mass = energy(dz_);
       dz_[i] = Real(-1);
-      const Real mass = forth + energy(dz_) - Real(2) * energy(still_);
+      mass += energy(dz_) - Real(2) * energy(still_);
+      if (mass > Real(0)) {
+        mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
+        for (std::size_t k = 0; k < m_; ++k) alone_[k] += (rate_[k] - rest_[k]) * (rate_[k] - rest_[k]) / mass;
+      }
       dz_[i] = Real(0);
-      if (!(mass > Real(0))) continue;
-      for (std::size_t k = 0; k < m_; ++k) alone_[k] += (rate_[k] - rest_[k]) * (rate_[k] - rest_[k]) / mass;
     }
     for (Real& mass : alone_) mass = mass > Real(0) ? Real(1) / mass : Real(0);
   }
