@@ -45,11 +45,11 @@ constexpr auto keys_of_cases = std::to_array<std::string_view>({"parameters", "i
 using Instances = AnyMechanism<Real>;
 
 /// A mechanism that somebody else holds.
-class Referred {
+class LentProbe {
  public:
   using real_type = double;
 
-  explicit Referred(AnyMechanism<double>& alone) : alone_(alone) {}
+  explicit LentProbe(AnyMechanism<double>& alone) : alone_(alone) {}
 
   const Description& description() const { return alone_.description(); }
   void load(const double* parameters, const Stabilisation<double>& s, const Road<double>* roads) { alone_.load(parameters, s, roads); }
@@ -72,7 +72,7 @@ class Referred {
   AnyMechanism<double>& alone_;
 };
 
-using SideBySide = cutjoint::SideBySide<Referred, Instances>;
+using SideBySide = cutjoint::SideBySide<LentProbe, Instances>;
 
 /// Runs cases of a scene: what a case says stands for what the run file says otherwise.
 ///

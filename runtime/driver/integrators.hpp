@@ -6,8 +6,8 @@
 #include "cutjoint/core/runge_kutta/formula.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
-#include "cutjoint/core/runge_kutta/watched.hpp"
-#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
+#include "cutjoint/core/stepping/switch_cells.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -20,13 +20,13 @@
 namespace cutjoint {
 
 using CompiledMechanism = AnyMechanism<Precision>;
-using CompiledDynamics = runge_kutta::Watched<CompiledMechanism>;
+using CompiledDynamics = runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 
 CUTJOINT_INSTANTIATE class Projection<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Trapezoidal<CompiledMechanism>;
-CUTJOINT_INSTANTIATE class stepping::Regime<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class stepping::SwitchCells<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
-CUTJOINT_INSTANTIATE class runge_kutta::Watched<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::ClassicalTable>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::DormandPrinceTable>;
 CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>;

@@ -28,7 +28,7 @@ class CrossedImpacts {
   using Real = typename S::real_type;
 
   CrossedImpacts(S& subject, double end)
-      : subject_(subject), impacts_(subject, end), before_(blank(subject)), way_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
+      : subject_(subject), impacts_(subject, end), before_(design_state(subject)), way_(sizes_of(subject).speeds), pose_(sizes_of(subject).coordinates),
         from_(switches()), now_(from_) {}
 
   /// Meet what lies within a step of h from a state; `accelerate` finds accelerations and multipliers of a state, and `watch` is as of Impacts.

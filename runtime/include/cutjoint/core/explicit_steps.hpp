@@ -10,29 +10,29 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
-#include "cutjoint/core/runge_kutta/watched.hpp"
+#include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/over_stepper.hpp"
+#include "cutjoint/core/stepping/stepped_integrator.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
 
 /// The integrator of a simulation (simulation.hpp) by a table of runge_kutta/tables.hpp.  Steps end where formulas change.
 template <class M, class Table>
-class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
+class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>, M> {
  public:
   using Real = typename M::real_type;
 
   using Subject = M;
 
-  using Scheme = runge_kutta::Scheme<runge_kutta::Watched<M>, Table>;
+  using Scheme = runge_kutta::Scheme<runge_kutta::ClosedLoopDynamics<M>, Table>;
 
   static constexpr bool adaptive = Table::adaptive, knows_residuals = false;
 
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
-      : stepping::OverStepper<ExplicitSteps, M>(mechanism, settings),
+      : stepping::SteppedIntegrator<ExplicitSteps, M>(mechanism, settings),
         dynamics_(mechanism, {switches_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance))),
         stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end)) {}
 
@@ -56,7 +56,7 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
   }
 
   /// Forces have jumped.
-  void heed_inputs(StateOf<M>& state) { begin(state); }
+  void restart_after_input_jump(StateOf<M>& state) { begin(state); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<M>& state, Starter<M>& starter) {
@@ -87,13 +87,13 @@ class ExplicitSteps : public stepping::OverStepper<ExplicitSteps<M, Table>, M> {
   }
 
  private:
-  friend stepping::OverStepper<ExplicitSteps, M>;
+  friend stepping::SteppedIntegrator<ExplicitSteps, M>;
 
   void keep(StateOf<M>& state) const { state.lambda = dynamics_.multipliers(); }
 
-  runge_kutta::Watched<M> dynamics_;
+  runge_kutta::ClosedLoopDynamics<M> dynamics_;
   stepping::Stepper<Scheme> stepper_;
-  typename runge_kutta::Watched<M>::Vector y_;
+  typename runge_kutta::ClosedLoopDynamics<M>::Vector y_;
 };
 
 }  // namespace cutjoint

@@ -46,7 +46,7 @@ class FixedPointSteps {
   Fault start(StateOf<M>&, Real) { return {}; }
 
   /// Forces have jumped: the next step begins with the accelerations that they give, by the multipliers before, which an evaluation corrects.
-  void heed_inputs(StateOf<M>& state) {
+  void restart_after_input_jump(StateOf<M>& state) {
     mechanism_.begin_step(state.t, Real(1));
     mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
   }

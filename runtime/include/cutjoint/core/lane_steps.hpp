@@ -76,7 +76,7 @@ class LaneSteps {
 
   explicit LaneSteps(M& mechanism)
       : mechanism_(mechanism), roads_(sizes_of(mechanism).roads), parameters_(sizes_of(mechanism).parameters), penalties_(sizes_of(mechanism).cuts),
-        state_(blank(mechanism)), from_(state_), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
+        state_(design_state(mechanism)), from_(state_), sources_(mechanism), steps_(mechanism, Real(1), FixedPoint{}), columns_(sizes_of(mechanism).columns),
         margins_(sizes_of(mechanism).guards), vdot_(sizes_of(mechanism).speeds), correction_(sizes_of(mechanism).equations),
         rate_(correction_.size()) {}
 

@@ -57,7 +57,7 @@ class NewtonSteps {
   Fault start(StateOf<S>& state, Real motion) { return newton_.begin(state, motion); }
 
   /// Forces have jumped: the next step begins with the accelerations that they give.
-  void heed_inputs(StateOf<S>& state) { newton_.follow_jump(state); }
+  void restart_after_input_jump(StateOf<S>& state) { newton_.follow_jump(state); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<S>& state, auto&) { return newton_.go_on(state); }
@@ -125,7 +125,7 @@ class NewtonSteps {
     Single(S& system, const Settings& settings)
         : solver(solver_for<Solver>(system, settings)),
           newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
-          completed(blank(system)) {}
+          completed(design_state(system)) {}
 
     void accelerate(StateOf<S>& state) {
       completed = state;

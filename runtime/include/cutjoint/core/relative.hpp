@@ -24,7 +24,7 @@ class Relative {
   using Vector = Array<M, static_sizes<M>().coordinates + static_sizes<M>().speeds>;  ///< y and its slope
 
   Relative(M& mechanism, Real tolerance)
-      : mechanism_(mechanism), state_(blank(mechanism)), complete_(state_), tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())),
+      : mechanism_(mechanism), state_(design_state(mechanism)), complete_(state_), tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())),
         before_(state_.v.size()), correction_(state_.lambda.size()) {}
 
   const M& subject() const { return mechanism_; }

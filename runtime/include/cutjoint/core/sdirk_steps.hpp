@@ -11,7 +11,7 @@
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/implicit_scheme.hpp"
-#include "cutjoint/core/stepping/over_stepper.hpp"
+#include "cutjoint/core/stepping/stepped_integrator.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
@@ -19,7 +19,7 @@ namespace cutjoint {
 /// The integrator of a simulation (simulation.hpp) by the stages of sdirk/stages.hpp, over a system in the coordinates of the mechanism M that starts:
 /// steps as long as errors allow, or of the settings' length.  They end where formulas change.
 template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
-class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length, LinearSolver>, S> {
+class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_length, LinearSolver>, S> {
  public:
   using Subject = S;
   using Real = typename S::real_type;
@@ -29,9 +29,9 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length, 
   static constexpr bool adaptive = of_own_length, knows_residuals = true;
 
   SdirkSteps(S& system, const Settings& settings, const Road<Real>* roads)
-      : stepping::OverStepper<SdirkSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
+      : stepping::SteppedIntegrator<SdirkSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
         stages_(system, solver_, other_, switches_of(system, settings.events), roads),
-        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(blank(system)) {}
+        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
@@ -47,7 +47,7 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length, 
     return fault;
   }
 
-  void heed_inputs(StateOf<S>&) { stages_.heed_inputs(); }
+  void restart_after_input_jump(StateOf<S>&) { stages_.restart_after_input_jump(); }
 
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<S>& state, auto&) {
@@ -80,7 +80,7 @@ class SdirkSteps : public stepping::OverStepper<SdirkSteps<M, S, of_own_length, 
   void restore(const StateOf<S>&, const Memory& memory) { stepper_.restore(memory); }
 
  private:
-  friend stepping::OverStepper<SdirkSteps, S>;
+  friend stepping::SteppedIntegrator<SdirkSteps, S>;
 
   void keep(StateOf<S>& state) const {
     state.vdot = stages_.present().vdot;

@@ -42,7 +42,7 @@ struct StartOf<M> {
 /// An integrator has
 ///
 /// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
-/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `heed_inputs`, which does where inputs have jumped, and `step`, which goes on from one; it
+/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `restart_after_input_jump`, which does where inputs have jumped, and `step`, which goes on from one; it
 ///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
 /// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
 ///   the loops of a state and moves the masses least,
@@ -65,7 +65,7 @@ class Simulation {
   /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
   Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
     requires Sized<M>
-      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(blank(mechanism_)), state_(blank(subject())), columns_(sizes.columns) {
+      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(design_state(mechanism_)), state_(design_state(subject())), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
     if constexpr (sizes.inputs > 0) drive_by(followed_.used());
   }
@@ -73,7 +73,7 @@ class Simulation {
   Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
     requires(!Sized<M>)
       : mechanism_(mechanism), settings_(settings), roads_(roads), gap_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
-        start_(blank(mechanism)), state_(start_), columns_(sizes_of(mechanism).columns) {}
+        start_(design_state(mechanism)), state_(start_), columns_(sizes_of(mechanism).columns) {}
 
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
@@ -107,7 +107,7 @@ class Simulation {
 
   /// Nothing is given to start with.
   void forget_start() {
-    start_ = blank(mechanism_);
+    start_ = design_state(mechanism_);
     given_coordinates_.fill(0);
     given_speeds_.fill(0);
   }
@@ -425,7 +425,7 @@ class Simulation {
 
   /// So do inputs, but those that move guides, which calls follow; what was reported before is of those of the last step.
   void heed_changes() {
-    if (take_changes()) steps_->heed_inputs(state_);
+    if (take_changes()) steps_->restart_after_input_jump(state_);
   }
 
   /// Whether inputs that move no guide have another value, rate or acceleration now; steps begin with the accelerations that these give.
@@ -441,7 +441,7 @@ class Simulation {
   void follow(Real until) {
     const bool others_jump = take_changes();
     const auto scene = [this](std::size_t i, Real t, Real* numbers) { read_scene(i, t, numbers); };
-    if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->heed_inputs(state_);
+    if (followed_.go_on(inputs_, state_.t, until, Real(settings_.dt), scene) || others_jump) steps_->restart_after_input_jump(state_);
   }
 
   /// The host goes to a time itself: guides are where it has them.
@@ -511,7 +511,7 @@ class Simulation {
     followed_.begin(inputs_);
     Fault fault = steps_->close(state_);
     if (!fault) {
-      steps_->heed_inputs(state_);
+      steps_->restart_after_input_jump(state_);
       fault = go_on();
     }
     if (fault && state_.t == from.t) go_back(from, before);
@@ -580,7 +580,7 @@ class Simulation {
   /// Guides go over to the next parts of their courses, of which none ends before the time that is returned, at most `until`.
   Real go_over_until(Real until) {
     if constexpr (Followed::any) {
-      if (followed_.go_over(state_.t, rounding())) steps_->heed_inputs(state_);
+      if (followed_.go_over(state_.t, rounding())) steps_->restart_after_input_jump(state_);
       if (const Real next = followed_.next_end(); next < until - rounding()) return next;
     }
     return until;

@@ -9,7 +9,7 @@
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/equal_steps.hpp"
 #include "cutjoint/core/stepping/implicit_scheme.hpp"
-#include "cutjoint/core/stepping/over_stepper.hpp"
+#include "cutjoint/core/stepping/stepped_integrator.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 
 namespace cutjoint {
@@ -17,7 +17,7 @@ namespace cutjoint {
 /// The integrator of a run (simulation.hpp) by a rule of stepping/equal_steps.hpp: a step of the settings' length, in parts where events lie.  Where a run
 /// fails the state is the last one that counts.
 template <class Rule>
-class SplitSteps : public stepping::OverStepper<SplitSteps<Rule>, typename Rule::Subject> {
+class SplitSteps : public stepping::SteppedIntegrator<SplitSteps<Rule>, typename Rule::Subject> {
  public:
   using Subject = typename Rule::Subject;
   using Real = typename Subject::real_type;
@@ -27,7 +27,7 @@ class SplitSteps : public stepping::OverStepper<SplitSteps<Rule>, typename Rule:
   static constexpr bool adaptive = false, knows_residuals = requires(const Rule& rule) { rule.newton(); };
 
   SplitSteps(Subject& subject, const Settings& settings, const Road<Real>* roads)
-      : stepping::OverStepper<SplitSteps, Subject>(subject, settings), rule_(subject, settings),
+      : stepping::SteppedIntegrator<SplitSteps, Subject>(subject, settings), rule_(subject, settings),
         stages_(rule_, switches_of(subject, settings.events), roads, Real(settings.dt)), stepper_(stages_, {}, Real(settings.end), false), y_(stages_.size()) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<Subject>&) { return settings.stabilisation; }
@@ -38,7 +38,7 @@ class SplitSteps : public stepping::OverStepper<SplitSteps<Rule>, typename Rule:
   void begin(StateOf<Subject>& state) { state = stages_.enter(); }
 
   /// Forces have jumped: a singular pose keeps the accelerations that it has.
-  void heed_inputs(StateOf<Subject>& state) {
+  void restart_after_input_jump(StateOf<Subject>& state) {
     stages_.adopt();
     stages_.restart();
     keep(state);
@@ -79,7 +79,7 @@ class SplitSteps : public stepping::OverStepper<SplitSteps<Rule>, typename Rule:
   long evaluations() const { return rule_.evaluations(); }
 
  private:
-  friend stepping::OverStepper<SplitSteps, Subject>;
+  friend stepping::SteppedIntegrator<SplitSteps, Subject>;
 
   void keep(StateOf<Subject>& state) const {
     state.vdot = stages_.present().vdot;

@@ -59,7 +59,7 @@ class Starter {
   explicit Starter(M& mechanism, bool proximal = false)
       : mechanism_(mechanism), sizes_(sizes_of(mechanism)), n_(sizes_.speeds), m_(sizes_.equations), drawn_(proximal ? m_ : 0),
         matrix_((n_ + m_) * n_), phi_(m_), phid_(m_), still_(m_), right_(n_ + m_), a_(n_ + m_), next_(n_ + m_), step_(n_),
-        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(blank(mechanism)), other_(probe_),
+        travel_(n_), room_(n_), left_(n_), beside_(n_), order_(n_), correction_(m_), other_accelerations_(n_), from_(sizes_.coordinates), probe_(design_state(mechanism)), other_(probe_),
         holding_(mechanism) {}
 
   /// Close the loops by the shortest way from the given coordinates (Gauss-Newton with least-norm steps).  A fault names the equation that

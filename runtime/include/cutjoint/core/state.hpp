@@ -13,7 +13,7 @@ namespace cutjoint {
 
 /// Arrays that are vectors, for whatever mechanism.
 template <class Real>
-struct Vectors {
+struct DynamicStorage {
   using CoordinatesArray = std::vector<Real>;
   using SpeedsArray = std::vector<Real>;
   using EquationsArray = std::vector<Real>;
@@ -21,7 +21,7 @@ struct Vectors {
 
 /// Arrays of what knows its sizes.
 template <class Real, std::size_t coordinates, std::size_t speeds, std::size_t equations>
-struct Insides {
+struct FixedStorage {
   using CoordinatesArray = Fixed<Real, coordinates>;
   using SpeedsArray = Fixed<Real, speeds>;
   using EquationsArray = Fixed<Real, equations>;
@@ -37,7 +37,7 @@ std::vector<Real> converted(const std::vector<Other>& values) {
 }
 
 /// Time, coordinates, speeds, accelerations and multipliers; SI units, lengths as in the lists of the mechanism or system.
-template <class Real, class Arrays = Vectors<Real>>
+template <class Real, class Arrays = DynamicStorage<Real>>
 struct State {
   Real t{0};
   typename Arrays::CoordinatesArray q;
@@ -70,12 +70,12 @@ struct State {
 /// The arrays of a state of a mechanism or system.
 template <class M>
 struct ArraysOf {
-  using type = Vectors<typename M::real_type>;
+  using type = DynamicStorage<typename M::real_type>;
 };
 
 template <Sized M>
 struct ArraysOf<M> {
-  using type = Insides<typename M::real_type, M::sizes.coordinates, M::sizes.speeds, M::sizes.equations>;
+  using type = FixedStorage<typename M::real_type, M::sizes.coordinates, M::sizes.speeds, M::sizes.equations>;
 };
 
 /// The state of a mechanism or system; that of two with the same sizes is the same type.
@@ -84,7 +84,7 @@ using StateOf = State<typename M::real_type, typename ArraysOf<M>::type>;
 
 /// The design position at rest: coordinates nought, balls not turned.
 template <class M>
-StateOf<M> blank(const M& mechanism) {
+StateOf<M> design_state(const M& mechanism) {
   const Sizes sizes = sizes_of(mechanism);
   StateOf<M> state(sizes.coordinates, sizes.speeds, sizes.equations);
   state.set_balls(charts_of(mechanism));

@@ -52,7 +52,7 @@ class Trapezoidal {
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
-        before_(blank(mechanism)), projection_(mechanism) {}
+        before_(design_state(mechanism)), projection_(mechanism) {}
 
   /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end, or loops
   /// stay open; `state` is then the last one that converged, and the mechanism is at its time.

@@ -73,7 +73,7 @@ class Newton : public Workspace<S, Solver> {
       : Base(system, solver), settings_(settings), length_(settings.dt), dt_(length_),
         share_(Real(1 - settings.rule.alpha_f) / Real(1 - settings.rule.alpha_m)), speed_(dt_ * Real(settings.rule.gamma) * share_),
         k_(dt_ * dt_ * Real(settings.rule.beta) * share_), turns_(unit_turns(system)), lambda_before_(m_), vdot_before_(n_),
-        predicted_(n_), before_(blank(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
+        predicted_(n_), before_(design_state(system)), whole_(before_), mean_(n_), whole_mean_(n_), delta_(n_), kept_now_(m_), kept_before_(m_) {}
 
   /// Accelerations and multipliers of a start, whose coordinates and rates satisfy the equations.
   Fault begin(StateOf<S>& state, Real motion) {

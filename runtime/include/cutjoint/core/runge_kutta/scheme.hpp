@@ -29,7 +29,7 @@ class Scheme {
 
   static constexpr bool adaptive() { return Table::adaptive; }
   Real time() const { return t_; }
-  auto& regime() { return dynamics_.regime(); }
+  auto& cells() { return dynamics_.cells(); }
 
   Real begin(Real t, const Vector& y, Real left) {
     t_ = t;
@@ -47,7 +47,7 @@ class Scheme {
   Attempt attempt(Real h, bool, long) {
     dynamics_.begin_attempt(t_);
     formula_.attempt(t_, h, y_, end_, error_);
-    return {regime().crossed() ? Real(0) : error_size()};
+    return {cells().crossed() ? Real(0) : error_size()};
   }
 
   void advance(Real h) {

@@ -21,7 +21,7 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/sdirk/table.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/stepping/switch_cells.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 
 namespace cutjoint::sdirk {
@@ -60,7 +60,7 @@ class Stages : public Workspace<S, Solver> {
   /// `roads` those of its tyres.
   Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
-        closing_(system), regime_(std::move(switches), roads), turns_(unit_turns(system)), row_(blank(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), v_hat_(n_), delta_hat_(n_), delta_(n_), trial_(n_), guess_(n_),
         rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_), forces_(repeat<Table::stages + 1>(push_)), middle_(repeat<2>(delta_)),
         middle_forces_(repeat<2>(push_)) {}
@@ -105,7 +105,7 @@ class Stages : public Workspace<S, Solver> {
   bool attempt(Real h, bool whole, long number) {
     this->number_ = number;
     whole_ = whole;
-    regime_.begin(start_.t);
+    cells_.begin(start_.t);
     for (std::size_t stage = 1; stage <= Table::stages; ++stage) {
       bool found = false;
       if (try_stage(stage, h, found)) {  // no factors, or no finite value
@@ -118,7 +118,7 @@ class Stages : public Workspace<S, Solver> {
         return false;
       }
       if (leaves()) return false;
-      regime_.pass(time_);
+      cells_.pass(time_);
     }
     at_.lambda = lambda_;
     return true;
@@ -186,8 +186,8 @@ class Stages : public Workspace<S, Solver> {
   }
 
   /// Inputs have jumped: where forces may have changed their formulas, accelerations and regime are those of the present state.
-  void heed_inputs() {
-    if (regime_.empty()) return;
+  void restart_after_input_jump() {
+    if (cells_.empty()) return;
     adopt();
     row_ = start_;
     if (single_.begin(row_, Real(1))) return;  // a singular pose keeps what it has
@@ -198,26 +198,26 @@ class Stages : public Workspace<S, Solver> {
 
   /// Go over to the regime of the present state.
   void adopt() {
-    if (regime_.empty()) return;
+    if (cells_.empty()) return;
     switch_at(start_);
-    regime_.adopt();
+    cells_.adopt();
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(const StateOf<S>& state) {
-    if (regime_.empty()) return false;
+    if (cells_.empty()) return false;
     switch_at(state);
-    return regime_.seek();
+    return cells_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
   std::size_t found(const StateOf<S>& state) {
-    if (regime_.empty()) return 0;
+    if (cells_.empty()) return 0;
     switch_at(state);
-    return regime_.found();
+    return cells_.found();
   }
 
-  stepping::Regime<S>& regime() { return regime_; }
+  stepping::SwitchCells<S>& cells() { return cells_; }
 
   /// Close the loops of a state, positions first, then speeds.
   Fault project(StateOf<S>& state) {
@@ -256,13 +256,13 @@ class Stages : public Workspace<S, Solver> {
     Entries<S> tangent;
     Real alpha, factored_w, last_h, share;
     long has_factors, factored, slow;
-    typename stepping::Regime<S>::Memory regime;
+    typename stepping::SwitchCells<S>::Memory cells;
     typename Solver::Memory solver, other;
     typename RecursiveNewton<S, Solver>::Memory single;
   };
 
   Memory memory() const {
-    return {start_, middle_, middle_forces_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, regime_.memory(),
+    return {start_, middle_, middle_forces_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, cells_.memory(),
             solver_.memory(), other_.memory(), single_.memory()};
   }
 
@@ -279,7 +279,7 @@ class Stages : public Workspace<S, Solver> {
     has_factors_ = memory.has_factors;
     factored_ = memory.factored;
     slow_ = memory.slow;
-    regime_.restore(memory.regime);
+    cells_.restore(memory.cells);
     single_.restore(memory.single);
     if (has_factors_) solver_.restore(memory.solver, tangent_.data());
     other_.restore(memory.other, single_.tangent().data());
@@ -312,15 +312,15 @@ class Stages : public Workspace<S, Solver> {
   }
 
   void look_at(const StateOf<S>& state) {
-    if constexpr (stepping::Regime<S>::can_switch) system_.events(state.q.data(), state.v.data(), regime_.values());
+    if constexpr (stepping::SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
   }
 
   /// Whether the attempt leaves the regime with the stage as it is, and shall end there.
   bool leaves() {
-    if (regime_.empty()) return false;
+    if (cells_.empty()) return false;
     look_at(at_);
-    regime_.look(time_);
-    return regime_.crossed() && !whole_;
+    cells_.look(time_);
+    return cells_.crossed() && !whole_;
   }
 
   /// Whether a stage that is not found, or slowly, leaves the regime: as it is, and as it was guessed, which is where the regime before would lead.
@@ -484,7 +484,7 @@ class Stages : public Workspace<S, Solver> {
   Solver& other_;
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
-  stepping::Regime<S> regime_;
+  stepping::SwitchCells<S> cells_;
   Turns<S> turns_;
   StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage, and beside it
   Coordinates<S> pose_, moved_;          ///< that of the factors

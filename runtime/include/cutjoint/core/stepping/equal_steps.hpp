@@ -11,7 +11,7 @@
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/stepping/switch_cells.hpp"
 
 namespace cutjoint::stepping {
 
@@ -38,7 +38,7 @@ class EqualSteps {
   static constexpr bool estimates = false;
 
   EqualSteps(Rule& rule, SwitchPlaces<Subject> switches, const Road<Real>* roads, Real dt)
-      : rule_(rule), regime_(std::move(switches), roads), dt_(dt), start_(blank(rule.subject())), at_(start_), way_(start_.v), moved_(start_.v) {}
+      : rule_(rule), cells_(std::move(switches), roads), dt_(dt), start_(design_state(rule.subject())), at_(start_), way_(start_.v), moved_(start_.v) {}
 
   std::size_t size() const { return start_.q.size() + start_.v.size(); }
   std::span<const Chart> charts() const { return charts_of(rule_.subject()); }
@@ -54,14 +54,14 @@ class EqualSteps {
 
   /// Try a step of length h from the present state; whether its end was found.
   bool attempt(Real h, bool, long number) {
-    regime_.begin(start_.t);
+    cells_.begin(start_.t);
     if (std::exchange(tried_, true)) rule_.go_back(start_);
     at_ = start_;
     const bool found = move(h, number);
     at_.t = start_.t + h;
-    if (!regime_.empty()) {
-      rule_.events(at_, regime_.values());
-      regime_.look(at_.t);
+    if (!cells_.empty()) {
+      rule_.events(at_, cells_.values());
+      cells_.look(at_.t);
     }
     return found;
   }
@@ -102,21 +102,21 @@ class EqualSteps {
 
   /// Go over to the regime of the present state.
   void adopt() {
-    if (regime_.empty()) return;
-    rule_.events(start_, regime_.values());
-    regime_.adopt();
+    if (cells_.empty()) return;
+    rule_.events(start_, cells_.values());
+    cells_.adopt();
   }
 
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(const State& state) {
-    rule_.events(state, regime_.values());
-    return regime_.seek();
+    rule_.events(state, cells_.values());
+    return cells_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
   std::size_t found(const State& state) {
-    rule_.events(state, regime_.values());
-    return regime_.found();
+    rule_.events(state, cells_.values());
+    return cells_.found();
   }
 
   /// The present state, to whose time the mechanism or system goes, which an attempt has left.
@@ -125,7 +125,7 @@ class EqualSteps {
     return start_;
   }
 
-  Regime<Subject>& regime() { return regime_; }
+  SwitchCells<Subject>& cells() { return cells_; }
 
   /// Close the loops of a state that lies between steps.
   Fault project(State& state) { return rule_.project(state); }
@@ -169,7 +169,7 @@ class EqualSteps {
   }
 
   Rule& rule_;
-  Regime<Subject> regime_;
+  SwitchCells<Subject> cells_;
   Real dt_;
   State start_, at_;  ///< at the step's start, and its attempted end
   Speeds<Subject> way_, moved_;

@@ -35,7 +35,7 @@ class ImplicitScheme {
 
   bool adaptive() const { return adaptive_; }
   Real time() const { return present().t; }
-  auto& regime() { return stages_.regime(); }
+  auto& cells() { return stages_.cells(); }
 
   /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
   Real begin(Real, const Vector&, Real left) const {
@@ -59,7 +59,7 @@ class ImplicitScheme {
     return attempt;
   }
 
-  void advance(Real) { regime().advance(); }
+  void advance(Real) { cells().advance(); }
 
   Fault accept(Real h) {
     if (const Fault fault = stages_.accept(h, before_)) return fault;

@@ -25,7 +25,7 @@ class NewtonRule {
 
   NewtonRule(S& system, const Settings& settings)
       : system_(system), solver_(solver_for<Solver>(system, settings)), newton_(system, solver_, newton_settings(settings)), dt_(settings.dt), h_(dt_),
-        restarted_(blank(system)), means_(restarted_.v) {}
+        restarted_(design_state(system)), means_(restarted_.v) {}
 
   const S& subject() const { return system_; }
 

@@ -57,7 +57,7 @@ struct Progress {
 /// - `attempt` tries a step of length h from the present state; it may end where it leaves the regime, but not if `whole`,
 /// - `advance` makes the regime go on at the end of the attempt, `accept` makes that end the present state,
 /// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
-/// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see Regime),
+/// - `seek` seeks the switches that the trial state has out of the regime, `found` is the first of these (see SwitchCells),
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
@@ -75,7 +75,7 @@ class Stepper {
   /// `end` is where the integration ends: no step goes beyond.  `how` is what else the scheme is made with.
   template <class Dynamics, class... How>
   Stepper(Dynamics& dynamics, const Tolerances<Real>& tolerances, Real end, How&&... how)
-      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), counts_(scheme_.regime().size()) {
+      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), counts_(scheme_.cells().size()) {
     now_.limit = end;
   }
 
@@ -212,12 +212,12 @@ class Stepper {
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
       const Attempt<Real> attempt = scheme_.attempt(h, whole, now_.number);
-      if (scheme_.regime().crossed()) {
+      if (scheme_.cells().crossed()) {
         if (whole && attempt.found) return pass(h);
         if (!whole) {
           const Real last = way;
-          way = scheme_.regime().crossing() - time();
-          now_.latest = scheme_.regime().first();
+          way = scheme_.cells().crossing() - time();
+          now_.latest = scheme_.cells().first();
           const bool sure = attempt.found && way > last * Real(0.9) && way < last * Real(1.1);
           h = std::max(std::clamp(Real(0.9) * way, sure ? Real(0) : h / 10, Real(0.9) * h), shortest());
           continue;
@@ -250,7 +250,7 @@ class Stepper {
   Real beyond(Real s) {
     scheme_.follow(s);
     const bool left = scheme_.found() < counts_.by_switch.size();
-    const Real distance = scheme_.regime().beyond();
+    const Real distance = scheme_.cells().beyond();
     return left ? std::max(distance, std::numeric_limits<Real>::min()) : std::min(distance, Real(0));
   }
 
@@ -312,7 +312,7 @@ class Stepper {
 
   /// A step that rounding would swallow leaves the regime.
   Fault pass(Real h) {
-    scheme_.regime().advance();
+    scheme_.cells().advance();
     if (const Fault fault = scheme_.accept(h)) return fault;
     ++counts_.steps;
     return scheme_.seek() ? change(scheme_.found()) : count_event();

@@ -24,7 +24,7 @@ class TrapezoidalRule {
 
   TrapezoidalRule(M& mechanism, const SimulationSettings& settings)
       : mechanism_(mechanism), proximal_(settings.fixed_point.proximal), steps_(mechanism, Real(settings.dt), settings.fixed_point),
-        relative_(mechanism, Real(1e-12)), probe_(blank(mechanism)) {}
+        relative_(mechanism, Real(1e-12)), probe_(design_state(mechanism)) {}
 
   const M& subject() const { return mechanism_; }
 

@@ -46,7 +46,7 @@ struct Equations {
 
 /// The motion of a cut joint: the gap between its points, the follower's point p from its pole, its velocity P and the relative twist's W.
 template <class Real>
-struct Encounter {
+struct RelativeMotion {
   Vector3<Real> gap, p, P, W;
 };
 
@@ -105,7 +105,7 @@ class Closures {
     c.step = k_.pole_step(base, follower);
     const Vector6<Real> carried = twist_at<Real>(k_.frame(base).Z, c.step);
     const Vector6<Real> Z = k_.frame(follower).Z - carried;
-    Encounter<Real> e;
+    RelativeMotion<Real> e;
     e.p = k_.point(cut.follower);
     e.gap = e.p - (k_.point(cut.base) - c.step);
     e.W = Z.template tail<3>();
@@ -126,7 +126,7 @@ class Closures {
     }
   }
 
-  void write(std::size_t i, const Encounter<Real>& e, Equations<Real>& out) const {
+  void write(std::size_t i, const RelativeMotion<Real>& e, Equations<Real>& out) const {
     const Cut& cut = model_.cuts[i];
     const Matrix3<Real>&base = k_.frame(cut.base.body).R, &follower = k_.frame(cut.follower.body).R;
     const Vector3<Real>* direction = directions_[i].data();
@@ -158,28 +158,28 @@ class Closures {
   }
 
   /// Phi += b . gap
-  static void along(const Encounter<Real>& e, const Vector3<Real>& b, Equations<Real>& out) {
+  static void along(const RelativeMotion<Real>& e, const Vector3<Real>& b, Equations<Real>& out) {
     out.add(b.dot(e.gap), b, e.p.cross(b), b.dot(e.W.cross(e.P)));
   }
 
   /// Phi += f . b, f of the follower and b of the base.
-  static void cross(const Encounter<Real>& e, const Vector3<Real>& f, const Vector3<Real>& b, Equations<Real>& out) {
+  static void cross(const RelativeMotion<Real>& e, const Vector3<Real>& f, const Vector3<Real>& b, Equations<Real>& out) {
     out.add(f.dot(b), Vector3<Real>::Zero(), f.cross(b), b.dot(e.W.cross(e.W.cross(f))));
   }
 
   /// Phi = gap
-  static void close_gap(const Encounter<Real>& e, Equations<Real>& out) {
+  static void close_gap(const RelativeMotion<Real>& e, Equations<Real>& out) {
     out.append(e.gap, Matrix3<Real>::Identity(), skew<Real>(e.p), e.W.cross(e.P));
   }
 
   /// Phi = f - b
-  static void align(const Encounter<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
+  static void align(const RelativeMotion<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
     const Vector3<Real>& f = d.follower[0];
     out.append(f - d.base[0], Matrix3<Real>::Zero(), skew<Real>(f), e.W.cross(e.W.cross(f)));
   }
 
   /// Phi = sum b_k x f_k / 2: the sine of a small relative rotation.
-  static void hold_attitude(const Encounter<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
+  static void hold_attitude(const RelativeMotion<Real>& e, const Carried<Real>& d, Equations<Real>& out) {
     Vector3<Real> phi = Vector3<Real>::Zero(), curvature = Vector3<Real>::Zero();
     Matrix3<Real> by_w = Matrix3<Real>::Zero();
     for (std::size_t k = 0; k < 3; ++k) {
@@ -192,13 +192,13 @@ class Closures {
   }
 
   /// Phi = (gap^2 - L^2) / (2 L)
-  static void keep_length(const Encounter<Real>& e, Real length, Equations<Real>& out) {
+  static void keep_length(const RelativeMotion<Real>& e, Real length, Equations<Real>& out) {
     const Vector3<Real> n = e.gap / length;
     out.append((e.gap.squaredNorm() - length * length) / (2 * length), n, e.p.cross(n), e.P.squaredNorm() / length + n.dot(e.W.cross(e.P)));
   }
 
   /// Over the axis and two directions across it: Phi = f_1 . c, where c = b_2 cos(angle) - b_1 sin(angle), angle = b_0 . gap / h; c' = o angle', o' = -c angle'.
-  static void advance(const Encounter<Real>& e, const Carried<Real>& d, Real pitch, Equations<Real>& out) {
+  static void advance(const RelativeMotion<Real>& e, const Carried<Real>& d, Real pitch, Equations<Real>& out) {
     using std::cos, std::sin;
     const Vector3<Real>&f = d.follower[1], axis = d.base[0] / pitch;
     const Real angle = axis.dot(e.gap), rate = axis.dot(e.P);

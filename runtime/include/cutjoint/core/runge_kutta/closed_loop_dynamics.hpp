@@ -11,20 +11,20 @@
 #include "cutjoint/core/relative.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
-#include "cutjoint/core/stepping/regime.hpp"
+#include "cutjoint/core/stepping/switch_cells.hpp"
 
 namespace cutjoint::runge_kutta {
 
 /// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
 /// after each step.
 template <Mechanism M>
-class Watched : public Relative<M> {
+class ClosedLoopDynamics : public Relative<M> {
  public:
   using Real = typename M::real_type;
   using typename Relative<M>::Vector;
 
-  Watched(M& mechanism, const stepping::Regime<M>& regime, Real tolerance)
-      : Relative<M>(mechanism, tolerance), regime_(regime), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
+  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance)
+      : Relative<M>(mechanism, tolerance), cells_(cells), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda) {}
 
   /// Take over a start, in the regime in which it stands.
@@ -37,17 +37,17 @@ class Watched : public Relative<M> {
 
   /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.
   void begin_attempt(Real t) {
-    regime_.begin(t);
+    cells_.begin(t);
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
   void derive(Real t, const Vector& y, Vector& slope) {
     predict(t);
     Relative<M>::derive(t, y, slope);
-    if (regime_.empty()) return;
+    if (cells_.empty()) return;
     evaluate_switches();
-    regime_.look(t);
-    regime_.pass(t);
+    cells_.look(t);
+    cells_.pass(t);
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
@@ -86,21 +86,21 @@ class Watched : public Relative<M> {
 
   /// Seek the switches that a state has out of the regime; whether there are any.
   bool seek(Real t, const Vector& y) {
-    if (regime_.empty()) return false;
+    if (cells_.empty()) return false;
     switch_at(t, y);
-    return regime_.seek();
+    return cells_.seek();
   }
 
   /// The first of them that a state has out of the regime; as many as there are switches if there is none.
   std::size_t found(Real t, const Vector& y) {
-    if (regime_.empty()) return 0;
+    if (cells_.empty()) return 0;
     switch_at(t, y);
-    return regime_.found();
+    return cells_.found();
   }
 
   /// A step ended at t, the last stage there being its end; the regime goes on.
   void advance(Real t) {
-    regime_.advance();
+    cells_.advance();
     history_.last.swap(history_.before_last);
     std::swap(history_.last_time, history_.before_last_time);
     history_.last = state_.lambda;
@@ -111,12 +111,12 @@ class Watched : public Relative<M> {
   /// Go over to the regime of a state.
   void adopt(Real t, const Vector& y) {
     history_.known = 0;
-    if (regime_.empty()) return;
+    if (cells_.empty()) return;
     switch_at(t, y);
-    regime_.adopt();
+    cells_.adopt();
   }
 
-  stepping::Regime<M>& regime() { return regime_; }
+  stepping::SwitchCells<M>& cells() { return cells_; }
 
   /// Multipliers at the ends of the last two steps.
   struct History {
@@ -127,18 +127,18 @@ class Watched : public Relative<M> {
 
   /// Memory of the next steps.
   struct Memory {
-    typename stepping::Regime<M>::Memory regime;
+    typename stepping::SwitchCells<M>::Memory cells;
     History history;
     typename Relative<M>::Experience experience;
     Equations<M> lambda;
   };
 
   Memory memory() const {
-    return {.regime = regime_.memory(), .history = history_, .experience = this->experience_, .lambda = state_.lambda};
+    return {.cells = cells_.memory(), .history = history_, .experience = this->experience_, .lambda = state_.lambda};
   }
 
   void restore(const Memory& memory) {
-    regime_.restore(memory.regime);
+    cells_.restore(memory.cells);
     history_ = memory.history;
     this->experience_ = memory.experience;
     state_.lambda = memory.lambda;
@@ -162,10 +162,10 @@ class Watched : public Relative<M> {
   }
 
   void evaluate_switches() {
-    if constexpr (stepping::Regime<M>::can_switch) mechanism_.events(state_.q.data(), state_.v.data(), regime_.values());
+    if constexpr (stepping::SwitchCells<M>::can_switch) mechanism_.events(state_.q.data(), state_.v.data(), cells_.values());
   }
 
-  stepping::Regime<M> regime_;
+  stepping::SwitchCells<M> cells_;
   Projection<M> projection_;
   History history_;
   Equations<M> residual_, rate_;

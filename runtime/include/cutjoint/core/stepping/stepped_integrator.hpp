@@ -15,13 +15,13 @@ namespace cutjoint::stepping {
 /// Steps of an integrator (simulation.hpp) over coordinates and speeds of S.  `Own` has the `stepper_` of stepper.hpp, room `y_` for its values, `begin`, and
 /// `keep`, which puts accelerations or multipliers of the steps into a state.
 template <class Own, class S>
-class OverStepper {
+class SteppedIntegrator {
  public:
   using Real = typename S::real_type;
 
   static constexpr bool finds_events = true;
 
-  OverStepper(S& subject, const SimulationSettings& settings) : impacts_(subject, settings.end) {}
+  SteppedIntegrator(S& subject, const SimulationSettings& settings) : impacts_(subject, settings.end) {}
 
   /// The length of steps with a fixed point, which penalties follow: there is none.
   static Real fixed_point_step(const SimulationSettings&) { return Real(0); }
@@ -59,14 +59,14 @@ class OverStepper {
 
   void get_ready(const SimulationSettings& settings, Real until) {
     if (!settings.foresees) own().stepper_.limit(until);
-    if constexpr (can_jump<S>) own().stepper_.strike_by({&OverStepper::strike<typename Own::Scheme>, this});
+    if constexpr (can_jump<S>) own().stepper_.strike_by({&SteppedIntegrator::strike<typename Own::Scheme>, this});
     if constexpr (Own::adaptive) own().stepper_.bound(settings.most_steps);
   }
 
   /// Momentum carries over where the rate of a guide jumps.
   template <class Scheme>
   static void strike(void* who, Scheme& scheme, std::size_t which, Real since) {
-    OverStepper* const own = static_cast<OverStepper*>(who);
+    SteppedIntegrator* const own = static_cast<SteppedIntegrator*>(who);
     own->impacts_.meet(scheme, which, since, own->watch_);
   }
 

@@ -21,7 +21,7 @@ namespace cutjoint::stepping {
 /// near a level, and a few units of the largest value seen, whose terms may cancel there; a step counts four times as much as the one before,
 /// since ratios such as a tyre's slip by its load are without bound for a moment.
 template <class M>
-class Regime {
+class SwitchCells {
   template <class T>
   using Switches = Array<M, static_sizes<M>().switches, T>;
 
@@ -32,7 +32,7 @@ class Regime {
   static constexpr bool can_switch = !Sized<M> || static_sizes<M>().switches > 0;
 
   /// `roads` are those of the tyres.
-  Regime(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()) {}
+  SwitchCells(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()) {}
 
   std::size_t size() const { return places_.size(); }
   bool empty() const { return places_.empty(); }
