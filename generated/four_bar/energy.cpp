@@ -3,13 +3,12 @@
 #include <cmath>
 
 #include "four_bar.hpp"
+#include "cutjoint/precision.hpp"
 
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const {
-  (void)vdot;
-  (void)lambda;
+void FourBar<Real>::energy(const Real* q, const Real* v, const Real*, const Real*, Real* energy) const {
   using std::cos, std::sin;
 
   // inputs

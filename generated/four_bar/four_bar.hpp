@@ -2,39 +2,36 @@
 // Equation numbers: Cuadrado, Cardenal, Morer, Bayo, Multibody System Dynamics 4 (2000) 55-73.
 #pragma once
 
-#include "cutjoint/any_mechanism.hpp"
+#include "cutjoint/core/contract.hpp"
 
 namespace cutjoint::generated {
 
-/// Model four_bar, formulation recursive.  Each member is instantiated for the build's precision in the file of its name.
+/// Model four_bar, formulation recursive.
 template <class Real>
-class FourBar final : public AnyMechanism<Real> {
+class FourBar {
  public:
   using real_type = Real;
 
-  const Description& description() const override;
+  /// Values that depend on parameters alone; the roads must outlive the class.
+  CUTJOINT_APART void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads);
 
-  /// What depends on parameters alone; `roads` must outlive the mechanism.
-  void load(const Real* parameters, const Stabilisation<Real>& stabilisation, const Road<Real>* roads) override;
+  /// Values that depend on time.
+  CUTJOINT_APART void begin_step(Real t, Real motion);
 
-  /// What depends on time.
-  void begin_step(Real t, Real motion) override;
+  /// Accelerations for given multipliers, and the correction that the augmented update adds to these.  445 operations.
+  CUTJOINT_APART void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const;
 
-  /// Accelerations for given multipliers, and the correction that the augmented update adds to these.
-  /// 445 operations.
-  void evaluate(const Real* q, const Real* v, const Real* lambda, Real* vdot, Real* correction) const override;
-
-  /// Residual of the cut joints and its rate.  50 operations.
-  void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const override;
+  /// Residual of the closing equations and its derivatives.  50 operations.
+  CUTJOINT_APART void constraint_residual(const Real* q, const Real* v, Real* residual, Real* rate) const;
 
   /// The reported columns.  4 operations.
-  void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const override;
+  CUTJOINT_APART void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const;
 
   /// Kinetic energy, and the power of all forces, guides and drives.  154 operations.
-  void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const override;
+  CUTJOINT_APART void energy(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* energy) const;
 
   /// The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.  213 operations.
-  void project(const Real* q, const Real* gap, Real* dz) const override;
+  CUTJOINT_APART void project(const Real* q, const Real* gap, Real* dz) const;
 
  private:
   /// Values that depend on parameters alone.
@@ -42,12 +39,6 @@ class FourBar final : public AnyMechanism<Real> {
     Real penalty_closure_1{};
     Real penalty_closure_2{};
   } loaded_;
-
-  /// Values that depend on time.
-  struct Step {
-  } step_;
-
-  const Road<Real>* roads_ = nullptr;
 };
 
 }  // namespace cutjoint::generated

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "four_bar.hpp"
+#include "cutjoint/precision.hpp"
 
 namespace cutjoint::generated {
 

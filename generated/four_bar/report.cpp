@@ -3,13 +3,12 @@
 #include <cmath>
 
 #include "four_bar.hpp"
+#include "cutjoint/precision.hpp"
 
 namespace cutjoint::generated {
 
 template <class Real>
-void FourBar<Real>::report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const {
-  (void)vdot;
-  (void)lambda;
+void FourBar<Real>::report(const Real* q, const Real* v, const Real*, const Real*, Real* column) const {
   using std::cos, std::sin;
 
   // inputs

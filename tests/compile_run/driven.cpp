@@ -4,7 +4,7 @@
 #include "cutjoint/core/inputs.hpp"
 #include "driven.hpp"
 
-using Mechanism = cutjoint::AnyMechanism<double>;
+using Mechanism = cutjoint::generated::Driven<double>;
 
 namespace {
 
@@ -27,8 +27,7 @@ void rise(void* host, double t, double* input) {
 }  // namespace
 
 int main() {
-  cutjoint::generated::DrivenModel<double> model;
-  Mechanism& mechanism = model;
+  Mechanism mechanism;
   const double parameters[] = {3.0};
   mechanism.load(parameters, {}, nullptr);
   print(mechanism, 0.5);

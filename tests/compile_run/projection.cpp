@@ -11,9 +11,14 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/state.hpp"
+#include "cutjoint/generated.hpp"
 #include MECHANISM_HEADER
 
-using Mechanism = cutjoint::AnyMechanism<double>;
+namespace cutjoint::generated {
+const Description& description();
+}
+
+using Mechanism = cutjoint::GeneratedMechanism<cutjoint::generated::MECHANISM<double>>;
 using State = cutjoint::State<double>;
 using Vector = Eigen::VectorXd;
 
@@ -54,8 +59,7 @@ double stray(const Eigen::MatrixXd& answers, const Vector& change) {
 }  // namespace
 
 int main(int, char** argv) {
-  cutjoint::generated::MECHANISM<double> model;
-  Mechanism& mechanism = model;
+  Mechanism mechanism(cutjoint::generated::description());
   const cutjoint::Description& d = mechanism.description();
   std::vector<double> parameters;
   for (const auto& p : d.parameters) parameters.push_back(p.value);

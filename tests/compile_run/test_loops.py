@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from cutjoint.compile.pipeline import derive, generate
-from cutjoint.emit.source import Source, emit
+from cutjoint.emit.simulator import emit_batch
+from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import runtime_folder
@@ -72,5 +73,5 @@ def written(text: str, method: str, real: str) -> Source:
     scene = find_scene(model, "swing")
     if real == "batch":
         equations = derive(model, scene, ())
-        return emit(schedule_recursive(equations, lanes=False), equations, batch=True)
+        return emit_batch(schedule_recursive(equations, lanes=False), equations)
     return generate(model, scene, (), method=method, lanes=real == "double")[2]

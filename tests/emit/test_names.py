@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from cutjoint.compile.pipeline import derive, generate
-from cutjoint.emit.source import emit, mechanism_class, system_class
+from cutjoint.emit.simulator import emit_batch
+from cutjoint.emit.source import name_of_mechanism, name_of_system
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
@@ -33,7 +34,7 @@ def files_of(text: str, kind: str) -> Mapping[str, str]:
     if kind != "batch":
         return generate(model, scene, scene.outputs, method=kind)[2].files
     equations = derive(model, scene, scene.outputs).starting
-    return emit(schedule_recursive(equations, lanes=False), equations, batch=True).files
+    return emit_batch(schedule_recursive(equations, lanes=False), equations).files
 
 
 def named(name: str, kind: str) -> Mapping[str, str]:
@@ -67,7 +68,8 @@ def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
-        ("precision", "recursive"), ("factorisation", "augmented"), ("any", "recursive-newton"), ("any_system", "recursive-newton"),
+        ("precision", "recursive"), ("factorisation", "augmented"), ("stabilisation", "recursive-newton"),
+        ("description", "recursive-newton"),
         ("weights", "augmented"), ("system_description", "recursive-newton"), ("mask", "batch"),
     ],
 )  # fmt: skip
@@ -101,7 +103,7 @@ def test_no_class_hides_a_name_that_generated_code_uses(kind: str) -> None:
     for name, text in named("thing", kind).items():
         if name.endswith(".hpp") or (name.endswith(".cpp") and not name.startswith(("system_", "factor", "solve", "main"))):
             used |= set(re.findall(r"(?<![\w.:])[A-Z]\w*", re.sub(r'//.*|"[^"]*"', "", text))) & declared
-    assert {"AnyMechanism", "Precision"} <= used
+    assert {"Stabilisation", "Precision"} <= used
     for name in used:
-        own = mechanism_class(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
-        assert name not in (own, system_class(own))
+        own = name_of_mechanism(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower())
+        assert name not in (own, name_of_system(own))

@@ -9,7 +9,8 @@ from functools import cache
 import pytest
 
 from cutjoint.compile.pipeline import derive, generate
-from cutjoint.emit.source import Source, emit
+from cutjoint.emit.simulator import emit
+from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import CHECKS
 from cutjoint.model.read import read_model

@@ -23,7 +23,7 @@ from typing import Any
 
 import cutjoint
 from cutjoint.compile.pipeline import derive, generate
-from cutjoint.emit.source import emit
+from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS
 from cutjoint.model.quantities import quantities
@@ -156,7 +156,7 @@ def generate_case(model: Model, scene: Scene, variant: str, precision: str) -> t
     if variant == "batch":
         equations = derive(model, scene, scene.outputs).starting
         program = schedule_recursive(equations, lanes=False)
-        return program, emit(program, equations, batch=True)
+        return program, emit_batch(program, equations)
     if variant == "proximal":
         scene, variant = replace(scene, numerics=replace(scene.numerics, closure="proximal")), "recursive"
     _, program, source = generate(model, scene, scene.outputs, method=variant, lanes=True, precision=precision)

@@ -43,7 +43,7 @@ def names(plan: Plan) -> list[str]:
 
 def emit(plan: Plan, *, tables: bool) -> dict[str, str]:
     """The files of a plan, as straight-line code or as tables."""
-    return emit_factorisation(plan, names(plan), PAGE, straight_line=0 if tables else 10**9)
+    return PAGE.files(emit_factorisation(plan, names(plan), PAGE, straight_line=0 if tables else 10**9))
 
 
 class Factorisation:

@@ -133,13 +133,13 @@ def test_clang_takes_it_too(tables: bool, tmp_path: Path) -> None:
 
 def test_large_systems_become_tables() -> None:
     plan, _ = kkt_plan(1)
-    below = emit_factorisation(plan, names(plan), PAGE, straight_line=plan.multiply_adds)
-    above = emit_factorisation(plan, names(plan), PAGE, straight_line=plan.multiply_adds - 1)
+    below = PAGE.files(emit_factorisation(plan, names(plan), PAGE, straight_line=plan.multiply_adds))
+    above = PAGE.files(emit_factorisation(plan, names(plan), PAGE, straight_line=plan.multiply_adds - 1))
     assert below == emit(plan, tables=False)
     assert above == emit(plan, tables=True)
     assert set(above) == {"factorisation.hpp", "factorisation.cpp"}
     assert plan.multiply_adds < STRAIGHT_LINE
-    assert emit_factorisation(plan, names(plan), PAGE) == below
+    assert PAGE.files(emit_factorisation(plan, names(plan), PAGE)) == below
 
 
 def test_functions_are_bounded() -> None:

@@ -15,7 +15,8 @@ from typing import Any
 from cutjoint.analysis.mobility import require_soundness
 from cutjoint.compile.folders import plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
-from cutjoint.emit.source import Generated, Source, emit
+from cutjoint.emit.simulator import emit
+from cutjoint.emit.source import Generated, Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -59,6 +60,7 @@ def compile_scene(
         generated = generate(model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision)
     made, delivery = generated, plan_delivery(generated, options)
     seconds, written = perf_counter() - begin, perf_counter()
+
     # Source -> Binary
     def finish() -> Artifact:
         kind = Kind(comparison=options.comparison, precision=options.precision)

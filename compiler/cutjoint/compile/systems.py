@@ -1,6 +1,6 @@
 """The pipeline's branch for methods with Newton's iteration: the equations of a system, and the plan of its factorisation.
 
-    Equations of the start -> Equations -> Program, Plan -> Source
+Equations of the start -> Equations -> Program, Plan -> Source
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import numpy as np
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
 from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
+from cutjoint.emit.classes import System
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
+from cutjoint.emit.simulator import emit_system
 from cutjoint.emit.source import Source
-from cutjoint.emit.system import emit_system
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.lanes import find_corresponding, schedule_recursive
 from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian, without
@@ -56,7 +57,8 @@ def emit_scheduled(equations: SystemEquations, program: Program, *, lanes: bool,
     """The C++ of what was scheduled.  Lanes and straight-line factorisations are for number types of which several fit a register."""
     mechanism, straight_line = schedule_recursive(equations.start, lanes=lanes), STRAIGHT_LINE if packed else 0
     assert equations.plan is not None
-    return emit_system(mechanism, program, equations, equations.plan, straight_line=straight_line)
+    system = System(equations=equations, program=program, plan=equations.plan)
+    return emit_system(mechanism, system, straight_line=straight_line)
 
 
 def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[Source, dict[str, Any]]:
@@ -65,9 +67,7 @@ def interpret_scheduled(equations: SystemEquations, program: Program) -> tuple[S
     return emit_interpreted_system(schedule_recursive(equations.start, lanes=True), program, equations, equations.plan)
 
 
-def formulate_system(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...]
-) -> tuple[SystemEquations, list[NaturalState]]:
+def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Output, ...]) -> tuple[SystemEquations, list[NaturalState]]:
     """The equations, and the states where the pivots of a saddle point are tried."""
     if METHODS[method].formulation is Formulation.IMPLICIT:
         return formulate_implicit(start, outputs), []
@@ -88,9 +88,7 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         MissingLibraryError: a library that orders matrices is not installed.
     """
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
-    functions = [
-        (f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions
-    ]
+    functions = [(f.name, f.results if f.name in _ONCE else fold(equations.builder, families, f.results)) for f in equations.functions]
     program, pattern = settle_entries(
         schedule(equations.builder, functions, lanes=lanes, last=CHECKS), len(equations.row_names),
         symmetric=METHODS[equations.method].symmetric,

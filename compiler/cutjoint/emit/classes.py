@@ -1,23 +1,50 @@
-"""The code of a simulation that stands alone: its programs and their C++ classes."""
+"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and folders that stand alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from cutjoint.emit.factorisation import emit_factorisation
-from cutjoint.emit.source import FACTORISATION, SPACE, Page, members, switches_of, system_class
-from cutjoint.emit.system import pattern_view, render_class
-from cutjoint.emit.view import Viewer
+from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
+from cutjoint.emit.names import road_names
+from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
+from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
+from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
+from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.plan import Plan
 
 #: Simulations side by side: the doubles of an AVX-512 register; narrower machines take several registers.
 LANES = 8
+
+#: Comments of the functions that store values of a stage.
+_STAGES = {
+    "load": "Values that depend on parameters alone; the roads must outlive the class.",
+    "begin_step": "Values that depend on time.",
+    "start_step": "Values that depend on time and on inputs.",
+}
+
+#: Comments of the other functions.
+_ABOUT = {
+    "evaluate": "Accelerations for given multipliers, and the correction that the augmented update adds to these.",
+    "project": "The step of the speeds' integrals that closes gaps of the cut joints and moves the masses least.",
+    "initial_coordinates": "The system's coordinates and their rates from relative coordinates and speeds.",
+    "dynamic_residual": "M vdot + Phi_q^T (penalty Phi + lambda) - Q, and Phi.",
+    "linearise": "The same, and the entries of the tangent.",
+    "constraint_residual": "Residual of the closing equations and its derivatives.",
+    "apply_jacobian_transposed": "Phi_q^T w.",
+    "apply_jacobian": "Phi_q x.",
+    "report": "The reported columns.",
+    "energy": "Kinetic energy, and the power of all forces, guides and drives.",
+    "guard": "The smallest margin of each force that was left out: negative where it would act.",
+    "events": "The values of the switches, at whose changes of sign formulas change.",
+    "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
+    "domains": "The margins of the arguments of laws: negative where a law has no value.",
+}
 
 #: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
 _UNUSED = frozenset({"domains", "energy"})
@@ -87,57 +114,115 @@ class CppClass:
     pattern), and the header of a ``factorisation`` that it needs."""
 
     name: str
-    header: str
-    functions: Mapping[str, str]
-    layout: Mapping[str, object]
-    factorisation: str = ""
+    header: Piece
+    functions: Mapping[str, Piece]
+    layout: Mapping[str, object] = field(default_factory=dict)
+    factorisation: Piece | None = None
 
     @property
     def code(self) -> list[str]:
         """The class and its functions in the order of one file."""
-        return [self.header, *self.functions.values()]
+        return [self.header.text, *(piece.text for piece in self.functions.values())]
+
+    def sized(self, page: Page, space: str = "") -> str:
+        """A class that knows its layout too, as a simulation needs it; ``space`` is the namespace of this one within `generated`."""
+        base = "::".join(filter(None, ("generated", space, self.name)))
+        return page.render("sized.hpp.jinja", **self.layout, class_name=self.name, base=base, summary="The same, with its layout.")
 
 
-def class_of_mechanism(
-    parts: SimulationCode, program: Program, conditions: str = "bool", *, apart: bool, header: str = "", space: str = SPACE
-) -> CppClass:
-    """The class of the mechanism by a program of it, in a namespace; ``apart`` in files of their own, with the name of the ``header``
-    without its ending."""
-    page, equations = parts.page, parts.mechanism
-    viewer = Viewer(program, equations, conditions)
+def class_of_mechanism(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
+    """The class of the mechanism by a program of it; ``header`` is the name of its file, without its ending, where it has one."""
+    equations = parts.mechanism
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard"}
     if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
         unused -= {"energy"}  # of one that holds coordinates at rest or finds penalties, one instance at a time
-    names = [f.name for f in equations.functions if f.name not in unused]
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
     }  # fmt: skip
-    how = {"core": True, "apart": apart, "space": space}
-    described = page.render(
-        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.", conditions=conditions,
-        operations={name: program.operations(name) for name in names}, **members(viewer, equations), **layout, **how,
-    )  # fmt: skip
-    functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return CppClass(name=page.class_name, header=described, functions=functions, layout=layout)
+    return replace(mechanism_class(parts.page, program, equations, conditions, unused=unused, header=header), layout=layout)
 
 
-def class_of_system(parts: SimulationCode, system: System, *, apart: bool, header: str = "") -> CppClass:
+def mechanism_class(
+    page: Page, program: Program, equations: RecursiveEquations, conditions: str, *, unused: frozenset[str] = frozenset(), header: str
+) -> CppClass:
+    """The class of a mechanism without its layout, and without functions that are ``unused``."""
+    return _class(page, program, equations, conditions, formulation="recursive", unused=unused, headers=[f"{header}.hpp"])
+
+
+def class_of_system(parts: SimulationCode, system: System, *, header: str = "") -> CppClass:
     """The class of the system, and its factorisation; as above."""
-    equations, program, plan = system.equations, system.program, system.plan
-    page = replace(parts.page, class_name=system_class(parts.page.class_name))
-    viewer = Viewer(program, equations)
-    names = [f.name for f in equations.functions if f.name not in _unused(parts, equations)]
-    factorisation = emit_factorisation(plan, equations.row_names, page, apart=apart)
-    needed = factorisation.pop(f"{FACTORISATION}.hpp")
+    equations, plan = system.equations, system.plan
     layout = {
         "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
         "pattern": pattern_view(plan.pattern, equations.row_names),
     }  # fmt: skip
-    how = {"core": True, "apart": apart}
-    described = render_class(page, viewer, program, equations, names, **layout, **how)
-    functions = dict(sorted(page.functions(viewer, names, header=header, **how).items()))
-    return CppClass(name=page.class_name, header=described, functions=functions | factorisation, layout=layout, factorisation=needed)
+    made = system_class(parts.page, system, unused=_unused(parts, equations), header=header)
+    return replace(made, layout=layout)
+
+
+def system_class(
+    page: Page, system: System, *, unused: frozenset[str] = frozenset(), header: str, straight_line: int = STRAIGHT_LINE
+) -> CppClass:
+    """The class of a system without its layout, and its factorisation; that of more multiply-adds than ``straight_line`` is a loop."""
+    equations = system.equations
+    page = replace(page, class_name=name_of_system(page.class_name), formulation=equations.method)
+    factorisation = emit_factorisation(system.plan, equations.row_names, page, straight_line=straight_line)
+    needed = factorisation.pop(f"{FACTORISATION}.hpp")
+    made = _class(
+        page, system.program, equations, "bool", formulation=equations.method, unused=unused, headers=[f"{header}.hpp"],
+        needs=[f"{FACTORISATION}.hpp"],
+    )  # fmt: skip
+    return replace(made, functions={**made.functions, **factorisation}, factorisation=needed)
+
+
+def _class(
+    page: Page, program: Program, equations: Equations, conditions: str, *, formulation: str, unused: frozenset[str],
+    headers: Sequence[str], needs: Sequence[str] = (),
+) -> CppClass:  # fmt: skip
+    viewer = Viewer(program, equations, conditions)
+    names = [f.name for f in equations.functions if f.name not in unused]
+    views = {"load": viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
+    records, lane_types = _records(viewer), viewer.lane_types()
+    roads = [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())]
+    text = page.render(
+        "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
+        functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
+        records=records, lane_types=lane_types, roads=roads,
+        input_values=equations.input_values, has_members=bool(records or lane_types or roads or equations.input_values),
+    )  # fmt: skip
+    runtime = {"contract": True, "inputs": equations.input_values, "lanes": lane_types, "road": roads}
+    return CppClass(
+        name=page.class_name,
+        header=Piece(text=text, headers=(*(f"cutjoint/core/{name}.hpp" for name, needed in runtime.items() if needed), *needs)),
+        functions={f"{name}.cpp": _function(page, view, headers) for name, view in sorted(views.items())},
+    )
+
+
+def _records(viewer: Viewer) -> list[dict[str, object]]:
+    """The records of stored values."""
+    stages = ((BindingTime.PARAM, "Loaded", "loaded_", "parameters alone"), (BindingTime.STEP, "Step", "step_", "time and inputs"))
+    return [
+        {"type": kind, "name": name, "by": by, "members": members}
+        for binding, kind, name, by in stages
+        if (members := viewer.members(binding))
+    ]  # fmt: skip
+
+
+def _about(name: str, program: Program) -> str:
+    """The comment of a function."""
+    return _STAGES[name] if name in _STAGES else f"{_ABOUT[name]}  {program.operations(name)} operations."
+
+
+def _function(page: Page, view: FunctionView, headers: Sequence[str]) -> Piece:
+    text = page.render(
+        "function.cpp.jinja", signature=view.signature, arrays=view.arrays, sections=view.sections, results=view.results,
+        using=[f"std::{name}" for name in view.calls],
+    )  # fmt: skip
+    return Piece(
+        text=text, standard=("cmath",) if view.calls else (), headers=(*headers, "cutjoint/precision.hpp"),
+        instances=(f"template void {page.class_name}<Precision>::{view.instance};",),
+    )  # fmt: skip
 
 
 def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquations) -> frozenset[str]:
@@ -154,3 +239,11 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
     }}  # fmt: skip
+
+
+def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:
+    """The view of a pattern for the templates; ``names`` has one for each column."""
+    columns = [
+        {"name": name, "entries": pattern.row[pattern.first[j] : pattern.first[j + 1]]} for j, name in enumerate(names)
+    ]  # fmt: skip
+    return {"size": pattern.size, "symmetric": pattern.symmetric, "first": pattern.first, "columns": columns}

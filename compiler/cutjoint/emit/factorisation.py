@@ -1,4 +1,4 @@
-"""Plan of a static factorisation -> C++ files: straight-line code by blocks, or index data and a loop where that would be too long."""
+"""Plan of a static factorisation -> C++: straight-line code by blocks, or index data and a loop where that would be too long."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from collections.abc import Iterable, Sequence
 
 from cutjoint.emit.factor_blocks import Block, factor_blocks, solve_blocks
 from cutjoint.emit.factor_tables import make_tables, pivot_rows
-from cutjoint.emit.source import FACTORISATION, Page
+from cutjoint.emit.source import FACTORISATION, Page, Piece
 from cutjoint.sparse.plan import Plan, Trial
 from cutjoint.sparse.tiles import WIDTH
 
 #: Multiply-adds of a factorisation and a solution up to which the code is straight-line.  It is 1.4 to 1.8 times as fast as the loop at any
 #: size, but here it takes 10 s to compile and 0.4 MB, and it would not stay in the processor's cache for long.
 STRAIGHT_LINE = 30_000
+
+#: The runtime's headers of both forms, and that of the build's precision.
+_FORMS, _PRECISION = "cutjoint/core/newton", "cutjoint/precision.hpp"
 
 #: Statements of a generated function.
 _STATEMENTS = 400
@@ -27,33 +30,37 @@ _ARGUMENTS = {
 }
 
 
-def emit_factorisation(
-    plan: Plan, names: Sequence[str], page: Page, *, straight_line: int = STRAIGHT_LINE, apart: bool = True
-) -> dict[str, str]:
-    """`factor`, `solve` and the constant `factors` of namespace cutjoint::generated, as files by name with ``factorisation.hpp`` as header.
+def emit_factorisation(plan: Plan, names: Sequence[str], page: Page, *, straight_line: int = STRAIGHT_LINE) -> dict[str, Piece]:
+    """`factor`, `solve` and the constant `factors` of namespace cutjoint::generated, by the names of files, with ``factorisation.hpp`` as
+    header; parts of one file in this order.
 
     Args:
         plan: what to emit.
         names: a name for each row and column of the pattern, for comments.
         page: renders templates, with the banner of all files.
         straight_line: predicted multiply-adds from which on the code is index data and a loop.
-        apart: whether they are files of their own, not parts of one in the order in which they are here.
     """
-    files = {f"{FACTORISATION}.hpp": page.render("factorisation.hpp.jinja", apart=apart, **_header(plan))}
-    symmetric = "true" if plan.pattern.symmetric else "false"
-    room = WIDTH * len(plan.tiling)
+    declared = Piece(text=page.render("factorisation.hpp.jinja", **_header(plan)), headers=("cutjoint/core/contract.hpp",))
+    view = {"symmetric": "true" if plan.pattern.symmetric else "false", "room": WIDTH * len(plan.tiling)}
     if plan.multiply_adds > straight_line:
-        tables = make_tables(plan, names)
-        view = {"tables": tables, "symmetric": symmetric, "room": room}
-        files["factorisation.cpp"] = page.render("factorisation_tables.cpp.jinja", **view, apart=apart)
-        return files
-    factor_parts = _parts("factor", factor_blocks(plan, names), page, apart)
-    solve_parts = _parts("solve", solve_blocks(plan, names), page, apart)
-    files["factorisation.cpp"] = page.render(
-        "factorisation.cpp.jinja", factor_parts=list(factor_parts), solve_parts=list(solve_parts),
-        pivots=pivot_rows(plan, names), symmetric=symmetric, room=room, apart=apart,
+        text = page.render("factorisation_tables.cpp.jinja", **view, tables=make_tables(plan, names))
+        return {f"{FACTORISATION}.hpp": declared, f"{FACTORISATION}.cpp": _whole(text, "static_factor.hpp")}
+    factor_parts = _parts("factor", factor_blocks(plan, names), page)
+    solve_parts = _parts("solve", solve_blocks(plan, names), page)
+    text = page.render(
+        "factorisation.cpp.jinja", **view, factor_parts=list(factor_parts), solve_parts=list(solve_parts), pivots=pivot_rows(plan, names)
     )  # fmt: skip
-    return files | {f"{name}.cpp": text for name, text in (factor_parts | solve_parts).items()}
+    parts = {f"{name}.cpp": piece for name, piece in (factor_parts | solve_parts).items()}
+    return {f"{FACTORISATION}.hpp": declared, f"{FACTORISATION}.cpp": _whole(text, "static_factor_blocks.hpp"), **parts}
+
+
+def _whole(text: str, header: str) -> Piece:
+    """The functions that are called."""
+    instances = (
+        "template int factor<Precision>(const Precision*, Precision*);",
+        "template void solve<Precision>(const Precision*, Precision*);",
+    )
+    return Piece(text=text, headers=(f"{FACTORISATION}.hpp", f"{_FORMS}/{header}", _PRECISION), instances=instances)
 
 
 def _header(plan: Plan) -> dict[str, object]:
@@ -73,16 +80,20 @@ def _describe(trial: Trial) -> str:
     return f"{trial.name}: {trial.multiply_adds} multiply-adds to factor and solve, {trial.operations} operations by tiles"
 
 
-def _parts(kind: str, blocks: Sequence[Block], page: Page, apart: bool) -> dict[str, str]:
-    """The functions that one is split into, each in a file of its own."""
+def _parts(kind: str, blocks: Sequence[Block], page: Page) -> dict[str, Piece]:
+    """The functions that one is split into."""
     arguments, instance = _ARGUMENTS[kind]
     parts = list(_split(blocks))
     return {
-        f"{kind}_{number}": page.render(
-            "factorisation_part.cpp.jinja", function=f"{kind}_{number}", arguments=arguments, instance=instance, blocks=part,
-            about=f"Part {number} of {len(parts)} of `{kind}`.", apart=apart,
+        name: Piece(
+            text=page.render(
+                "factorisation_part.cpp.jinja", function=name, arguments=arguments, blocks=part,
+                about=f"Part {number} of {len(parts)} of `{kind}`.",
+            ),
+            headers=(f"{_FORMS}/static_factor_blocks.hpp", _PRECISION), instances=(f"template void {name}<Precision>({instance});",),
         )
         for number, part in enumerate(parts, start=1)
+        for name in [f"{kind}_{number}"]
     }  # fmt: skip
 
 

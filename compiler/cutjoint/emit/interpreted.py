@@ -13,8 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from cutjoint.emit.description import describe
 from cutjoint.emit.factor_tables import table_items
-from cutjoint.emit.source import Source, description, switches_of
+from cutjoint.emit.source import Source
 from cutjoint.formulate.inputs import LAW_TIME
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.program.records import Program, Result
@@ -56,42 +57,37 @@ def _source(equations: Equations, driver: str, described: dict[str, Any]) -> tup
 
 def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[str, Any]:
     """The mechanism of a program for the interpreter."""
-    lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
     q, v, m = equations.coordinates, equations.speeds, len(equations.equation_names)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
-    about = {"cuts": [c.first for c in equations.closures], **_description(equations, lists)}
-    return {"description": about, **_assemble(program, equations, arrays)}
+    return {"description": _description(equations), **_assemble(program, equations, arrays)}
 
 
 def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -> dict[str, Any]:
     """The system, with its factorisation as index data."""
     names, pattern = equations.coordinate_names, plan.pattern
     speeds = equations.speed_names if equations.charts else names
-    lists = [("coordinates", names), ("equations", equations.equation_names), ("speeds", speeds if equations.charts else ())]
     q, v, m, turns = len(names), len(speeds), len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
     arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.speeds}
     about = {
-        "method": equations.method, "cuts": [], **_description(equations, lists), "factors": plan.storage.length,
+        "method": equations.method, **_description(equations), "factors": plan.storage.length,
         "pattern": {"size": pattern.size, "symmetric": pattern.symmetric, "first": list(pattern.first), "row": list(pattern.row)},
     }  # fmt: skip
     tables = {name: [item for group in groups for item in group] for name, groups in table_items(plan).items()}
     return {"description": about, "tables": tables, **_assemble(program, equations, arrays)}
 
 
-def _description(equations: RecursiveEquations | SystemEquations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, Any]:
-    """The description of the model, as generated code has it."""
-    d: dict[str, Any] = description(equations, lists)
+def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, Any]:
+    """The description, as generated code has it."""
+    d: dict[str, Any] = describe(equations)
     return {
-        "name": equations.topology.model.name,
-        "charts": [[c.q, c.v, c.scalars, c.ball, c.reversed] for c in equations.charts],
-        **{x["field"]: list(x["names"]) for x in d["name_lists"]},
+        "name": d["model"],
+        "charts": [[c.q, c.v, c.scalars, c.ball, c.reversed] for c in d["charts"]],
+        **{field: list(names) for field, names in d["name_lists"].items()},
         **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
-        "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "driven": d["driven"],
-        "guards": [[g["name"], g["place"]] for g in d["guards"]],
-        "domains": [[x["function"], x["element"], x["place"], x["strict"] == "true"] for x in d["domains"]],
-        "switches": [[s["element"], s["place"], s["road"], s["across"]] for s in switches_of(equations)],
-        **({"guides_jump": True} if d["guides_jump"] else {}),
+        "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "cuts": d["cuts"],
+        **{key: [list(x.values()) for x in d[key]] for key in ("guards", "domains", "switches")},
+        "driven": d["driven"], "guides_jump": d["guides_jump"],
     }  # fmt: skip
 
 

@@ -14,8 +14,8 @@ from cutjoint.emit.classes import LANES, CppClass, SimulationCode, class_of_mech
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 
-#: The namespace of classes with their layout, and that of instances side by side.
-_SIZED, _SIDE = "cutjoint::sized", "side_by_side"
+#: The namespace of instances side by side.
+_SIDE = "side_by_side"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,16 +56,21 @@ class _Placed:
     target: str = "mechanism"
     numbers: Sequence[_Number]
 
-    @property
-    def files(self) -> dict[str, str]:
-        """The header and the functions of the class."""
-        factorisation = {f"{FACTORISATION}.hpp": self.made.factorisation} if self.made.factorisation else {}
-        return {f"{self.header}.hpp": self.made.header, **factorisation, **self.functions(frozenset())}
+    def files(self, page: Page) -> dict[str, str]:
+        """The headers of the class."""
+        headers = {f"{self.header}.hpp": self.made.header}
+        if self.made.factorisation:
+            headers[f"{FACTORISATION}.hpp"] = self.made.factorisation
+        return page.files(headers, space=self._space)
 
-    def functions(self, names: frozenset[str]) -> dict[str, str]:
+    def functions(self, page: Page, names: frozenset[str] = frozenset()) -> dict[str, str]:
         """Functions by file, all unless some are named."""
-        some = {file: text for file, text in self.made.functions.items() if not names or file.removesuffix(".cpp") in names}
-        return {f"{self.prefix}{file}": text for file, text in some.items()}
+        some = {f"{self.prefix}{f}": piece for f, piece in self.made.functions.items() if not names or f.removesuffix(".cpp") in names}
+        return page.files(some, space=self._space)
+
+    @property
+    def _space(self) -> str:
+        return f"{SPACE}::{self.space}" if self.space else SPACE
 
 
 def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str = "") -> Source:
@@ -76,9 +81,9 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
     files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, begin, view) + code}
     sources: dict[str, list[str]] = {"mechanism": [], "system": []}
     for each in classes:
-        files |= each.files
+        files |= each.files(page) | each.functions(page)
         for number in each.numbers:
-            some, unity = compiled(page, number.unity, each.functions(number.functions), number.headers, number.real)
+            some, unity = compiled(page, number.unity, each.functions(page, number.functions), number.headers, number.real)
             sources[each.target] += some
             files |= unity
     project = page.render("library/CMakeLists.txt.jinja", sources=sources, **view)
@@ -88,31 +93,24 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
 def _classes(parts: SimulationCode) -> Iterator[_Placed]:
     """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.freedoms is not None
-    mechanism = class_of_mechanism(parts, parts.program, apart=True, header=name)
+    mechanism = class_of_mechanism(parts, parts.program, header=name)
     yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([_OF_DERIVATIVES] if has_derivatives else [])])
     if parts.side_by_side is not None:
         header = f"{_SIDE}/{name}"
-        instances = class_of_mechanism(parts, parts.side_by_side, "Mask", apart=True, header=header, space=f"{SPACE}::{_SIDE}")
+        instances = class_of_mechanism(parts, parts.side_by_side, "Mask", header=header)
         yield _Placed(made=instances, header=header, prefix=f"{_SIDE}/", space=_SIDE, numbers=[_OF_INSTANCES])
     if parts.system is not None:
         header, more = f"{name}_system", [_OF_SYSTEM_DERIVATIVES] if has_derivatives else []
-        system = class_of_system(parts, parts.system, apart=True, header=header)
+        system = class_of_system(parts, parts.system, header=header)
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 
 def _interface(parts: SimulationCode, classes: Sequence[_Placed], begin: Beginning, view: Mapping[str, object]) -> str:
     """The C++ file of the C interface, with the simulation and its integrator."""
-    page, has_lanes = parts.page, any("Lanes<Real, " in each.made.header for each in classes)
+    page, has_lanes = parts.page, any("cutjoint/core/lanes.hpp" in each.made.header.headers for each in classes)
     runtime = headers_of(parts, STEPS[parts.method][begin.integrator], has_lanes=has_lanes)
     own = [f"{each.header}.hpp" for each in classes]
     return page.render(
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],
-        p=page.stem, header=view["header"], sized=_SIZED, classes=[_sized(page, each) for each in classes],
-    ) + page.render("standalone/api.cpp.jinja", **view, space=_SIZED)  # fmt: skip
-
-
-def _sized(page: Page, each: _Placed) -> dict[str, str]:
-    """A class with what a simulation is told of it, and its namespace."""
-    base = "::".join(filter(None, ("generated", each.space, each.made.name)))
-    layout = {**each.made.layout, "class_name": each.made.name, "base": base, "summary": "The same, with what a simulation is told of it."}
-    return {"space": each.space, "code": page.render("sized.hpp.jinja", **layout)}
+        p=page.stem, header=view["header"], classes=[{"space": x.space, "code": x.made.sized(page, x.space)} for x in classes],
+    ) + page.render("standalone/api.cpp.jinja", **view)  # fmt: skip

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import jinja2
 
-from cutjoint.emit.names import road_names
-from cutjoint.emit.view import FunctionView, Viewer, on_one_line
-from cutjoint.formulate.forces import guards_of
+from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.switches import guides_jump
-from cutjoint.methods import METHODS
-from cutjoint.model.records import Parameter
 from cutjoint.package.locations import templates_folder
 from cutjoint.package.version import __version__
-from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
@@ -28,8 +22,8 @@ LARGE = 40_000
 
 #: Names of the runtime that generated code uses, and of the generated class's own members.
 _TAKEN = frozenset((
-    "AnyMechanism", "AnySystem", "Chart", "Column", "Description", "Driven", "FixedPattern", "InputSource", "Loaded", "Mask", "Parameter",
-    "Precision", "Real", "Road", "Sizes", "Stabilisation", "Step", "StepInputs", "SwitchPlace", "SystemDescription", "Weights",
+    "Chart", "Column", "Description", "FixedPattern", "InputSource", "Loaded", "Mask", "Parameter", "Precision", "Real", "Road", "Sizes",
+    "Stabilisation", "Step", "StepInputs", "SwitchPlace", "SystemDescription", "Weights",
 ))  # fmt: skip
 
 #: The header of a factorisation, without its ending.
@@ -62,24 +56,23 @@ class Source:
         return f"<Source '{self.stem}': {len(self.files)} files, {size} characters, driver {self.driver}, digest {self.digest[:12]}>"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """A part of generated code without the frame of a file: its ``text``, the headers that it includes, of the standard library and others,
+    and the lines that instantiate it for a build's precision."""
+
+    text: str
+    standard: tuple[str, ...] = ()
+    headers: tuple[str, ...] = ()
+    instances: tuple[str, ...] = ()
+
+
 class Generated(NamedTuple):
     """The symbolic half of a compilation: each stage's record before the binary."""
 
     equations: Equations
     program: Program
     source: Source
-
-
-def emit(program: Program, equations: Equations, *, batch: bool = False) -> Source:
-    """The C++ of a mechanism: one header, one file a function, the description, a main program and its CMake project.
-
-    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary.  Of a ``batch`` a real may be
-    that of several instances side by side, and a condition a mask.
-    """
-    page = replace(Page.of(equations, "recursive"), batch=batch)
-    files = mechanism_files(page, program, equations)
-    files["main.cpp"] = page.render("batch_main.cpp.jinja" if batch else "main.cpp.jinja")
-    return page.source({**files, **project_files(page, files, {})})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,30 +82,17 @@ class Page:
     stem: str
     class_name: str
     formulation: str
-    batch: bool = False
 
     @classmethod
     def of(cls, equations: Equations, formulation: str) -> Page:
         """The page of a model."""
         stem = equations.topology.model.name
-        return cls(stem=stem, class_name=mechanism_class(stem), formulation=formulation)
+        return cls(stem=stem, class_name=name_of_mechanism(stem), formulation=formulation)
 
     @property
     def header(self) -> str:
         """The header of the model's mechanism, without its ending; that of a factorisation may stand beside it."""
         return f"{self.stem}_model" if self.stem == FACTORISATION else self.stem
-
-    @property
-    def driver(self) -> str:
-        """The file of the runtime's driver that runs the model."""
-        if self.batch:
-            return "batch"
-        return "lagrangian" if METHODS[self.formulation].has_system else "recursive"
-
-    @property
-    def conditions(self) -> str:
-        """The type of conditions."""
-        return "Mask" if self.batch else "bool"
 
     @property
     def banner(self) -> list[str]:
@@ -127,92 +107,37 @@ class Page:
         common = {
             "stem": self.header, "class_name": self.class_name, "name": self.stem,
             "banner": "\n".join(f"// {line}" for line in self.banner), "banner_hash": "\n".join(f"# {line}" for line in self.banner),
-            "core": False, "apart": True, "space": SPACE,
         }  # fmt: skip
         return environment().get_template(template).render(**{**common, **view})
 
-    def functions(self, viewer: Viewer, names: Sequence[str], **view: object) -> dict[str, str]:
-        """A file for each function of a class, with what it loads and does at each step."""
-        views = {name: viewer.function(name) for name in names} | {"load": viewer.load(), viewer.step_name: viewer.step()}
-        return {f"{name}.cpp": self.render("function.cpp.jinja", **_function(v), **view) for name, v in views.items()}
+    def file(self, piece: Piece, *, space: str = SPACE, is_header: bool = False) -> str:
+        """A piece as a file of its own, in a namespace."""
+        return self.render(
+            "file.jinja", text=piece.text, standard=piece.standard, headers=piece.headers, instances=piece.instances, space=space,
+            is_header=is_header,
+        )  # fmt: skip
 
-    def source(self, files: Mapping[str, str], driver: str | None = None) -> Source:
+    def files(self, pieces: Mapping[str, Piece], *, space: str = SPACE) -> dict[str, str]:
+        """Pieces by the names of their files."""
+        return {name: self.file(piece, space=space, is_header=name.endswith(".hpp")) for name, piece in pieces.items()}
+
+    def source(self, files: Mapping[str, str], driver: str) -> Source:
         """The finished files."""
-        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=driver or self.driver)
-
-
-def mechanism_files(page: Page, program: Program, equations: Equations) -> dict[str, str]:
-    """The class of a mechanism in relative coordinates."""
-    viewer = Viewer(program, equations, page.conditions)
-    names = [f.name for f in equations.functions]
-    files = page.functions(viewer, names, header=page.header)
-    files[f"{page.header}.hpp"] = page.render(
-        "mechanism.hpp.jinja", summary=f"Model {page.stem}, formulation recursive.",
-        operations={name: program.operations(name) for name in names}, conditions=page.conditions, **members(viewer, equations),
-    )  # fmt: skip
-    assert isinstance(equations, RecursiveEquations)
-    lists = [("coordinates", equations.coordinate_names), ("speeds", equations.speed_names), ("equations", equations.equation_names)]
-    files["description.cpp"] = page.render(
-        "description.cpp.jinja", charts=equations.charts, cuts=[c.first for c in equations.closures], switches=switches_of(equations),
-        **description(equations, lists),
-    )  # fmt: skip
-    return files
-
-
-def members(viewer: Viewer, equations: Equations) -> dict[str, object]:
-    """The data members of a generated class."""
-    return {
-        "loaded": viewer.members(BindingTime.PARAM), "stepped": viewer.members(BindingTime.STEP), "lane_types": viewer.lane_types(),
-        "roads": [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())],
-        "input_values": equations.input_values,
-    }  # fmt: skip
-
-
-def description(equations: Equations, lists: Sequence[tuple[str, Sequence[str]]]) -> dict[str, object]:
-    """The description in a generated class; ``lists`` are its fields of names."""
-    return {
-        "name_lists": [{"field": field, "names": names} for field, names in lists],
-        "parameters": _named(equations.parameters),
-        "inputs": _named(equations.inputs),
-        "roads": equations.roads,
-        "driven": any(joint.guide is not None for joint in equations.topology.model.joints),
-        "guides_jump": guides_jump(equations.topology.model, equations.scene),
-        "guards": [
-            {"name": guard.force.name, "place": _quotable(guard.force.span.place)}
-            for guard in guards_of(equations.topology.model, equations.scene)
-        ],
-        "columns": equations.columns,
-        "domains": [
-            {"function": d.function, "element": d.element, "place": _quotable(d.place), "strict": "true" if d.strict else "false"}
-            for d in equations.domains
-        ],
-    }
-
-
-def _named(parameters: Sequence[Parameter]) -> list[dict[str, str]]:
-    return [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in parameters]
+        return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=driver)
 
 
 def switches_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:
     """The description of the switches."""
     return [
-        {"element": s.element, "place": _quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,
+        {"element": s.element, "place": quotable(s.place), "road": equations.roads.index(s.road) if s.road else -1,
          "across": s.across}
         for s in equations.switches
     ]  # fmt: skip
 
 
-def _quotable(text: str) -> str:
+def quotable(text: str) -> str:
     """Text that stays inside a C++ string."""
     return on_one_line(text).replace('"', "?")
-
-
-def project_files(page: Page, mechanism: Mapping[str, str], system: Mapping[str, str]) -> dict[str, str]:
-    """The CMake project of a mechanism, and of its system where a Lagrangian method has one."""
-    start, start_unity = compiled(page, "start", mechanism)
-    running, unity = compiled(page, "mechanism", system)
-    project = page.render("CMakeLists.txt.jinja", driver=page.driver, start_sources=start, sources=running)
-    return {"CMakeLists.txt": project, **start_unity, **unity}
 
 
 def compiled(
@@ -248,23 +173,16 @@ def make_environment(folder: Path) -> jinja2.Environment:
     )  # fmt: skip
 
 
-def mechanism_class(stem: str) -> str:
+def name_of_mechanism(stem: str) -> str:
     """The name of a model's class: its parts capitalised, with "Model" at the end where that name is taken there, or may be a macro."""
     name = "".join(part[:1].upper() + part[1:] for part in stem.split("_"))
-    taken = not _TAKEN.isdisjoint((name, system_class(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
+    taken = not _TAKEN.isdisjoint((name, name_of_system(name))) or name.startswith("Lanes") or (name.isupper() and len(name) > 1)
     return f"{name}Model" if taken else name
 
 
-def system_class(name: str) -> str:
+def name_of_system(name: str) -> str:
     """The class of a system, by that of the mechanism that starts its runs."""
     return f"{name}System"
-
-
-def _function(view: FunctionView) -> dict[str, object]:
-    return {
-        "signature": view.signature, "instance": view.instance, "unused": view.unused, "arrays": view.arrays, "sections": view.sections,
-        "results": view.results, "using": [f"std::{name}" for name in view.calls],
-    }  # fmt: skip
 
 
 def _digest(files: Mapping[str, str]) -> str:

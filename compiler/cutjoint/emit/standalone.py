@@ -16,8 +16,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.beginning import Beginning
 from cutjoint.emit.classes import SimulationCode, System, class_of_mechanism, class_of_system, sizes_of
-from cutjoint.emit.source import Page, switches_of, system_class
-from cutjoint.emit.view import on_one_line
+from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
@@ -48,13 +47,11 @@ _C_HEADERS = frozenset((
 #: The forms of factorisations: blocks, and loops over tables.
 _FACTORISATIONS = ("cutjoint/core/newton/static_factor_blocks.hpp", "cutjoint/core/newton/static_factor.hpp")
 
-#: Lines before the class of a system and around its functions: these are compiled as for a simulator of the command line, as if each had
-#: a file of its own, and operations that look alike are gathered in registers.
+#: Lines around the functions of a system: operations that look alike are gathered in registers, as for a simulator of the command line.
 _BY_GCC = "#if defined(__GNUC__) && !defined(__clang__)"
-_APART = f"{_BY_GCC}\n#define CUTJOINT_APART [[gnu::noipa]]\n#else\n#define CUTJOINT_APART [[gnu::noinline]]\n#endif\n"
 _GATHERED = (
-    f"{_BY_GCC}\n#pragma GCC push_options\n#pragma GCC optimize(\"tree-slp-vectorize\")\n#endif\n",
-    f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n#undef CUTJOINT_APART\n",
+    f'{_BY_GCC}\n#pragma GCC push_options\n#pragma GCC optimize("tree-slp-vectorize")\n#endif\n',
+    f"{_BY_GCC}\n#pragma GCC pop_options\n#endif\n",
 )
 
 
@@ -143,22 +140,28 @@ def _in_c(page: Page) -> dict[str, object]:
 
 def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
-    code = class_of_mechanism(parts, parts.program, apart=False).code
+    mechanism = class_of_mechanism(parts, parts.program)
+    code, sized = mechanism.code, [mechanism.sized(page)]
     if parts.system is not None:
-        system = class_of_system(parts, parts.system, apart=False)
-        code += [_APART, system.factorisation, system.header, _GATHERED[0], *system.functions.values(), _GATHERED[1]]
+        system = class_of_system(parts, parts.system)
+        assert system.factorisation is not None
+        header, *functions = system.code
+        code += [system.factorisation.text, header, _GATHERED[0], *functions, _GATHERED[1]]
+        sized.append(system.sized(page))
     has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:
-        code += ["namespace side_by_side {\n", *class_of_mechanism(parts, parts.side_by_side, "Mask", apart=False).code]
-        code.append("}  // namespace side_by_side\n")
+        instances = class_of_mechanism(parts, parts.side_by_side, "Mask")
+        for texts, more in ((code, instances.code), (sized, [instances.sized(page, "side_by_side")])):
+            texts += ["namespace side_by_side {\n", *more, "}  // namespace side_by_side\n"]
     core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
-    p = page.stem
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
         *(f"#include <{name}>" for name in standard), "",
-        *([core.top] if core.top.strip() else []), f"namespace {p}_code {{\n", core.body, "namespace cutjoint::generated {\n", *code,
-        "}  // namespace cutjoint::generated\n", "namespace {\n", page.render("standalone/api.cpp.jinja", **view),
+        *([core.top] if core.top.strip() else []), f"namespace {page.stem}_code {{\n", core.body,
+        f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
+        "namespace cutjoint::sized {\n", *sized, "}  // namespace cutjoint::sized\n",
+        "namespace {\n", page.render("standalone/api.cpp.jinja", **view),
     ])  # fmt: skip
 
 
@@ -184,7 +187,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
-        "system_name": "" if parts.system is None else system_class(Page.of(equations, parts.method).class_name),
+        "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
         "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
@@ -263,7 +266,7 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
         "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
-        "guard_names": [force.name for force in guards], "guard_places": [on_one_line(f.span.place).replace('"', "?") for f in guards],
+        "guard_names": [force.name for force in guards], "guard_places": [quotable(f.span.place) for f in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
@@ -271,7 +274,7 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
 
 def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]:
     """Names of coordinates, speeds and equations, and where their elements stand."""
-    place = {name: on_one_line(span.place).replace('"', "?") for name, span in equations.topology.model.constraint_spans.items()}
+    place = {name: quotable(span.place) for name, span in equations.topology.model.constraint_spans.items()}
     names = {"coordinate": equations.coordinate_names, "speed": equations.speed_names, "equation": equations.equation_names}
     elements = {
         "coordinate": equations.coordinate_elements, "speed": equations.speed_elements, "equation": equations.equation_elements,

@@ -37,14 +37,15 @@ class SectionView:
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionView:
-    """A generated function.  ``signature`` names all arguments, ``instance`` is the same for a build's precision.
+    """A generated function.  ``declaration`` names all arguments, ``signature`` those that it uses, ``instance`` is the same for a build's
+    precision.
 
     ``arrays`` declares the arrays of its loops, ``calls`` are the functions of namespace std that it calls.
     """
 
+    declaration: str
     signature: str
     instance: str
-    unused: tuple[str, ...]
     calls: tuple[str, ...]
     arrays: tuple[str, ...]
     sections: tuple[SectionView, ...]
@@ -152,12 +153,12 @@ class Viewer:
 
     def load(self) -> FunctionView:
         """The stage of parameters."""
-        known = dict(self._inputs)
-        return self._early("load", self._equations.load_arguments, self._program.loaded, BindingTime.PARAM, known, ("roads_ = roads;",))
+        keeping = ("roads_ = roads;",) if self._roads else ()
+        return self._early("load", self._equations.load_arguments, self._program.loaded, BindingTime.PARAM, dict(self._inputs), keeping)
 
     @property
     def step_name(self) -> str:
-        """The function that begins a step; with inputs, what `Driven` calls (runtime/include/cutjoint/core/inputs.hpp)."""
+        """The function that begins a step; with inputs, what the class calls with the array of these."""
         return "start_step" if self._equations.inputs else "begin_step"
 
     def step(self) -> FunctionView:
@@ -256,12 +257,12 @@ class Viewer:
     ) -> FunctionView:  # fmt: skip
         lines = (r.partition(_NOTE)[0] for r in results)
         text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *lines])
-        names = [a.rpartition(" ")[2] for a in arguments]
         const = "" if name in ("load", "begin_step", "start_step") else " const"
+        used = [a if _mentions(text, a.rpartition(" ")[2]) else a.rpartition(" ")[0] for a in arguments]
         return FunctionView(
-            signature=f"{name}({', '.join(arguments)}){const}",
+            declaration=f"{name}({', '.join(arguments)}){const}", signature=f"{name}({', '.join(used)}){const}",
             instance=f"{name}({', '.join(a.replace('Real', 'Precision') for a in arguments)}){const}",
-            unused=tuple(n for n in names if not _mentions(text, n)), calls=tuple(f for f in sorted(STANDARD) if _mentions(text, f)),
+            calls=tuple(f for f in sorted(STANDARD) if _mentions(text, f)),
             arrays=arrays, sections=tuple(sections), results=tuple(results),
         )  # fmt: skip
 

@@ -16,7 +16,7 @@ import numpy as np
 from cutjoint.compile.folders import fits_lanes
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
-from cutjoint.emit.source import emit
+from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
@@ -38,7 +38,7 @@ from cutjoint.toolchain.build import FLAGS, Binary, build
 from cutjoint.topology.reading import read_model
 
 #: The method whose runs are evaluated side by side.
-METHOD, = names_of(METHODS, lambda m: m.batch)
+(METHOD,) = names_of(METHODS, lambda m: m.batch)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     begin = perf_counter()
     derived = derive(model, scene, scene.outputs, closure=closure)
     equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing
-    source = emit(schedule_recursive(equations, lanes=False), equations, batch=True)
+    source = emit_batch(schedule_recursive(equations, lanes=False), equations)
     generated = perf_counter()
     binary = build(source, flags=flags)
     return BatchArtifact(

@@ -30,6 +30,9 @@ from cutjoint_bench.studies.checkout import MODELS
 from cutjoint_bench.studies.provenance import provenance
 
 FLAGS = ("-O3", "-mavx2", "-mfma")
+
+#: The generated function, not the one of the simulator that calls it.
+EVALUATE = "cutjoint::generated::*::evaluate*"
 #: Model, scene, methods, and the ends of the two runs, s.
 CASES = (
     ("iltis", "simul1", ("recursive", "recursive-newton", "augmented", "classical"), (2.4, 4.8)),
@@ -93,7 +96,7 @@ def main() -> None:
         for method in methods:
             artifact = compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, flags=FLAGS)
             artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
-            inside = f"{per_step(artifact, ends, '*::evaluate*'):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
+            inside = f"{per_step(artifact, ends, EVALUATE):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).step
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
             if METHODS[method].stands_alone:

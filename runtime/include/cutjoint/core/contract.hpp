@@ -1,6 +1,22 @@
 // The part of the runtime that generated functions read, beside lanes, roads and inputs.  It includes nothing, since each of their files reads it.
 #pragma once
 
+// A generated function is compiled as if it had a file of its own.
+#if defined(__GNUC__) && !defined(__clang__)
+#define CUTJOINT_APART [[gnu::noipa]]
+#else
+#define CUTJOINT_APART [[gnu::noinline]]
+#endif
+
+// A part of a long function, up to the next, is compiled as if it stood alone: the time that GCC takes grows with the square of a part's length.
+#if defined(__GNUC__) && !defined(__clang__)
+#define CUTJOINT_PART(label)  \
+  asm goto("" : : : : label); \
+  label:
+#else
+#define CUTJOINT_PART(label)
+#endif
+
 namespace cutjoint {
 
 template <class Real>

@@ -31,9 +31,9 @@ class StepInputs {
   void drive_by(const InputSource<Real>& source) { source_ = source; }
 
   /// The array at time t: the scene's laws, then what the source gives instead.
-  template <class Driven>
-  const Real* at(Real t, const Driven& driven) {
-    driven.scene_inputs(t, input_);
+  template <class Generated>
+  const Real* at(Real t, const Generated& generated) {
+    generated.scene_inputs(t, input_);
     if (source_.fill) source_.fill(source_.host, t, input_);
     return input_;
   }
@@ -44,29 +44,6 @@ class StepInputs {
  private:
   InputSource<Real> source_;
   Real input_[length] = {};
-};
-
-/// The base of generated classes with inputs, over AnyMechanism or AnySystem.  Nothing allocates.
-///
-/// A generated class has
-///
-/// - `scene_inputs`, which fills the array of a step by the scene's laws,
-/// - `start_step`, what depends on time and on the array.
-template <class Base, int length>
-class Driven : public Base {
- public:
-  using Real = typename Base::real_type;
-
-  /// Take inputs from a source from the next step on; its host must outlive its use.
-  void drive_by(const InputSource<Real>& source) final { inputs_.drive_by(source); }
-
-  void begin_step(Real t, Real motion) final { start_step(t, motion, inputs_.at(t, *this)); }
-
-  virtual void scene_inputs(Real t, Real* input) const = 0;
-  virtual void start_step(Real t, Real motion, const Real* input) = 0;
-
- private:
-  StepInputs<Real, length> inputs_;
 };
 
 /// A source whose host holds the values of all `count` inputs and may change them between steps.  Rates and accelerations are zero, so that

@@ -66,7 +66,7 @@ inline Description read_description(const Json& d) {
     found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
                               .across = read_index(s.at(3), -1, switches.size())});
   found.driven = d.at("driven").get<bool>();
-  found.guides_jump = d.contains("guides_jump");
+  found.guides_jump = d.at("guides_jump").get<bool>();
   return found;
 }
 

@@ -33,14 +33,11 @@ inline Pattern read_pattern(const Json& p) {
 
 /// The description of a system; the texts stand in the document.
 inline SystemDescription read_system_description(const Json& d) {
-  const Description m = read_description(d);
   using Name = std::pair<std::string_view, Lagrangian>;
   constexpr std::array methods{Name{"augmented", Lagrangian::augmented}, Name{"classical", Lagrangian::classical},
                                Name{"recursive-newton", Lagrangian::recursive_newton}};
-  SystemDescription found{.name = m.name, .method = read_word(d, "method", methods), .coordinates = m.coordinates, .equations = m.equations,
-                          .charts = m.charts, .speeds = m.speeds, .parameters = m.parameters, .roads = m.roads, .columns = m.columns,
-                          .inputs = m.inputs, .guards = m.guards, .domains = m.domains, .switches = m.switches, .driven = m.driven, .guides_jump = m.guides_jump,
-                          .pattern = read_pattern(d.at("pattern")), .factors = read_index(d.at("factors"), 0, std::size_t(1) << 26)};
+  SystemDescription found{read_description(d), read_word(d, "method", methods), read_pattern(d.at("pattern")),
+                          read_index(d.at("factors"), 0, std::size_t(1) << 26)};
   const std::size_t rows = found.unknowns().size() + (found.method == Lagrangian::classical ? found.equations.size() : 0);
   if (static_cast<std::size_t>(found.pattern.size) != rows || found.pattern.symmetric != (found.method == Lagrangian::augmented))
     refuse("its pattern is of another method");

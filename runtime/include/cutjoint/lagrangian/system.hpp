@@ -31,25 +31,12 @@ constexpr std::string_view name_of(Lagrangian method) {
   return "";
 }
 
-/// Everything about a system that does not change in a run: n coordinates, m equations.
-struct SystemDescription {
-  std::string_view name;
+/// Everything about a system that does not change in a run: n coordinates, m equations.  Natural coordinates are the integrals of their own speeds and
+/// have no charts; relative ones have the names of their speeds.
+struct SystemDescription : Description {
   Lagrangian method;
-  std::vector<std::string_view> coordinates;  ///< names of q
-  std::vector<std::string_view> equations;    ///< names of Phi
-  std::vector<Chart> charts{};                ///< of relative coordinates; natural ones are their own
-  std::vector<std::string_view> speeds{};     ///< names of v in relative coordinates
-  std::vector<Named> parameters;              ///< open parameters with defaults, SI units
-  std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
-  std::vector<Named> columns;                 ///< reported quantities
-  std::vector<Named> inputs{};                ///< inputs with the model's values, SI units
-  std::vector<Guard> guards{};                ///< forces that must not act
-  std::vector<Domain> domains{};              ///< where laws may have no value
-  std::vector<Switch> switches{};             ///< where formulas change, of natural coordinates those of guides
-  bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
-  bool guides_jump = false;                   ///< whether the rates of guides may jump
-  Pattern pattern;                            ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
-  int factors;                                ///< length of the array that `factor` fills
+  Pattern pattern;  ///< of the tangent: n and symmetric (augmented) or n + m and whole (classical)
+  int factors;      ///< length of the array that `factor` fills
 
   /// Names of v, vdot and the force residual.
   const std::vector<std::string_view>& unknowns() const { return charts.empty() ? coordinates : speeds; }

@@ -1,0 +1,46 @@
+"""The description of a mechanism or system: names with units, places in the model's file, layout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cutjoint.emit.source import Page, Piece, quotable, switches_of
+from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.switches import guides_jump
+from cutjoint.model.records import Parameter
+
+
+def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
+    """The view of a description, for templates and for the interpreter.  Natural coordinates have no names of speeds."""
+    model, scene = equations.topology.model, equations.scene
+    return {
+        "model": model.name,
+        "charts": equations.charts,
+        "name_lists": {
+            "coordinates": equations.coordinate_names, "speeds": equations.speed_names if equations.charts else (),
+            "equations": equations.equation_names,
+        },
+        "parameters": _named(equations.parameters),
+        "inputs": _named(equations.inputs),
+        "roads": equations.roads,
+        "cuts": [c.first for c in equations.closures] if isinstance(equations, RecursiveEquations) else [],
+        "driven": any(joint.guide is not None for joint in model.joints),
+        "guides_jump": guides_jump(model, scene),
+        "guards": [{"name": guard.force.name, "place": quotable(guard.force.span.place)} for guard in guards_of(model, scene)],
+        "columns": equations.columns,
+        "domains": [
+            {"function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict} for d in equations.domains
+        ],
+        "switches": switches_of(equations),
+    }  # fmt: skip
+
+
+def emit_description(page: Page, view: Mapping[str, object], function: str, *, system: Mapping[str, object] | None = None) -> Piece:
+    """A function that returns the description; of a ``system``, its method, pattern and length of factors too."""
+    text = page.render("description.cpp.jinja", **view, system=system, function=function)
+    return Piece(text=text, headers=("cutjoint/lagrangian/system.hpp" if system else "cutjoint/mechanism.hpp",))
+
+
+def _named(parameters: Sequence[Parameter]) -> list[dict[str, str]]:
+    return [{"name": p.name, "unit": p.unit, "value": repr(p.value)} for p in parameters]

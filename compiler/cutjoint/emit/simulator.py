@@ -1,0 +1,85 @@
+"""Program -> the C++ files of a simulator of the command line: classes, descriptions, main program and CMake project."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cutjoint.emit.classes import CppClass, System, mechanism_class, pattern_view, system_class
+from cutjoint.emit.description import describe, emit_description
+from cutjoint.emit.factorisation import STRAIGHT_LINE
+from cutjoint.emit.source import FACTORISATION, Page, Source, compiled
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.program.records import Program
+
+_DESCRIPTION = "description"
+
+
+def emit(program: Program, equations: RecursiveEquations) -> Source:
+    """The simulator of a mechanism.
+
+    Scenes that differ in road, parameters or initial state only have the same source, and so share a binary.
+    """
+    page = Page.of(equations, "recursive")
+    files = _mechanism_files(page, program, equations)
+    main = _main(page, [f"{page.header}.hpp"], "recursive", running=f"GeneratedMechanism<generated::{page.class_name}<Precision>>")
+    return page.source({**files, **main, **_project(page, "recursive", files)}, driver="recursive")
+
+
+def emit_batch(program: Program, equations: RecursiveEquations) -> Source:
+    """The simulator of a batch: a real may be that of several instances side by side, and a condition a mask."""
+    page = Page.of(equations, "recursive")
+    files = _mechanism_files(page, program, equations, conditions="Mask")
+    main = _main(page, [f"{page.header}.hpp"], "batch", running=f"GeneratedMechanism<generated::{page.class_name}<batch::Real>>")
+    running = {name: text for name, text in files.items() if not name.startswith(_DESCRIPTION)}
+    project = _project(page, "batch", files, running, headers=["cutjoint/batch/real.hpp"], real="cutjoint::batch::Real")
+    return page.source({**files, **main, **project}, driver="batch")
+
+
+def emit_system(start: Program, system: System, *, straight_line: int = STRAIGHT_LINE) -> Source:
+    """The simulator of a system and of the mechanism that starts its runs.
+
+    A factorisation of more multiply-adds than ``straight_line`` is index data and a loop.
+    """
+    equations = system.equations
+    page, header = Page.of(equations.start, equations.method), f"{equations.topology.model.name}_system"
+    mechanism = _mechanism_files(Page.of(equations.start, "recursive, for the start"), start, equations.start)
+    made = system_class(page, system, header=header, straight_line=straight_line)
+    files = _system_files(page, made, header, system)
+    running = f"GeneratedSystem<generated::{made.name}<Precision>>"
+    main = _main(page, [f"{page.header}.hpp", f"{header}.hpp"], "lagrangian", running=running)
+    return page.source({**mechanism, **files, **main, **_project(page, "lagrangian", mechanism, files)}, driver="lagrangian")
+
+
+def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations, conditions: str = "bool") -> dict[str, str]:
+    """The class of a mechanism in relative coordinates, and its description."""
+    made = mechanism_class(page, program, equations, conditions, header=page.header)
+    described = emit_description(page, describe(equations), _DESCRIPTION)
+    return page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})
+
+
+def _system_files(page: Page, made: CppClass, header: str, system: System) -> dict[str, str]:
+    equations, plan = system.equations, system.plan
+    more = {
+        "method": equations.method.replace("-", "_"), "factors": plan.storage.length,
+        "pattern": pattern_view(plan.pattern, equations.row_names),
+    }  # fmt: skip
+    described = emit_description(page, describe(equations), f"system_{_DESCRIPTION}", system=more)
+    assert made.factorisation is not None
+    functions = {f"system_{name}": piece for name, piece in made.functions.items()}
+    headers = {f"{header}.hpp": made.header, f"{FACTORISATION}.hpp": made.factorisation}
+    return page.files({**headers, **functions, f"system_{_DESCRIPTION}.cpp": described})
+
+
+def _main(page: Page, headers: list[str], driver: str, *, running: str) -> dict[str, str]:
+    return {"main.cpp": page.render("main.cpp.jinja", headers=headers, driver=driver, running=running)}
+
+
+def _project(
+    page: Page, driver: str, mechanism: Mapping[str, str], running: Mapping[str, str] | None = None, *, headers: list[str] | None = None,
+    real: str = "",
+) -> dict[str, str]:  # fmt: skip
+    """The CMake project of a mechanism, and of what goes on where that is another class or has another number type."""
+    start, start_unity = compiled(page, "start", mechanism)
+    sources, unity = compiled(page, "mechanism", running or {}, headers or [], real)
+    project = page.render("CMakeLists.txt.jinja", driver=driver, start_sources=start, sources=sources)
+    return {"CMakeLists.txt": project, **start_unity, **unity}
