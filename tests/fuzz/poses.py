@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,7 @@ def model_text(case: Node, *, guided: bool) -> str:
         if link["stiffness"] or link.get("preload"):
             law = f"{link.get('preload', 0.0)!r} - {link['stiffness']}*position"
             model["forces"][f"spring{k}"] = {"kind": "joint_force", "joint": f"j{k}", "law": law}
+            model["outputs"].append(f"spring{k}.force")
         model["reactions"][f"r{k}"] = {"joint": f"j{k}", "body": name, "direction": [1, 0, 0]}
         model["reactions"][f"m{k}"] = {"joint": f"j{k}", "body": name, "direction": [0, 1, 0]}
     for k in case["closed"]:
@@ -123,8 +125,11 @@ def check(text: str) -> tuple[str, ...]:
         return _refused(case, f"{run.failure.message}; {run.failure.advice}")
     require_rest(case, found)
     if len(run["link0.x"]):
-        apart = max(abs(float(column[0]) - found.values[name]) for name, column in run.columns.items() if name[-2:] in (".x", ".z"))
-        assert apart < 1e-7, f"{case['method']} starts {apart:.1e} m beside the equilibrium"
+        begun = {name: float(column[0]) for name, column in run.columns.items()}
+        apart = max(abs(value - found.values[name]) for name, value in begun.items() if name[-2:] in (".x", ".z"))
+        assert apart < 1e-7 or not case.get("settled"), f"{case['method']} starts {apart:.1e} m beside the pose that is at rest"
+        if apart >= 1e-7:  # a mechanism may rest in several poses
+            require_rest(case, replace(found, values={**found.values, **begun}))
     return _beside_guides(case, found) if case["guides"] else ()
 
 
