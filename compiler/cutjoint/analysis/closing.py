@@ -104,7 +104,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
         inputs[f"vdot:{chart.joint}"] = np.zeros(len(chart.speed_names))
     for closure in equations.closures:
         inputs[f"lambda:{closure.joint}"] = np.zeros(len(closure.names))
-    return inputs
+    return inputs | {f"v:{state.name}": np.zeros(1) for state in equations.state.states}
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from cutjoint.topology.geometry import TOLERANCE
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """The matrices above: ``M``, ``C``, ``K``, ``W`` (speeds, speeds), ``J``, ``G`` (equations, speeds), with a name for each speed's
-    coordinate, the state's coordinates ``q``, and whether it is one ``at_rest``."""
+    coordinate, the state's coordinates ``q``, and whether it is one ``at_rest``.  The last of the speeds are ``states`` first-order states,
+    whose rows are x' + C (q', x) + K q = 0."""
 
     names: tuple[str, ...]
     M: Array
@@ -30,6 +31,7 @@ class Linearisation:
     G: Array
     q: Array
     at_rest: bool
+    states: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +39,7 @@ class ReducedSystem:
     """The linearised equations in independent unknowns.
 
     ``basis`` N (speeds, freedoms), ``stiffness`` and ``damping`` (freedoms, freedoms) beside a unit mass, and ``first_order``, the matrix
-    of (z, w)'.
+    of (z, w, x)' with the first-order states x.
     """
 
     basis: Array
@@ -65,12 +67,18 @@ def reduce_system(of: Linearisation) -> ReducedSystem:
     Raises:
         NoMassError: one of these directions moves no mass.
     """
-    N = _of_unit_mass(of, free_directions(of.J))
-    P = _kept_rates(of, N)
-    stiffness, damping, turning = N.T @ (of.K @ N + of.C @ P), N.T @ of.C @ N, N.T @ of.M @ of.W @ N
-    return ReducedSystem(
-        basis=N, stiffness=stiffness, damping=damping, first_order=np.block([[turning, np.eye(N.shape[1])], [-stiffness, -damping]])
-    )
+    n = len(of.M) - of.states
+    joints = replace(of, **{name: getattr(of, name)[:n, :n] for name in "MCKW"}, **{name: getattr(of, name)[:, :n] for name in "JG"})
+    N = _of_unit_mass(joints, free_directions(joints.J))
+    P = _kept_rates(joints, N)
+    C, K = of.C[n:], of.K[n:]
+    stiffness, damping, turning = N.T @ (joints.K @ N + joints.C @ P), N.T @ joints.C @ N, N.T @ joints.M @ joints.W @ N
+    first_order = np.block([
+        [turning, np.eye(N.shape[1]), np.zeros((N.shape[1], of.states))],
+        [-stiffness, -damping, -N.T @ of.C[:n, n:]],
+        [-(C[:, :n] @ P + K[:, :n] @ N), -C[:, :n] @ N, -C[:, n:]],
+    ])  # fmt: skip
+    return ReducedSystem(basis=N, stiffness=stiffness, damping=damping, first_order=first_order)
 
 
 #: A direction whose mass is this share of what its coordinates move one by one has none.
@@ -130,7 +138,7 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
     return Linearisation(
         names=coordinate_names(equations), M=M, C=damped - M, K=stiffened - M, W=_turning(equations, at.v), J=J,
         G=_rate_changes(equations, here, at, J) if len(J) and at.v.any() and not at_rest else np.zeros_like(J),
-        q=at.q, at_rest=at_rest,
+        q=at.q, at_rest=at_rest, states=len(equations.state.states),
     )  # fmt: skip
 
 
@@ -148,7 +156,7 @@ def _call(equations: ImplicitEquations, function: str, arrays: Mapping[str, Arra
 
 def _jacobian(equations: ImplicitEquations, here: Mapping[str, Array]) -> Array:
     """J, (equations, speeds)."""
-    m, n = len(equations.equation_names), equations.start.speeds
+    m, n = len(equations.equation_names), equations.unknowns
     if not m:
         return np.zeros((0, n))
     return np.broadcast_to(call(equations, "apply_jacobian_transposed", {**here, "w": np.eye(m)})["force"], (m, n))
@@ -161,7 +169,7 @@ def _balancing(J: Array, residual: Array) -> Array:
 
 def _tangents(equations: ImplicitEquations, here: Mapping[str, Array], at: Point) -> Array:
     """The tangent with each of the weights, (weights, speeds, speeds)."""
-    n = equations.start.speeds
+    n = equations.unknowns
     tangents = np.zeros((len(_WEIGHTS), n, n))
     entries = {name: block for name, block in equations.function("linearise").results.items() if name.startswith("tangent:")}
     for name, entry in evaluate_results(equations, entries, {**here, "weights": _WEIGHTS}, at.roads, at.held).items():
@@ -171,9 +179,10 @@ def _tangents(equations: ImplicitEquations, here: Mapping[str, Array], at: Point
 
 
 def coordinate_names(equations: ImplicitEquations) -> tuple[str, ...]:
-    """A name for the coordinate of each speed; of a quaternion, the names of the angular velocity stand for small turns."""
-    charts = equations.start.charts
-    return tuple(f"{c.joint}.{name}" for c in charts for name in (*c.coordinate_names[: c.scalars], *c.speed_names[c.scalars :]))
+    """A name for the coordinate of each speed, and the states' own; of a quaternion, the names of the angular velocity stand for small
+    turns."""
+    names = (f"{c.joint}.{name}" for c in equations.charts for name in (*c.coordinate_names[: c.scalars], *c.speed_names[c.scalars :]))
+    return *names, *equations.speed_names[equations.state.speeds :]
 
 
 def _turning(equations: ImplicitEquations, v: Array) -> Array:

@@ -95,17 +95,17 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
     n = system.basis.shape[1]
     values, vectors, null, zeros = eigenpairs(_scaled(system))
     scale = _rate(system)
-    modes = [Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, system.basis @ z[:n])) for v, z in zip(values, vectors.T, strict=True)]
+    modes = [Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(system, z))) for v, z in zip(values, vectors.T, strict=True)]
     undamped: list[Mode] = []
     if of.at_rest:
         squares, shapes, _, _ = eigenpairs(system.stiffness)
         undamped = [
-            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, system.basis @ z))
+            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(system, z, states=of.states)))
             for square, z in zip(squares, shapes.T, strict=True)
         ]
     return Modes(
         time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
-        indifferent=dict(_indifferent(of, system.basis @ null[:n])), q=of.q,
+        indifferent=dict(_indifferent(of, np.array([_speeds(system, z) for z in null.T]).reshape(-1, len(of.M)).T)), q=of.q,
     )  # fmt: skip
 
 
@@ -132,10 +132,16 @@ def _rate(system: ReducedSystem) -> float:
     return float(np.sqrt(np.linalg.norm(system.stiffness, 2))) if system.stiffness.any() else 1.0
 
 
+def _speeds(system: ReducedSystem, z: Array | Complex, *, states: int = 0) -> Array | Complex:
+    """The speeds of independent unknowns (z, w, x), states last; of z alone, ``states`` do not move."""
+    n = system.basis.shape[1]
+    return np.concatenate([system.basis @ z[:n], z[2 * n :] if len(z) > n else np.zeros(states)])
+
+
 def _scaled(system: ReducedSystem) -> Array:
     """The matrix of (z, w/rate), by the rate."""
     rate, n = _rate(system), system.basis.shape[1]
-    sizes = np.repeat([1.0, rate], n)
+    sizes = np.repeat([1.0, rate, rate], [n, n, len(system.first_order) - 2 * n])
     return np.asarray(system.first_order * sizes / sizes[:, np.newaxis] / rate)
 
 

@@ -88,13 +88,14 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
 def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:
     free = pose.free
     speeds = free @ rng.standard_normal(free.shape[1])
-    placed = call(equations, "initial_coordinates", {"relative_q": pose.q, "relative_v": speeds})
+    states = np.zeros(len(equations.state.states))
+    placed = call(equations, "initial_coordinates", {"relative_q": pose.q, "relative_v": np.concatenate([speeds, states])})
     return NaturalState(q=placed["q"], v=placed["v"])
 
 
 def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:
     """Phi_q, (equations, coordinates)."""
-    m, n = len(equations.equation_names), len(equations.coordinate_names)
+    m, n = len(equations.equation_names), equations.unknowns
     if m == 0:
         return np.zeros((0, n))
     return np.broadcast_to(call(equations, "apply_jacobian_transposed", {"q": q, "w": np.eye(m)})["force"], (m, n))

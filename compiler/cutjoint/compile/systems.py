@@ -145,7 +145,7 @@ def _cure(equations: LagrangianEquations) -> str:
 def _dependent(equations: LagrangianEquations, row: int, cure: str) -> str:
     """The message about a coordinate or an equation that has no pivot of its own near the design position."""
     model, name = equations.topology.model, equations.row_names[row]
-    element = (*equations.coordinate_elements, *equations.equation_elements)[row]
+    element = (*equations.state.v, *equations.state.equations)[row].element
     rest = name.removeprefix(f"{element}.").split("*")
     joints = [f"'{joint.name}'" for joint in model.joints if joint.name in rest and joint.name != element]
     what = f"body '{element}'" if any(body.name == element for body in model.bodies) else f"'{element}'"

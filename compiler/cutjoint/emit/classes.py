@@ -233,11 +233,13 @@ def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquatio
 
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
     """The sizes that a class declares."""
+    states = len(equations.state.states)
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
+        **({"states": states} if states else {}),
     }}  # fmt: skip
 
 

@@ -18,7 +18,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "model": model.name,
         "charts": equations.charts,
         "name_lists": {
-            "coordinates": equations.coordinate_names, "speeds": equations.speed_names if equations.charts else (),
+            "coordinates": equations.coordinate_names, "speeds": _named_speeds(equations),
             "equations": equations.equation_names,
         },
         "parameters": _named(equations.parameters),
@@ -33,7 +33,15 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
             {"function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict} for d in equations.domains
         ],
         "switches": switches_of(equations),
+        "states": len(equations.state.states),
     }  # fmt: skip
+
+
+def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str, ...]:
+    """The names of speeds, or of unknowns that are no natural coordinates."""
+    if equations.charts:
+        return equations.speed_names
+    return equations.unknown_names if isinstance(equations, SystemEquations) and equations.state.states else ()
 
 
 def emit_description(page: Page, view: Mapping[str, object], function: str, *, system: Mapping[str, object] | None = None) -> Piece:

@@ -57,7 +57,7 @@ def _source(equations: Equations, driver: str, described: dict[str, Any]) -> tup
 
 def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[str, Any]:
     """The mechanism of a program for the interpreter."""
-    q, v, m = equations.coordinates, equations.speeds, len(equations.equation_names)
+    q, v, m = equations.coordinates, equations.unknowns, len(equations.equation_names)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
     return {"description": _description(equations), **_assemble(program, equations, arrays)}
 
@@ -65,10 +65,9 @@ def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[
 def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -> dict[str, Any]:
     """The system, with its factorisation as index data."""
     names, pattern = equations.coordinate_names, plan.pattern
-    speeds = equations.speed_names if equations.charts else names
-    q, v, m, turns = len(names), len(speeds), len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
+    q, v, m, turns = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
-    arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.speeds}
+    arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.unknowns}
     about = {
         "method": equations.method, **_description(equations), "factors": plan.storage.length,
         "pattern": {"size": pattern.size, "symmetric": pattern.symmetric, "first": list(pattern.first), "row": list(pattern.row)},
@@ -87,7 +86,7 @@ def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, A
         **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
         "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "cuts": d["cuts"],
         **{key: [list(x.values()) for x in d[key]] for key in ("guards", "domains", "switches")},
-        "driven": d["driven"], "guides_jump": d["guides_jump"],
+        "states": d["states"], "driven": d["driven"], "guides_jump": d["guides_jump"],
     }  # fmt: skip
 
 

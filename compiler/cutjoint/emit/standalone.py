@@ -182,7 +182,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms,
+        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "joint_speeds": start.speeds,
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
@@ -275,13 +275,11 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
 def _state_tables(equations: Equations, prefix: str) -> dict[str, Sequence[str]]:
     """Names of coordinates, speeds and equations, and where their elements stand."""
     place = {name: quotable(span.place) for name, span in equations.topology.model.constraint_spans.items()}
-    names = {"coordinate": equations.coordinate_names, "speed": equations.speed_names, "equation": equations.equation_names}
-    elements = {
-        "coordinate": equations.coordinate_elements, "speed": equations.speed_elements, "equation": equations.equation_elements,
-    }  # fmt: skip
+    state = equations.state
+    arrays = {"coordinate": state.q, "speed": state.v, "equation": state.equations}
     return {
-        **{f"{prefix}{kind}_names": each for kind, each in names.items()},
-        **{f"{prefix}{kind}_places": [place[element] for element in each] for kind, each in elements.items()},
+        **{f"{prefix}{kind}_names": [entry.name for entry in entries] for kind, entries in arrays.items()},
+        **{f"{prefix}{kind}_places": [place[entry.element] for entry in entries] for kind, entries in arrays.items()},
     }
 
 
@@ -291,7 +289,7 @@ def _state_names(start: RecursiveEquations, *, rates: bool) -> list[str]:
     for c in start.charts:
         names += [f"{c.joint}.{name}" for name in (c.speed_names if rates else c.coordinate_names)[: c.scalars]]
         names += [f"{c.joint}.turn_{axis}{'_rate' if rates else ''}" for axis in "xyz" if c.ball]
-    return names
+    return [*names, *start.speed_names[start.speeds :]]
 
 
 def _roads(equations: RecursiveEquations | SystemEquations, begin: Beginning) -> dict[str, object]:

@@ -10,7 +10,8 @@ from functools import reduce
 
 import sympy
 
-from cutjoint.formulate.records import Function, Slot
+from cutjoint.formulate.layout import Slot
+from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import Block, Builder

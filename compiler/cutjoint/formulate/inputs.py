@@ -16,7 +16,8 @@ from typing import cast
 import sympy
 
 from cutjoint.elements.joint import ATTITUDE
-from cutjoint.formulate.records import Chart, Function, Slot
+from cutjoint.formulate.layout import Chart, Slot
+from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
 from cutjoint.model.records import Binding, Gear, Joint, Model, Output, Parameter, Scalar, Scene
@@ -57,13 +58,14 @@ def input_symbols(parameter: Parameter) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def make_translator(builder: Builder, model: Model) -> Translator:
-    """A translator that knows time, parameters, and inputs with their rates."""
+    """A translator that knows time, parameters, inputs with their rates, and first-order states."""
     values: dict[Scalar, Block] = {TIME: builder.symbol("t", 1, BindingTime.STEP), **parameter_blocks(builder, model)}
     inputs = input_parameters(model)
     if inputs:
         given = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
         symbols = [symbol for p in inputs for symbol in input_symbols(p)]
         values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
+    values |= {s.symbol: builder.symbol(f"v:{s.name}", 1, BindingTime.ITERATION) for s in model.states}
     return Translator(builder, values)
 
 
@@ -139,16 +141,6 @@ def make_charts(topology: Topology) -> tuple[Chart, ...]:
         )  # fmt: skip
         q, v = q + scalars + 4 * ball, v + len(element.speeds)
     return tuple(charts)
-
-
-def chart_slots(charts: tuple[Chart, ...], prefix: str) -> dict[str, Slot]:
-    """The places of coordinates, speeds and accelerations of the joints, in arrays of these names with a prefix."""
-    slots = {}
-    for chart in charts:
-        slots[f"q:{chart.joint}"] = Slot(array=f"{prefix}q", offset=chart.q, names=chart.coordinate_names)
-        for array in ("v", "vdot"):
-            slots[f"{array}:{chart.joint}"] = Slot(array=f"{prefix}{array}", offset=chart.v, names=chart.speed_names)
-    return slots
 
 
 def column_slots(outputs: tuple[Output, ...]) -> dict[str, Slot]:

@@ -13,40 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
+from cutjoint.formulate.layout import Chart, Closure, Slot, StateLayout
 from cutjoint.model.records import Output, Parameter, Scene
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
 if TYPE_CHECKING:
     from cutjoint.sparse.plan import Plan
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chart:
-    """The chart of one joint: its coordinates beside its speeds.
-
-    ``scalars`` coordinates start at ``q``, their rates at ``v``; a ball adds a quaternion (scalar first) after them whose
-    angular velocity, in the inner body's axes, follows the rates.  The quaternion is that of the outer body beside the inner one, which
-    is the follower of a ``reversed`` joint.
-    """
-
-    joint: str
-    q: int
-    v: int
-    scalars: int
-    ball: bool
-    reversed: bool
-    coordinate_names: tuple[str, ...]
-    speed_names: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Closure:
-    """The equations of one cut joint or gear, ``joint``: rows ``first`` to ``first + len(names)`` of the residual."""
-
-    joint: str
-    first: int
-    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,15 +58,6 @@ class Column:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slot:
-    """The place of a symbol's column among a generated function's arguments: ``array`` from ``offset`` on; a name for each element."""
-
-    array: str
-    offset: int
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Function:
     """One generated function: named result columns over the program's inputs.
 
@@ -114,7 +78,8 @@ class Equations:
     """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name.
 
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables, ``columns``
-    the outputs with their units, ``slots`` the places of inputs and results, ``load_arguments`` the arguments of the generated ``load``.
+    the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
+    arguments of the generated ``load``.
     ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills.
     """
 
@@ -126,6 +91,7 @@ class Equations:
     outputs: tuple[Output, ...]
     columns: tuple[Column, ...]
     functions: tuple[Function, ...]
+    state: StateLayout
     slots: Mapping[str, Slot]
     load_arguments: tuple[str, ...]
     domains: tuple[DomainPlace, ...] = ()
@@ -143,37 +109,27 @@ class Equations:
     @property
     def unknowns(self) -> int:
         """The number of unknowns of a step, multipliers not counted."""
-        raise NotImplementedError
+        return len(self.state.v)
+
+    @property
+    def charts(self) -> tuple[Chart, ...]:
+        """The charts of the joints; none of natural coordinates."""
+        return self.state.charts
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
         """A name for each element of q."""
-        raise NotImplementedError
+        return tuple(entry.name for entry in self.state.q)
 
     @property
     def speed_names(self) -> tuple[str, ...]:
-        """A name for each element of v."""
-        raise NotImplementedError
+        """A name for each element of v, the first-order states last."""
+        return tuple(entry.name for entry in self.state.v)
 
     @property
     def equation_names(self) -> tuple[str, ...]:
         """A name for each constraint equation."""
-        raise NotImplementedError
-
-    @property
-    def coordinate_elements(self) -> tuple[str, ...]:
-        """The joint or body of each element of q."""
-        raise NotImplementedError
-
-    @property
-    def speed_elements(self) -> tuple[str, ...]:
-        """The joint or body of each element of v."""
-        raise NotImplementedError
-
-    @property
-    def equation_elements(self) -> tuple[str, ...]:
-        """The joint, gear or body of each constraint equation."""
-        raise NotImplementedError
+        return tuple(entry.name for entry in self.state.equations)
 
     @property
     def mechanism(self) -> RecursiveEquations:
@@ -183,62 +139,29 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RecursiveEquations(Equations):
-    """The recursive formulation: joint coordinates by ``charts``, cut joints and gears by ``closures``, the values of ``events`` by
-    ``switches``.
+    """The recursive formulation: joint coordinates by charts, cut joints and gears by closures, the values of ``events`` by ``switches``.
 
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
     (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
     ``dz:joint``, ``column:name``, ``value:number``.
     """
 
-    charts: tuple[Chart, ...]
-    closures: tuple[Closure, ...]
     switches: tuple[SwitchPlace, ...]
+
+    @property
+    def closures(self) -> tuple[Closure, ...]:
+        """The equations of each cut joint and gear."""
+        return self.state.closures
 
     @property
     def coordinates(self) -> int:
         """Length of q."""
-        return sum(c.scalars + 4 * c.ball for c in self.charts)
+        return len(self.state.q)
 
     @property
     def speeds(self) -> int:
-        """Length of v."""
-        return sum(len(c.speed_names) for c in self.charts)
-
-    @property
-    def unknowns(self) -> int:
-        """The speeds."""
-        return self.speeds
-
-    @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """A name for each element of q."""
-        return tuple(f"{c.joint}.{name}" for c in self.charts for name in c.coordinate_names)
-
-    @property
-    def speed_names(self) -> tuple[str, ...]:
-        """A name for each element of v."""
-        return tuple(f"{c.joint}.{s}" for c in self.charts for s in c.speed_names)
-
-    @property
-    def equation_names(self) -> tuple[str, ...]:
-        """A name for each cut-joint equation."""
-        return tuple(f"{c.joint}.{n}" for c in self.closures for n in c.names)
-
-    @property
-    def coordinate_elements(self) -> tuple[str, ...]:
-        """The joint of each element of q."""
-        return tuple(c.joint for c in self.charts for _ in c.coordinate_names)
-
-    @property
-    def speed_elements(self) -> tuple[str, ...]:
-        """The joint of each element of v."""
-        return tuple(c.joint for c in self.charts for _ in c.speed_names)
-
-    @property
-    def equation_elements(self) -> tuple[str, ...]:
-        """The cut joint or gear of each equation."""
-        return tuple(c.joint for c in self.closures for _ in c.names)
+        """The number of the joints' speeds."""
+        return self.state.speeds
 
     @property
     def mechanism(self) -> RecursiveEquations:
@@ -278,14 +201,14 @@ class SystemEquations(Equations):
         return self.start
 
     @property
-    def charts(self) -> tuple[Chart, ...]:
-        """No charts: natural coordinates are their own speeds' integrals."""
-        return ()
+    def unknown_names(self) -> tuple[str, ...]:
+        """A name for each unknown of a step, multipliers not counted."""
+        return self.speed_names
 
     @property
     def row_names(self) -> tuple[str, ...]:
         """A name for each row of the tangent."""
-        raise NotImplementedError
+        return self.unknown_names
 
     def with_tangent(self, places: Mapping[str, int]) -> Self:
         """The equations with a slot for each entry of the tangent that is not always zero."""

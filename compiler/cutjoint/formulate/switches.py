@@ -13,7 +13,8 @@ import sympy
 from sympy.core.relational import Relational
 
 from cutjoint.formulate.inputs import TIME, input_functions
-from cutjoint.formulate.records import DomainPlace, Function, Slot, SwitchPlace
+from cutjoint.formulate.layout import Slot
+from cutjoint.formulate.records import DomainPlace, Function, SwitchPlace
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.program.blocks import Builder

@@ -9,9 +9,23 @@ from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Marker, Model, Output, Reaction, RodForce, Vector
+from cutjoint.model.records import (
+    GROUND,
+    VALUE,
+    Body,
+    FirstOrderState,
+    Force,
+    Gear,
+    Joint,
+    Marker,
+    Model,
+    Output,
+    Reaction,
+    RodForce,
+    Vector,
+)
 
-Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker
+Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker | FirstOrderState
 
 _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -59,6 +73,8 @@ def quantities(element: Element) -> Mapping[str, str]:
             return _WRENCH
         case Force():
             return element.quantities
+        case FirstOrderState():
+            return {VALUE: element.unit}
     return QUANTITIES[type(element)]
 
 
@@ -77,7 +93,7 @@ def unit_of(model: Model, output: Output) -> str:
 
 def reported_element(model: Model, output: Output) -> Element:
     """The element that an output is a quantity of."""
-    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears)
+    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states)
     return next(e for group in groups for e in group if e.name == output.element)
 
 

@@ -64,6 +64,30 @@ class DerivedParameter:
     span: Span
 
 
+#: The quantity of a first-order state.
+VALUE = "value"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstOrderState:
+    """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and states.
+
+    ``symbol`` stands for it in expressions: the real symbol ``s_`` + name.  ``initial`` is its value where a run begins, of parameters.
+    """
+
+    name: str
+    symbol: Scalar
+    rate: Scalar
+    initial: Scalar
+    unit: str
+    span: Span
+
+    @property
+    def entry(self) -> str:
+        """The name of its place in a state, and of its column."""
+        return f"{self.name}.{VALUE}"
+
+
 class ShapeKind(StrEnum):
     """The kind of a body's shape, by its key in the file."""
 
@@ -394,7 +418,8 @@ class Model:
 
     Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
-    for forces that a pass took out: a run stops where one of them would act.
+    for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism; no model file
+    has any yet.
     """
 
     name: str
@@ -411,6 +436,7 @@ class Model:
     guards: tuple[Guard, ...] = ()
     gears: tuple[Gear, ...] = ()
     derived: tuple[DerivedParameter, ...] = ()
+    states: tuple[FirstOrderState, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
@@ -418,9 +444,9 @@ class Model:
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:
-        """The places of all elements that may have equations: bodies, joints and gears by their names."""
-        bodies, joints = {b.name: b.span for b in self.bodies}, {j.name: j.span for j in self.joints}
-        return {**bodies, **joints, **{g.name: g.span for g in self.gears}}
+        """The places of all elements that may have equations: bodies, joints, gears and states by their names."""
+        elements: tuple[Body | Joint | Gear | FirstOrderState, ...] = (*self.bodies, *self.joints, *self.gears, *self.states)
+        return {element.name: element.span for element in elements}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

@@ -147,7 +147,8 @@ def _changing_bodies(model: Model) -> Iterator[Body]:
 def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     """The expressions that these parts come from; of a road the wheel's radius."""
     radii = {f.name: f.radius for f in model.forces if f.has_road}
-    return {"positions": scene.positions, "rates": scene.rates, "roads": radii}
+    states = {} if scene.pose == "equilibrium" else {state.entry: state.initial for state in model.states}
+    return {"positions": scene.positions, "rates": {**states, **scene.rates}, "roads": radii}
 
 
 def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, float]) -> dict[str, float]:
@@ -164,7 +165,8 @@ def _checked_states(model: Model, scene: Scene, part: str, values: Mapping[str, 
             fault = fault_of_quaternion([values[f"{joint}.{e}"] for e in ATTITUDE])
             name = f"{joint}.attitude"
         else:
-            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=JOINT_QUANTITIES[kinds[joint]][component] == "rad")
+            is_angle = joint in kinds and JOINT_QUANTITIES[kinds[joint]].get(component) == "rad"
+            fault = "" if component in ATTITUDE else fault_of_state(value, is_angle=is_angle)
         if fault:
             raise RunError(f"{_place(model, scene, part, name)}: {fault}")
     return normalised(values, turned)

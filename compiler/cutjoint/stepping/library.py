@@ -24,19 +24,19 @@ _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "s
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``steps`` the
-    properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method
-    can.
+    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
+    first-order states, ``steps`` the properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps
+    of several together, if the method can.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, steps: Steps,
-        settings: StepSettings, lanes: Lanes | None,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
+        steps: Steps, settings: StepSettings, lanes: Lanes | None,
     ) -> None:  # fmt: skip
-        self.model, self.size, self.equations, self.freedoms, self.steps = model, size, equations, freedoms, steps
+        self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
         self.settings, self.lanes = settings, lanes
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)

@@ -60,8 +60,8 @@ def load_scene(
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if standalone.fits_lanes else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(generated.equations.equation_names), freedoms=standalone.freedoms, steps=standalone.steps,
-        settings=standalone.settings, lanes=lanes,
+        equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
+        states=len(mechanism.state.states), steps=standalone.steps, settings=standalone.settings, lanes=lanes,
     ))  # fmt: skip
 
 

@@ -292,13 +292,14 @@ class Simulation:
 
     @property
     def states(self) -> Values:
-        """The independent coordinates, then their rates, by name, of balls the turn from the pose in which they were chosen.
+        """The independent coordinates, then their rates, by name, then first-order states.  A ball has its turn from the pose in which
+        they were chosen.
 
         Raises:
             TypeError: the model was loaded without derivatives.
             SimulationError: there was no `reset`.
         """
-        numbers = np.zeros(2 * self._require_freedoms())
+        numbers = np.zeros(2 * self._require_freedoms() + self.library.states)
         self._call(self.library.get_minimal, numbers.ctypes.data)
         numbers.flags.writeable = False
         return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)

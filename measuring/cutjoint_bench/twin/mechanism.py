@@ -29,7 +29,7 @@ from cutjoint.elements.joint import (
 from cutjoint.elements.joint import Motion as ChainMotion
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
-from cutjoint.formulate.records import Chart
+from cutjoint.formulate.layout import Chart
 from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Output, Reaction, Scalar, Scene

@@ -45,7 +45,7 @@ struct Description {
   std::string_view name;
   std::vector<Chart> charts;
   std::vector<std::string_view> coordinates;  ///< names of q
-  std::vector<std::string_view> speeds;       ///< names of v
+  std::vector<std::string_view> speeds;       ///< names of v, first-order states last
   std::vector<std::string_view> equations;    ///< names of the cut joints' equations
   std::vector<Named> parameters;              ///< open parameters with defaults, SI units
   std::vector<std::string_view> roads;        ///< tyres, each with a road of its own
@@ -55,6 +55,7 @@ struct Description {
   std::vector<Guard> guards{};                ///< forces that must not act
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
+  std::size_t states = 0;                     ///< number of the first-order states
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   bool guides_jump = false;                   ///< whether the rates of guides may jump
 };

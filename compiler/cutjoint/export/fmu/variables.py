@@ -111,7 +111,9 @@ def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: 
     model = equations.topology.model
     rated = tuple(i for i, p in enumerate(equations.inputs) if guided_by(model, p) is not None)
     first_state = first_rate + 2 * len(rated)
-    places, speeds = (tuple(range(first_state + i * freedoms, first_state + (i + 1) * freedoms)) for i in (0, 1))
+    count = 2 * freedoms + len(equations.state.states)
+    places = tuple(range(first_state, first_state + freedoms))
+    speeds = tuple(range(first_state + freedoms, first_state + count))
     accelerations, columns = find_following(equations)
 
     def with_rates(given: Iterable[int]) -> tuple[int, ...]:
@@ -124,13 +126,14 @@ def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: 
         return (*time, *given, *(places if following.positions else ()), *(speeds if following.rates else ()))
 
     start = with_rates(range(1, first_input + len(interface.inputs)))  # a state is chosen in the pose that all of it leads to
-    states = tuple(_local(f"state[{i + 1}]", _STATES[i // freedoms], start) for i in range(2 * freedoms))
+    kinds = [_STATES[0]] * freedoms + [_STATES[1]] * freedoms + [_STATES[2]] * (count - 2 * freedoms)
+    states = tuple(_local(f"state[{i}]", about, start) for i, about in enumerate(kinds, 1))
     derivatives = tuple(
         replace(
             _local(f"der(state[{i + 1}])", f"Derivative of state[{i + 1}]", start), derives=first_state + i,
             following=(speeds[i],) if i < freedoms else known(accelerations),
         )
-        for i in range(2 * freedoms)
+        for i in range(count)
     )  # fmt: skip
     indicators = tuple(
         _local(f"event[{i + 1}]", f"Changes its sign where {s.element} changes its formula") for i, s in enumerate(equations.switches)
@@ -154,7 +157,7 @@ def _rates(given: Variable) -> tuple[Variable, Variable]:
     )
 
 
-_STATES = ("An independent coordinate, chosen anew as the motion goes", "The rate of an independent coordinate")
+_STATES = ("An independent coordinate, chosen anew as the motion goes", "The rate of an independent coordinate", "A first-order state")
 
 
 def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> Variable:

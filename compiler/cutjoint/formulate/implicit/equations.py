@@ -33,22 +33,21 @@ from cutjoint.formulate.implicit.balance import (
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
 from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
+from cutjoint.formulate.implicit.states import coupled_tangent
 from cutjoint.formulate.inputs import (
     Numbers,
-    chart_slots,
     column_slots,
     derive_scene_inputs,
     make_translator,
     open_parameters,
     report_columns,
 )
+from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import (
     EQUATION_ARRAYS,
     LOAD_ARGUMENTS,
-    Chart,
     Column,
     RecursiveEquations,
-    Slot,
     SystemEquations,
     energy_slots,
     system_functions,
@@ -58,10 +57,11 @@ from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.switches import find_domains, find_switches
 
 
@@ -115,7 +115,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
             **laws.slots, **energy_slots(),
         },
-        start=start, load_arguments=LOAD_ARGUMENTS,
+        start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
     )  # fmt: skip
 
@@ -159,6 +159,7 @@ class _System:
                         value = b.add(value, geared[body])
                     results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
         closing: tuple[Closing, ...] = (*self.loops, *self.gears)
+        results |= state_residuals(b, k.translator, self.start.topology.model)
         return results | {f"residual:{c.element.name}": b.record(c.residual, "residual", c.element.name) for c in closing}
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
@@ -181,6 +182,12 @@ class _System:
         for (j, k), value in entries.items():
             self.b.record(value, "tangent", j.body, k.body, which=(j.index, k.index))
             results[f"tangent:{j.row},{k.row}"] = value
+        model, layout = self.start.topology.model, self.start.state
+        own = state_tangent(self.b, self.k.translator, layout, model, motions.weights.damping, symmetric=False)
+        for row, column, value in (*own, *coupled_tangent(motions, layout, model, self.system)):
+            if not is_zero(value):
+                name = f"tangent:{row},{column}"
+                results[name] = self.b.add(results[name], value) if name in results else value
         return results
 
     def _motions(self) -> Motions:
@@ -272,7 +279,8 @@ class _System:
         for body, force in push_joints(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
             joint = self.k.motions[body].tree_joint.joint.name
             forces[joint] = b.add(forces[joint], force)
-        return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()}
+        still = still_states(b, self.start.topology.model, "force")
+        return {f"force:{joint}": b.record(block, "force", joint) for joint, block in forces.items()} | still
 
 
 def _initial_coordinates(b: Builder, start: RecursiveEquations) -> dict[str, Block]:
@@ -281,25 +289,17 @@ def _initial_coordinates(b: Builder, start: RecursiveEquations) -> dict[str, Blo
     for c in start.charts:
         results[f"placed:{c.joint}"] = b.symbol(f"relative_q:{c.joint}", c.scalars + 4 * c.ball, BindingTime.ITERATION)
         results[f"placed_rate:{c.joint}"] = b.symbol(f"relative_v:{c.joint}", len(c.speed_names), BindingTime.ITERATION)
-    return results
+    return results | placed_states(b, start.topology.model)
 
 
 def _slots(start: RecursiveEquations) -> dict[str, Slot]:
     """The places of inputs and results; those of the tangent follow from its pattern."""
-    slots, balls = chart_slots(start.charts, ""), 0
-    for c in start.charts:
-        for symbol, array in (("relative_q", "relative_q"), ("placed", "q")):
-            slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.q, names=c.coordinate_names)
-        for symbol, array in (("relative_v", "relative_v"), ("placed_rate", "v"), ("force_residual", "force_residual"), ("force", "force")):
-            slots[f"{symbol}:{c.joint}"] = Slot(array=array, offset=c.v, names=c.speed_names)
-        if c.ball:
-            names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
-            slots[f"turn:{c.joint}"] = Slot(array="weights.turns", offset=9 * balls, names=names)
-            balls += 1
-    for closure in start.closures:
-        for array in EQUATION_ARRAYS:
-            slots[f"{array}:{closure.joint}"] = Slot(array=array, offset=closure.first, names=closure.names)
-    return slots
+    speeds = {name: name for name in ("v", "vdot", "relative_v", "force_residual", "force")} | {"placed_rate": "v"}
+    slots = start.state.chart_slots({"q": "q", "relative_q": "relative_q", "placed": "q"}, speeds)
+    balls = (c for c in start.charts if c.ball)
+    names = tuple(f"{i}{j}" for i in "xyz" for j in "xyz")
+    turns = {f"turn:{c.joint}": Slot(array="weights.turns", offset=9 * i, names=names) for i, c in enumerate(balls)}
+    return slots | turns | start.state.closure_slots(EQUATION_ARRAYS)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -309,48 +309,3 @@ class ImplicitEquations(SystemEquations):
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``turn:joint`` (of a ball), ``lambda:joint``, ``w:joint``, ``penalty``,
     ``weights``.
     """
-
-    @property
-    def charts(self) -> tuple[Chart, ...]:
-        """The charts of the start."""
-        return self.start.charts
-
-    @property
-    def unknowns(self) -> int:
-        """The speeds."""
-        return self.start.speeds
-
-    @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """A name for each element of q."""
-        return self.start.coordinate_names
-
-    @property
-    def speed_names(self) -> tuple[str, ...]:
-        """A name for each element of v."""
-        return self.start.speed_names
-
-    @property
-    def equation_names(self) -> tuple[str, ...]:
-        """A name for each cut-joint equation."""
-        return self.start.equation_names
-
-    @property
-    def coordinate_elements(self) -> tuple[str, ...]:
-        """The joint of each element of q."""
-        return self.start.coordinate_elements
-
-    @property
-    def speed_elements(self) -> tuple[str, ...]:
-        """The joint of each element of v."""
-        return self.start.speed_elements
-
-    @property
-    def equation_elements(self) -> tuple[str, ...]:
-        """The cut joint or gear of each equation."""
-        return self.start.equation_elements
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        """A name for each speed."""
-        return self.start.speed_names

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from cutjoint.elements.joint import rate_name
 from cutjoint.formulate.forces import guard_function, margin_slots
-from cutjoint.formulate.inputs import chart_slots, column_slots, derive_scene_inputs, make_translator, open_parameters, report_columns
+from cutjoint.formulate.inputs import column_slots, derive_scene_inputs, make_translator, open_parameters, report_columns
+from cutjoint.formulate.layout import Entry, Slot, StateLayout, state_entries
 from cutjoint.formulate.natural.assembly import NodalForce, NodalMatrix, mass_matrix
 from cutjoint.formulate.natural.constraints import Constraint, ConstraintMaker, multipliers
 from cutjoint.formulate.natural.forces import Element, ForceMaker
@@ -30,13 +32,13 @@ from cutjoint.formulate.records import (
     LOAD_ARGUMENTS,
     Column,
     RecursiveEquations,
-    Slot,
     SystemEquations,
     energy_results,
     energy_slots,
     system_functions,
 )
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import (
     describe_domains,
     describe_switches,
@@ -70,7 +72,8 @@ def formulate_lagrangian(
     translator = make_translator(b, model)
     k = derive_kinematics(b, translator, topology, {c.joint: c for c in start.charts})
     layout = lay_out(topology, scene, outputs)
-    motions = NodeMotions(builder=b, translator=translator, layout=layout)
+    states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
+    motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
     maker = ForceMaker(motions, model, scene)
     system = _System(
         b=b, motions=motions, layout=layout, constraints=tuple(_without(b, ConstraintMaker(motions, model).all(), left_out)),
@@ -85,7 +88,7 @@ def formulate_lagrangian(
     placed = {
         f"{kind}:{node.name}": block for node, *blocks in place_nodes(k, topology, layout)
         for kind, block in zip(("placed", "placed_rate"), blocks, strict=True)
-    }  # fmt: skip
+    } | placed_states(b, model)  # fmt: skip
     dynamic_residual = system.dynamic_residual()
     constraint_residual, may_jump = system.constraint_residual(), guides_jump(model, scene)
     laws = derive_scene_inputs(b, model, scene, dynamic_residual.values(), events=may_jump)
@@ -104,12 +107,12 @@ def formulate_lagrangian(
             *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions
         ), method=method,
         slots={
-            **chart_slots(start.charts, "relative_"), **system.slots(), **column_slots(outputs), **margin_slots(model, scene),
-            **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
+            **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
+            **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots,
+            **energy_slots(),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
-        start=start, layout=layout, constraints=system.constraints,
-        load_arguments=LOAD_ARGUMENTS,
+        start=start, state=system.state, layout=layout, constraints=system.constraints, load_arguments=LOAD_ARGUMENTS,
     )  # fmt: skip
 
 
@@ -146,6 +149,15 @@ class _System:
     maker: ForceMaker
     start: RecursiveEquations
 
+    @cached_property
+    def state(self) -> StateLayout:
+        """The layout of the state."""
+        model = self.start.topology.model
+        coordinates = tuple(_coordinates(self.layout, model))
+        speeds = tuple(Entry(_rate_of(entry.name), entry.element) for entry in coordinates)
+        equations = tuple(Entry(f"{c.element}.{name}", c.element) for c in self.constraints for name in c.names)
+        return StateLayout(q=coordinates, v=(*speeds, *state_entries(model.states)), equations=equations, states=model.states)
+
     def dynamic_residual(self) -> dict[str, Block]:
         """M qdd + Phi_q^T (penalty Phi + lambda) - Q, and Phi."""
         b, force = self.b, NodalForce(motions=self.motions)
@@ -161,6 +173,7 @@ class _System:
         for element, form, push in self._pushes():
             force.add(element, form, b.neg(push))
         residuals = {f"residual:{c.symbol}": c.residual for c in self.constraints}
+        residuals |= state_residuals(b, self.motions.translator, self.start.topology.model)
         return {f"force_residual:{node.name}": block for node, block in force.by_coordinate().items()} | residuals
 
     def _pushes(self) -> Iterable[tuple[str, Form, Block]]:
@@ -213,15 +226,15 @@ class _System:
                 scaled = b.scale(weight, block)
                 blocks[u, w] = b.add(blocks[u, w], scaled) if (u, w) in blocks else scaled
                 record(b, blocks[u, w], "total tangent", u.title, w.title)
-            return self._elements(blocks, lower=True)
+            return self._elements(blocks, lower=True) | self._of_states(symmetric=True)
 
     def classical(self) -> dict[str, Block]:
         """[A, constraint Phi_q^T; constraint Phi_q, 0]."""
         b, matrix = self.b, self._dynamic(symmetric=False)
         with b.section("tangent", "", "M + damping C + stiffness K", ""):
-            results = self._elements(matrix.by_coordinate(), lower=False)
+            results = self._elements(matrix.by_coordinate(), lower=False) | self._of_states(symmetric=False)
         _, _, weight = self._weights()
-        offset, row = self._offsets(), sum(n.size for n in self.layout.coordinates)
+        offset, row = self._offsets(), len(self.state.v)
         for c in self.constraints:
             with b.section("tangent", c.element, "constraint Phi_q", ""):
                 for node, block in self._gradient(c).items():
@@ -232,6 +245,12 @@ class _System:
                             results[f"tangent:{row + j},{offset[node] + i}"] = element
             row += len(c.names)
         return results
+
+    def _of_states(self, *, symmetric: bool) -> dict[str, Block]:
+        """The entries of first-order states; what these and forces change by each other is left out."""
+        translator, model, (damping, _, _) = self.motions.translator, self.start.topology.model, self._weights()
+        entries = state_tangent(self.b, translator, self.state, model, damping, symmetric=symmetric)
+        return {f"tangent:{row},{column}": block for row, column, block in entries}
 
     def _gradient(self, c: Constraint) -> dict[Node, Block]:
         """A constraint's Phi_q^T by the coordinates that it depends on."""
@@ -286,7 +305,8 @@ class _System:
             w = b.symbol(f"w:{c.symbol}", len(c.names), BindingTime.ITERATION)
             for node, gradient in c.gradient.items():
                 force.add(c.element, _one(node), b.mul(b.transpose(gradient), w))
-        return {f"force:{node.name}": block for node, block in force.by_coordinate().items()}
+        forces = {f"force:{node.name}": block for node, block in force.by_coordinate().items()}
+        return forces | still_states(b, self.start.topology.model, "force")
 
     def energy(self) -> dict[str, Block]:
         """T = 1/2 qd^T M qd, and P = Q . qd + lambda . Phi_t of what guides move; Phi_q qd = -Phi_t there."""
@@ -321,7 +341,21 @@ class _System:
             for array in EQUATION_ARRAYS:
                 slots[f"{array}:{c.symbol}"] = Slot(array=array, offset=first, names=c.names)
             first += len(c.names)
-        return slots
+        kinds = {"v": "v", "vdot": "vdot", "placed_rate": "v", "force_residual": "force_residual", "force": "force"}
+        return slots | self.state.state_slots(kinds)
+
+
+def _coordinates(layout: Layout, model: Model) -> Iterator[Entry]:
+    """The elements of q, each with the joint or body that it has its name from; the body that carries it where that is no such element."""
+    for node in layout.coordinates:
+        element = node.title.element if node.title.element in model.constraint_spans else node.body
+        for axis in "xyz"[: node.size]:
+            yield Entry(node.name if node.kind is NodeKind.ANGLE else f"{node.name}.{axis}", element)
+
+
+def _rate_of(coordinate: str) -> str:
+    of, _, name = coordinate.rpartition(".")
+    return f"{of}.{rate_name(name)}"
 
 
 def components(node: Node) -> tuple[str, ...]:
@@ -346,47 +380,11 @@ class LagrangianEquations(SystemEquations):
     constraints: tuple[Constraint, ...]
 
     @property
-    def unknowns(self) -> int:
-        """The natural coordinates."""
-        return len(self.coordinate_names)
-
-    @property
-    def coordinate_names(self) -> tuple[str, ...]:
-        """A name for each element of q."""
-        return tuple(
-            n.name if n.kind is NodeKind.ANGLE else f"{n.name}.{axis}" for n in self.layout.coordinates for axis in "xyz"[: n.size]
-        )
-
-    @property
-    def speed_names(self) -> tuple[str, ...]:
-        """A name for each element of v, the rate of that of q."""
-        named = (name.rpartition(".") for name in self.coordinate_names)
-        return tuple(f"{of}.{rate_name(coordinate)}" for of, _, coordinate in named)
-
-    @property
-    def equation_names(self) -> tuple[str, ...]:
-        """A name for each constraint equation."""
-        return tuple(f"{c.element}.{name}" for c in self.constraints for name in c.names)
-
-    @property
-    def coordinate_elements(self) -> tuple[str, ...]:
-        """The joint or body that each element of q has its name from, or the body that carries it where that is another element's."""
-        known = self.topology.model.constraint_spans
-        return tuple(
-            n.title.element if n.title.element in known else n.body for n in self.layout.coordinates for _ in range(n.size)
-        )
-
-    @property
-    def speed_elements(self) -> tuple[str, ...]:
-        """The element of each entry of v."""
-        return self.coordinate_elements
-
-    @property
-    def equation_elements(self) -> tuple[str, ...]:
-        """The body, joint or gear of each equation."""
-        return tuple(c.element for c in self.constraints for _ in c.names)
+    def unknown_names(self) -> tuple[str, ...]:
+        """A name for each element of v: its coordinate, or the state."""
+        return self.coordinate_names + self.speed_names[self.state.speeds :]
 
     @property
     def row_names(self) -> tuple[str, ...]:
         """A name for each row of the tangent."""
-        return self.coordinate_names + (self.equation_names if METHODS[self.method].saddle_point else ())
+        return self.unknown_names + (self.equation_names if METHODS[self.method].saddle_point else ())

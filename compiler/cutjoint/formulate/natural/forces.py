@@ -70,7 +70,7 @@ class Element:
     def tangents(self, motions: NodeMotions) -> Iterator[Tangent]:
         """The element's tangents, without blocks that are zero."""
         b = motions.builder
-        leaves = {block for _, m in self.by for block in (m.x, m.v) if block.binding is BindingTime.ITERATION}
+        leaves = {block for _, m in self.by for block in (m.x, m.v) if block.binding is BindingTime.ITERATION} | motions.states
         differentiator = Differentiator(b, leaves)
         by = {motion.x: (form, motion) for form, motion in reversed(self.by)}.values()
         for action in self.actions:

@@ -22,11 +22,12 @@ class Motion:
 
 @dataclass(kw_only=True)
 class NodeMotions:
-    """The motion of every node, from the coordinates outwards."""
+    """The motion of every node, from the coordinates outwards, and the symbols of first-order ``states``."""
 
     builder: Builder
     translator: Translator
     layout: Layout
+    states: frozenset[Block] = frozenset()
     _known: dict[Node, Motion] = field(default_factory=dict, repr=False)
 
     def of(self, form: Form) -> Motion:

@@ -127,6 +127,9 @@ class NaturalReporter:
             return quantities.get(output.quantity, self.motions.builder.zero(1))
         if any(gear.name == name for gear in self.model.gears):
             return self.motions.builder.neg(multipliers(self.motions.builder, next(c for c in self.constraints if c.element == name)))
+        for state in self.model.states:
+            if state.name == name:
+                return self.motions.translator.scalar(state.symbol)
         return self._joint(next(j for j in self.model.joints if j.name == name), output.quantity)
 
     def _axes(self, body: str) -> tuple[Form, Form, Form]:

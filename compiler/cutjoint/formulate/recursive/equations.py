@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
-    chart_slots,
     column_slots,
     derive_scene_inputs,
     make_charts,
@@ -13,7 +12,8 @@ from cutjoint.formulate.inputs import (
     open_parameters,
     report_columns,
 )
-from cutjoint.formulate.records import Chart, Closure, Column, Function, RecursiveEquations, Slot, energy_slots
+from cutjoint.formulate.layout import Closure, relative_layout
+from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -21,6 +21,7 @@ from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loop
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
+from cutjoint.formulate.states import state_rates, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
@@ -71,8 +72,9 @@ def formulate_recursive(
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
     )  # fmt: skip
-    closures = _closures(loops)
+    layout = relative_layout(charts, _closures(loops), model.states)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
+    accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(k.translator, model).items()}
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
     switches = [*find_switches(b, switching), *laws.switches]
@@ -94,7 +96,7 @@ def formulate_recursive(
             results=derive_energy(k, reactions, system.joint_forces, closing.gears),
         ),
         Function(name="project", arguments=("const Real* q", "const Real* gap", "Real* dz"), results={
-            f"dz:{c.joint}": step[c.joint] for c in charts
+            **{f"dz:{c.joint}": step[c.joint] for c in charts}, **still_states(b, model, "dz"),
         }),
         *guard_function(margins),
         *events_function(switches),
@@ -102,27 +104,17 @@ def formulate_recursive(
         *laws.functions,
     )  # fmt: skip
     return RecursiveEquations(
-        topology=topology, scene=scene, builder=b, charts=charts, closures=closures,
-        parameters=open_parameters(model), roads=tuple(f.name for f in model.forces if f.has_road),
+        topology=topology, scene=scene, builder=b, state=layout, parameters=open_parameters(model),
+        roads=tuple(f.name for f in model.forces if f.has_road),
         outputs=outputs, columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs), functions=functions,
         slots={
-            **chart_slots(charts, ""), **_step_slots(charts), **_closure_slots(closures), **column_slots(outputs),
+            **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
+            **layout.closure_slots(("lambda", "correction", "residual", "rate", "gap")), **column_slots(outputs),
             **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
-
-
-def _closure_slots(closures: tuple[Closure, ...]) -> dict[str, Slot]:
-    return {
-        f"{array}:{c.joint}": Slot(array=array, offset=c.first, names=c.names)
-        for c in closures for array in ("lambda", "correction", "residual", "rate", "gap")
-    }  # fmt: skip
-
-
-def _step_slots(charts: tuple[Chart, ...]) -> dict[str, Slot]:
-    return {f"dz:{chart.joint}": Slot(array="dz", offset=chart.v, names=chart.speed_names) for chart in charts}
 
 
 def _closures(loops: tuple[Closing, ...]) -> tuple[Closure, ...]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import sympy
 
 from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, open_parameters, reference_point
-from cutjoint.formulate.records import Chart
+from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
 from cutjoint.model.records import GROUND, Model, Parameter, Scalar, Scene, Vector

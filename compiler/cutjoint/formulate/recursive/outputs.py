@@ -118,6 +118,9 @@ class Reporter:
         for gear in self.gears:
             if gear.element.name == element:
                 return self.kinematics.builder.neg(gear.multipliers)
+        for state in self.model.states:
+            if state.name == element:
+                return self.kinematics.translator.scalar(state.symbol)
         return self._joint(output)
 
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:

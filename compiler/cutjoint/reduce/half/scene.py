@@ -7,7 +7,21 @@ from dataclasses import replace
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
-from cutjoint.model.records import GROUND, Body, Force, Gear, Joint, Marker, Output, Reaction, RodForce, Scalar, Scene, Vector
+from cutjoint.model.records import (
+    GROUND,
+    Body,
+    FirstOrderState,
+    Force,
+    Gear,
+    Joint,
+    Marker,
+    Output,
+    Reaction,
+    RodForce,
+    Scalar,
+    Scene,
+    Vector,
+)
 from cutjoint.reduce.half.model import Half
 from cutjoint.reduce.half.plane import ANGLES, AsymmetryError, is_nought, is_same
 
@@ -87,7 +101,7 @@ def _output(half: Half, output: Output) -> Output:
             return _joint_output(half, element, output)
         case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
-    return output if isinstance(element, RodForce | Gear) else _force_output(half, element, output)
+    return output if isinstance(element, RodForce | Gear | FirstOrderState) else _force_output(half, element, output)
 
 
 def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:

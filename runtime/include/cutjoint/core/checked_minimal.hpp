@@ -9,7 +9,8 @@
 
 namespace cutjoint {
 
-/// A checked simulation of a `Model` with `Derivatives`, its `freedoms`, and `state_names` of coordinates and then of their rates.
+/// A checked simulation of a `Model` with `Derivatives`, its `freedoms`, and `state_names` of coordinates and then of their rates, with
+/// first-order states behind both.
 template <class Model>
 class CheckedMinimal : public CheckedSimulation<Model> {
   struct Memory;
@@ -38,7 +39,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     if (!speeds && freedoms > 0) return no_array;
     Speeds<typename Model::Sim::Mechanism, unsigned char> independent;
     for (int i = 0; i < freedoms; ++i) {
-      if (speeds[i] < 0 || speeds[i] >= Model::speeds || independent[static_cast<std::size_t>(speeds[i])]) return no_such_index;
+      if (speeds[i] < 0 || speeds[i] >= joint_speeds || independent[static_cast<std::size_t>(speeds[i])]) return no_such_index;
       independent[static_cast<std::size_t>(speeds[i])] = 1;
     }
     return Base::status_of(s, s->minimal.choose(s->sim.starter(), s->sim.state(), independent));
@@ -48,6 +49,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
   static const char* state_name(const CheckedMinimal* s, int index) {
     if (!Base::holds_one(s) || !s->minimal.choice().is_made || index < 0 || index >= states) return nullptr;
+    if (index >= 2 * freedoms) return element_of(Model::state_names, joint_speeds + index - 2 * freedoms);
     const bool is_rate = index >= freedoms;
     int left = is_rate ? index - freedoms : index, speed = 0;
     while (!s->minimal.choice().independent[static_cast<std::size_t>(speed)] || left-- > 0) ++speed;
@@ -121,7 +123,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
  private:
-  static constexpr int freedoms = Model::freedoms, states = 2 * freedoms;
+  static constexpr int freedoms = Model::freedoms, joint_speeds = Model::joint_speeds, states = 2 * freedoms + Model::speeds - joint_speeds;
 
   struct Memory {
     typename Model::Sim::Memory sim;

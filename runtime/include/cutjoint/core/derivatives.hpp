@@ -24,7 +24,7 @@ namespace cutjoint {
 /// Derivatives about the present state of a `Simulation` by generated code over dual numbers: the mechanism D, and S, which reports, of a method
 /// without a system the same.
 ///
-/// x = (z, z') are minimal coordinates.  Along a direction of x and of inputs u the dependent coordinates change so that loops stay closed,
+/// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates change so that loops stay closed,
 /// J_d dz_d = -(J dz + dPhi/du du), then their rates so that the residual's rate stays zero, then accelerations and multipliers by the fixed point of
 /// the augmented update, over the derivatives of these.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms>
@@ -33,7 +33,7 @@ class Derivatives {
   using M = typename Simulation::Mechanism;
   using Minimal = MinimalCoordinates<M, freedoms>;
 
-  static constexpr std::size_t states = 2 * freedoms, inputs = M::sizes.inputs, columns = S::sizes.columns;
+  static constexpr std::size_t states = 2 * freedoms + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
 
   /// Derivatives x' and outputs y along a direction: `states` numbers of x, and of each input its value, rate and acceleration.
   Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, double* dxdot, double* dy) {
@@ -63,7 +63,7 @@ class Derivatives {
   }
 
  private:
-  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations;
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
 
   struct None {};
@@ -102,6 +102,7 @@ class Derivatives {
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
     take_slopes(rate_, minimal, dxdot_.data());
     take_slopes(second_, minimal, dxdot_.data() + freedoms);
+    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * freedoms + i] = vdot_[joints + i].slope;
     if constexpr (has_system) {
       system_.begin_step(state_->t, 1.0);
       system_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
@@ -126,6 +127,7 @@ class Derivatives {
 
   /// Speeds that keep them closed.
   void find_speeds(Minimal& minimal) {
+    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i]};
     for (std::size_t i = 0; i < n; ++i) room_[i] = delta_[i].value;
     chart_rates<double>(charts(), room_.data(), state_->v.data(), values_.data());
     give_slopes(dx_.data() + freedoms, minimal, rate_);

@@ -19,7 +19,7 @@
 
 namespace cutjoint {
 
-/// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops.
+/// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops; behind them its first-order states.
 ///
 /// All coordinates are counted by the delta of `retract` from a reference, in which scalars are nought: a scalar is itself, a ball has its rotation
 /// vector.  Of these, one for each speed, `freedoms` are independent; the others follow from closed loops by Newton's method, and their rates from
@@ -45,11 +45,11 @@ class MinimalCoordinates {
   /// Choose in the pose of a state; `begin_step` has been called for its time.
   Fault choose(Starter<M>& starter, const StateOf<M>& state) {
     Speeds<M, unsigned char> independent;
-    independent.fill(1);
+    std::fill_n(independent.begin(), joints, 1);
     if constexpr (m > 0) {
       find_jacobian(starter, state, reference_at(state));
       const auto squares = decomposed();
-      if (squares.rank() != n - freedoms) return singular(state);
+      if (squares.rank() != joints - freedoms) return singular(state);
       for (std::size_t k = 0; k < squares.rank(); ++k) independent[squares.column_at(k)] = 0;
     }
     return choose(starter, state, independent);
@@ -90,6 +90,7 @@ class MinimalCoordinates {
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
     put(delta_, x);
     put(rate_, x + freedoms);
+    std::copy(state.v.begin() + joints, state.v.end(), x + 2 * freedoms);
   }
 
   /// Their derivatives, of a state with accelerations.
@@ -99,6 +100,7 @@ class MinimalCoordinates {
     put(rate_, x);
     chart_accelerations<Real>(charts(), delta_.data(), state.v.data(), state.vdot.data(), rate_.data());
     put(rate_, x + freedoms);
+    std::copy(state.vdot.begin() + joints, state.vdot.end(), x + 2 * freedoms);
   }
 
   /// Numbers that follow from x, one for each speed, from those of independent ones, and the other way round.
@@ -119,7 +121,7 @@ class MinimalCoordinates {
     if constexpr (m > 0) {
       find_jacobian(starter, state, choice_.reference);
       squares_.emplace(decomposed_by_dependent());
-      if (squares_->rank() != n - freedoms) return singular(state);
+      if (squares_->rank() != joints - freedoms) return singular(state);
     }
     return {};
   }
@@ -133,6 +135,7 @@ class MinimalCoordinates {
   /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
   Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
     StateOf<M> found = state;
+    std::copy_n(x + 2 * freedoms, n - joints, found.v.begin() + joints);
     displacement<Real>(charts(), choice_.reference.data(), choice_.pose.data(), delta_.data());
     go_ahead(x);
     take(x, delta_);
@@ -145,8 +148,8 @@ class MinimalCoordinates {
   }
 
  private:
-  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations;
-  static_assert(freedoms <= n);
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
+  static_assert(freedoms <= joints);
 
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
@@ -212,7 +215,7 @@ class MinimalCoordinates {
       find_jacobian(starter, state, choice_.reference);
       all_ = matrix_;
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != n - freedoms) return singular(state);
+      if (squares.rank() != joints - freedoms) return singular(state);
       for (std::size_t j = 0; j < n; ++j) {
         if (!choice_.independent[j]) continue;
         std::copy_n(all_.begin() + j * m, m, phi_.begin());
@@ -235,7 +238,7 @@ class MinimalCoordinates {
       if (iteration == 50 || !(gap < std::numeric_limits<Real>::infinity())) return open(Cause::loops_open, state, phi_);
       before = gap;
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != n - freedoms) return singular(state);
+      if (squares.rank() != joints - freedoms) return singular(state);
       solve(squares, phi_);
       const Real share = std::min(Real(1), Real(0.5) / std::max(Real(largest(step_)), Real(1e-30)));
       for (std::size_t i = 0; i < n; ++i)
@@ -247,7 +250,7 @@ class MinimalCoordinates {
   Fault close_speeds(M& mechanism, StateOf<M>& state) {
     if constexpr (m > 0) {
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != n - freedoms) return singular(state);
+      if (squares.rank() != joints - freedoms) return singular(state);
       for (std::size_t i = 0; i < n; ++i)
         if (!choice_.independent[i]) rate_[i] = Real(0);
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());

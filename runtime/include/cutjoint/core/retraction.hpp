@@ -75,6 +75,13 @@ template <class Real>
     if (balls.number > 0) balls.turn(q_0, delta, q);
 }
 
+/// Numbers of the first-order states, which stand behind the speeds of the charts, are copied.
+template <class Numbers, class Copies>
+void copy_states(std::span<const Chart> charts, const Numbers& from, Copies to) {
+  const std::size_t first = charts.empty() ? 0 : static_cast<std::size_t>(charts.back().v + charts.back().scalars + (charts.back().ball ? 3 : 0));
+  std::copy(from.begin() + static_cast<std::ptrdiff_t>(first), from.end(), to + static_cast<std::ptrdiff_t>(first));
+}
+
 /// The retraction of a mechanism or system with these charts; coordinates without charts, natural ones, add.
 template <class Numbers>
 [[gnu::always_inline]] inline void displace(std::span<const Chart> charts, const Numbers& from, const typename Numbers::value_type* delta, Numbers& to) {

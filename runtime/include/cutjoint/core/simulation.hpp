@@ -121,7 +121,7 @@ class Simulation {
     StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
-    begun.v = start_.v;  // a pose at rest has none
+    std::copy_n(start_.v.begin(), start_sizes.joint_speeds(), begun.v.begin());  // a pose at rest has none
     if (const Fault fault = how.move(begun, given_speeds_)) return at_start(fault);
     penalties_ = how.penalties();
     take_over(begun);
@@ -344,7 +344,7 @@ class Simulation {
  private:
   using InputValues = Fixed<Real, numbers_per_input * static_sizes<M>().inputs>;
 
-  static constexpr Sizes sizes = static_sizes<Subject>();
+  static constexpr Sizes sizes = static_sizes<Subject>(), start_sizes = static_sizes<M>();
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
   static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
 

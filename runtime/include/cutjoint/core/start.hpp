@@ -92,7 +92,7 @@ class Starter {
 
   /// Marks independent speeds that neither the user nor the loops determine; as many as degrees of freedom are left.
   void find_undetermined(const StateOf<M>& state, const SpeedFlags<M>& held, SpeedFlags<M>& undetermined) {
-    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i];
+    for (std::size_t i = 0; i < n_; ++i) undetermined[i] = !held[i] && i < sizes_.joint_speeds();
     if (n_ == 0 || m_ == 0) return;
     find_jacobian(state, held);
     const auto squares = decomposed(m_);
@@ -194,6 +194,7 @@ class Starter {
 
   void move(StateOf<M>& state, const Real* step, Real factor) {
     for (std::size_t i = 0; i < n_; ++i) room_[i] = factor * step[i];
+    for (std::size_t i = sizes_.joint_speeds(); i < n_; ++i) state.v[i] += room_[i];
     from_ = state.q;
     retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
   }
@@ -286,7 +287,7 @@ class Starter {
 
   /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
   Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
-    std::fill(state.v.begin(), state.v.end(), Real(0));
+    std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
     std::fill(travel_.begin(), travel_.end(), Real(0));
     seek_rest(state, held);
     // Differences tell the free directions to some digits only, so the steps have drifted along them.

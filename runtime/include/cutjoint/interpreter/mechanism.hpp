@@ -65,6 +65,7 @@ inline Description read_description(const Json& d) {
   for (const Json& s : switches)
     found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
                               .across = read_index(s.at(3), -1, switches.size())});
+  found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
   found.driven = d.at("driven").get<bool>();
   found.guides_jump = d.at("guides_jump").get<bool>();
   return found;

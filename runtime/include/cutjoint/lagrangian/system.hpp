@@ -39,7 +39,7 @@ struct SystemDescription : Description {
   int factors;      ///< length of the array that `factor` fills
 
   /// Names of v, vdot and the force residual.
-  const std::vector<std::string_view>& unknowns() const { return charts.empty() ? coordinates : speeds; }
+  const std::vector<std::string_view>& unknowns() const { return speeds.empty() ? coordinates : speeds; }
 };
 
 }  // namespace cutjoint

@@ -378,6 +378,7 @@ class Stages : public Workspace<S, Solver> {
     guess_ = at_.vdot;
     if (const Fault fault = iterate(h, found); fault || !found) return fault;
     chart_rates<Real>(charts(), delta_.data(), at_.v.data(), rates_[stage].data());
+    copy_states(charts(), at_.v, rates_[stage].begin());
     slopes_[stage] = at_.vdot;
     forces_[stage] = lambda_;
     return {};
@@ -458,6 +459,7 @@ class Stages : public Workspace<S, Solver> {
     Real change(1);
     for (int pass = 0; pass < 40 && change > 4 * std::numeric_limits<Real>::epsilon(); ++pass) {
       chart_rates<Real>(charts(), delta_.data(), at_.v.data(), trial_.data());
+      copy_states(charts(), at_.v, trial_.begin());
       change = Real(0);
       for (std::size_t i = 0; i < n_; ++i) {
         const Real next = delta_hat_[i] + w * trial_[i];

@@ -70,9 +70,8 @@ class EqualSteps {
   Fault accept(Real h, State& before) {
     std::swap(before, start_);
     std::swap(start_, at_);
-    if (h < Real(1e-4) * dt_)  // a difference of coordinates has their rounding, which a rate over so short a time must not have
-      for (std::size_t i = 0; i < moved_.size(); ++i) moved_[i] = h / 2 * (before.v[i] + start_.v[i]);
-    else
+    for (std::size_t i = 0; i < moved_.size(); ++i) moved_[i] = h / 2 * (before.v[i] + start_.v[i]);
+    if (!(h < Real(1e-4) * dt_))  // a difference of coordinates has their rounding, which a rate over so short a time must not have
       displacement<Real>(charts(), before.q.data(), start_.q.data(), moved_.data());
     keep();
     return {};

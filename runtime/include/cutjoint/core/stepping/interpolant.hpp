@@ -35,6 +35,8 @@ class Interpolant {
     displacement<Real>(charts_, start.q.data(), end.q.data(), way.data());
     chart_rates<Real>(charts_, way.data(), end.v.data(), rate_.data());
     chart_accelerations<Real>(charts_, way.data(), end.v.data(), end.vdot.data(), second.data());
+    copy_states(charts_, end.v, rate_.begin());
+    copy_states(charts_, end.vdot, second.begin());
     slope = start.v;
     bend = start.vdot;
     for (std::size_t i = 0; i < way.size(); ++i) {  // Taylor's polynomial, and what the three conditions at the end ask of powers 3 to 5
@@ -62,6 +64,7 @@ class Interpolant {
     }
     retract<Real>(charts_, q.data(), delta_.data(), y.data());
     chart_speeds<Real>(charts_, delta_.data(), rate_.data(), y.data() + q.size());
+    copy_states(charts_, rate_, y.begin() + static_cast<std::ptrdiff_t>(q.size()));
   }
 
   /// The last step: coordinates, speeds and accelerations of its start, the factors of s^3, s^4, s^5 in displacements, those of s^2, s^3 and

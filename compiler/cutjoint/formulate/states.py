@@ -1,0 +1,63 @@
+"""First-order states beside the mechanism: their rates x' = f, and the part of a balance with a tangent, x' - f = 0.
+
+The unknown of a step is x', with which x changes by ``damping``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cutjoint.formulate.layout import StateLayout
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.records import Model
+from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.vary import Inputs, Variation
+
+#: A row and a column of the tangent, and the entry there.
+Entry = tuple[int, int, Block]
+
+
+def state_rates(translator: Translator, model: Model) -> dict[str, Block]:
+    """f of each state by its name."""
+    return {state.name: translator.scalar(state.rate) for state in model.states}
+
+
+def state_residuals(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:
+    """The results x' - f."""
+    residuals = {}
+    for state in model.states:
+        with b.section("force_residual", state.name, "x' - f", state.span.place):
+            change = b.symbol(f"vdot:{state.name}", 1, BindingTime.ITERATION)
+            residuals[f"force_residual:{state.name}"] = b.sub(change, translator.scalar(state.rate))
+    return residuals
+
+
+def placed_states(b: Builder, model: Model) -> dict[str, Block]:
+    """The states where a run begins, which are those of the mechanism that has found the start."""
+    return {f"placed_rate:{s.name}": b.symbol(f"relative_v:{s.name}", 1, BindingTime.ITERATION) for s in model.states}
+
+
+def still_states(b: Builder, model: Model, result: str) -> dict[str, Block]:
+    """The states' share of a result in which no state takes part."""
+    return {f"{result}:{state.name}": b.zero(1) for state in model.states}
+
+
+def by_state(b: Builder, name: str, damping: Block) -> Variation:
+    """The change of blocks with the rate of a state."""
+    x = b.symbol(f"v:{name}", 1, BindingTime.ITERATION)
+    return Variation(b, Inputs(), frozenset({f"v:{name}"}), {x: damping}, {})
+
+
+def state_tangent(
+    b: Builder, translator: Translator, layout: StateLayout, model: Model, damping: Block, *, symmetric: bool
+) -> Iterator[Entry]:
+    """The derivatives of the states' equations by the states, or the lower triangle of their symmetric part."""
+    rates = state_rates(translator, model)
+    changes = {s.name: by_state(b, s.name, damping) for s in model.states}
+    for i, row in enumerate(model.states):
+        with b.section("tangent", row.name, "1 - df/dx", row.span.place):
+            for j, column in enumerate(model.states[: i + 1] if symmetric else model.states):
+                change = changes[column.name].of(rates[row.name])
+                if symmetric:
+                    change = b.scale(b.number(0.5), b.add(change, changes[row.name].of(rates[column.name])))
+                yield layout.speeds + i, layout.speeds + j, b.sub(b.number(float(i == j)), change)
