@@ -137,7 +137,8 @@ class Standalone:
             integrator=settings.integrator, closure=held.closure, closure_penalty=held.penalty, damping_ratio=held.damping_ratio,
             frequency=held.frequency, dt=settings.dt, penalty=settings.penalty, tolerance=settings.tolerance,
             iterations=settings.iterations, multiplier_updates=settings.multiplier_updates, fixed_cost=settings.fixed_cost,
-            events=settings.events, absolute_tolerance=settings.absolute_tolerance, end=file.end, output_step=file.output_step,
+            events=settings.events, absolute_tolerance=settings.absolute_tolerance,
+            spectral_radius=settings.spectral_radius, end=file.end, output_step=file.output_step,
             pose=file.pose, parameters=file.parameters, positions=file.positions, rates=file.rates, roads=file.roads,
         )  # fmt: skip
 

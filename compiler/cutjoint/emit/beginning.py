@@ -11,7 +11,7 @@ from typing import Any
 class Beginning:
     """The settings, parameters and start of a simulation until its host changes them, in SI units.
 
-    ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``absolute_tolerance`` of the steps; a penalty
+    ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``spectral_radius`` of the steps; a penalty
     of None follows from masses or is found by the run.  ``pose`` is that of the scene.  ``positions`` and ``rates`` are by
     "joint.component", ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc".
     """
@@ -29,6 +29,7 @@ class Beginning:
     fixed_cost: bool
     events: bool | None
     absolute_tolerance: float | None
+    spectral_radius: float | None
     end: float
     output_step: float
     pose: str

@@ -89,7 +89,10 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         "trapezoidal": Steps(header="cutjoint/core/augmented_steps.hpp", name="AugmentedSteps<Mechanism, System>"),
     },
     "recursive-newton": {
-        "trapezoidal": Steps(header="cutjoint/core/recursive_newton_steps.hpp", name="RecursiveNewtonSteps<Mechanism, System>"),
+        **dict.fromkeys(
+            ("trapezoidal", "generalised-alpha"),
+            Steps(header="cutjoint/core/recursive_newton_steps.hpp", name="RecursiveNewtonSteps<Mechanism, System>"),
+        ),
         "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
         "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
     },
@@ -241,6 +244,7 @@ def _settings(begin: Beginning) -> dict[str, object]:
         "dt": repr(float(begin.dt)), "end": repr(steps.number * float(begin.dt)),
         "absolute_tolerance": repr(float(begin.absolute_tolerance or 0.0)), "penalty_of_steps": _optional(begin.penalty),
         "equilibrium": _truth(begin.pose == "equilibrium"),
+        "spectral_radius": None if begin.spectral_radius is None else repr(float(begin.spectral_radius)),
     }  # fmt: skip
 
 

@@ -52,7 +52,8 @@ inline FixedPoint fixed_point_of(const RunSettings& settings) {
 inline SimulationSettings simulation_settings(const RunSettings& settings) {
   return {.stabilisation = settings.stabilisation, .fixed_point = fixed_point_of(settings), .dt = settings.dt, .end = settings.end,
           .penalty = settings.penalty, .tolerance = settings.tolerance, .absolute_tolerance = settings.absolute_tolerance.value_or(0.0),
-          .most_steps = std::numeric_limits<long>::max(), .equilibrium = settings.pose == Pose::equilibrium, .events = settings.events, .foresees = true};
+          .most_steps = std::numeric_limits<long>::max(), .equilibrium = settings.pose == Pose::equilibrium, .events = settings.events, .foresees = true,
+          .spectral_radius = settings.spectral_radius};
 }
 
 }  // namespace cutjoint

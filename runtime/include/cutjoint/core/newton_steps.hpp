@@ -19,13 +19,11 @@
 
 namespace cutjoint {
 
-/// The settings of Newton's iteration, by those of a simulation, which may have a rule of steps.
-template <class Settings>
-NewtonSettings newton_settings(const Settings& settings) {
-  NewtonSettings own{.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
-                     .multiplier_updates = settings.fixed_point.multiplier_updates};
-  if constexpr (requires { settings.rule; }) own.rule = settings.rule;
-  return own;
+/// The settings of Newton's iteration, by those of a simulation.
+inline NewtonSettings newton_settings(const SimulationSettings& settings) {
+  return {.dt = settings.dt, .penalty = settings.penalty, .tolerance = settings.fixed_point.tolerance, .iterations = settings.fixed_point.iterations,
+          .multiplier_updates = settings.fixed_point.multiplier_updates,
+          .rule = settings.spectral_radius ? generalised_alpha(*settings.spectral_radius) : StepRule{}};
 }
 
 /// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a `Method` with its solver, over a system S in whatever coordinates;

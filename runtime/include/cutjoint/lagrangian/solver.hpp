@@ -51,14 +51,12 @@ std::unique_ptr<LinearSolver<Real>> make_solver() {
 template <class Real>
 std::span<const SolverKind<Real>> library_solvers();
 
-/// The settings of a simulation whose solver is chosen by name, and its rule of steps.
+/// The settings of a simulation whose solver is chosen by name.
 struct ChosenSettings : SimulationSettings {
   explicit ChosenSettings(const RunSettings& settings)
-      : SimulationSettings(simulation_settings(settings)), solver(*settings.solver),
-        rule(settings.integrator == Integrator::generalised_alpha ? generalised_alpha(*settings.spectral_radius) : StepRule{}) {}
+      : SimulationSettings(simulation_settings(settings)), solver(*settings.solver) {}
 
   std::string solver;
-  StepRule rule;
 };
 
 /// The solver that a run asks for.
