@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,24 @@ from cutjoint.compile.prepared import Request
 from cutjoint.methods import Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
-from cutjoint.package.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
+from cutjoint.package.extensions import (
+    COMMANDS,
+    EXPORTERS,
+    IMPLEMENTATIONS,
+    INTEGRATORS,
+    PRECISIONS,
+    SOLVERS,
+    Door,
+    Export,
+    Exporter,
+    MissingPackageError,
+)
 from cutjoint_bench.twin import backend
 from tests.conftest import MODELS, needs_cpp
 
 FOUR_BAR = MODELS / "four_bar.yaml"
 
-DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS)
+DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS, SOLVERS, INTEGRATORS, PRECISIONS)
 KNOWN = [(door, name) for door in DOORS for name in door.packages]
 
 
@@ -36,7 +47,7 @@ def call(*arguments: object) -> Result:
 
 def install(monkeypatch: pytest.MonkeyPatch, *points: EntryPoint) -> None:
     """Make these the only entry points that are installed."""
-    monkeypatch.setattr(extensions, "entry_points", lambda *, group: [p for p in points if p.group == group])
+    monkeypatch.setattr(extensions, "_entry_points", lambda: EntryPoints(points))
 
 
 @pytest.mark.parametrize(("door", "name"), KNOWN, ids=[name for _, name in KNOWN])
@@ -70,6 +81,18 @@ def test_an_export_of_a_package_that_is_not_installed(peer: str, monkeypatch: py
         1, f"{peer} is an export of the package cutjoint-bench, which is not installed; pip install cutjoint-bench\n"
     )  # fmt: skip
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("how", "what"), [(("--precision", "quad"), "a number type"), (("--method", "classical", "--solver", "klu"), "a linear solver")]
+)
+def test_a_driver_that_is_not_installed(
+    how: tuple[str, ...], what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:  # fmt: skip
+    install(monkeypatch)
+    result = call("simulate", FOUR_BAR, *how, "--out", tmp_path / "out.csv")
+    message = f"{how[-1]} is {what} of the package cutjoint-bench, which is not installed; pip install cutjoint-bench"
+    assert (result.exit_code, result.output.strip()) == (1, message)
 
 
 @pytest.mark.parametrize("how", [(), ("--precision", "single")], ids=" ".join)

@@ -18,7 +18,6 @@ from cutjoint.methods import (
     DEFAULT_SOLVER,
     INTEGRATORS,
     METHODS,
-    SOLVERS,
     Events,
     Implementation,
     names_of,
@@ -31,6 +30,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.records import Case, Contender
 from cutjoint_bench.twin.artifact import compile_generic
 from cutjoint_bench.twin.build import twin_digest
@@ -41,7 +41,7 @@ TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 
 #: Integrators besides the default, by the method that they take; methods without others are left out.
 _INTEGRATORS = tuple(
     (method, names) for method in METHODS
-    if (names := [i.name for i in INTEGRATORS.values() if i.in_files and method in i.methods and i.name != DEFAULT_INTEGRATOR])
+    if (names := [i.name for i in INTEGRATORS.values() if method in i.methods and i.name != DEFAULT_INTEGRATOR])
 )  # fmt: skip
 
 
@@ -119,9 +119,9 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
             )  # fmt: skip
     for method in METHODS:
-        for solver in (s.name for s in SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
+        for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
-    for method in names_of(METHODS, lambda m: m.twin is not None):
+    for method in names_of(METHODS, lambda m: m.twin):
         yield Contender(
             name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
             identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
@@ -150,8 +150,8 @@ def _prepare(
     case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
     tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
 ) -> OwnRunner:  # fmt: skip
-    comparison = solver in names_of(SOLVERS, lambda s: s.comparison)
-    options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, comparison=comparison)
+    additions = (solver,) if solver in ADDED_SOLVERS else ()
+    options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
     artifact = compile_scene(case.model, case.scene, options)
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters

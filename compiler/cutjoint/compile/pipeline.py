@@ -51,7 +51,7 @@ def compile_scene(
         TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
-    require_choice(options.method, options.precision, comparison=options.comparison)
+    require_choice(options.method, options.precision, options.additions)
     # Model -> Source
     begin = perf_counter()
     if generated is None:
@@ -61,7 +61,7 @@ def compile_scene(
     seconds, written = perf_counter() - begin, perf_counter()
     # Source -> Binary
     def finish() -> Artifact:
-        kind = Kind(comparison=options.comparison, precision=options.precision)
+        kind = Kind(precision=options.precision, additions=tuple(options.additions))
         binary = build(made.source, flags=(*options.flags, *PRECISIONS[options.precision].flags), kind=kind)
         if delivery is not None:
             delivery.write(binary.path, options.flags)

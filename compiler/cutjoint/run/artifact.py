@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +13,17 @@ from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.switches import jump_times
-from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, join_or, names_of
+from cutjoint.methods import (
+    DEFAULT_METHOD,
+    DEFAULT_PRECISION,
+    INTEGRATORS,
+    METHODS,
+    PRECISIONS,
+    SOLVERS,
+    Implementation,
+    join_or,
+    names_of,
+)
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -165,7 +175,7 @@ def _leaves_choice(artifact: Artifact, options: Options) -> bool:
 
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[Settings]:
     """The settings of a run by each other integrator that the simulator has."""
-    for name in names_of(INTEGRATORS, lambda i: i.in_files and i.name != integrator):
+    for name in (name for name in INTEGRATORS if name != integrator):
         with suppress(RunError):  # it does not take the method, or not with these options
             yield artifact.settings(replace(options, integrator=name))
 
@@ -182,13 +192,19 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
         raise RunError(f"tangents need the method {join_or(methods)}, integrator=\"{join_or(integrators)}\" and events=\"crossed\"")
 
 
-def require_choice(method: str, precision: str, *, comparison: bool) -> None:
-    """Check what a model is to be compiled for; with ``comparison`` the solvers of SuiteSparse are linked.
+def require_choice(method: str, precision: str = DEFAULT_PRECISION, additions: Sequence[str] = ()) -> None:
+    """Check the choices by which a model is compiled; ``additions`` are solvers and integrators of other packages.
 
     Raises:
-        RunError: there is no such method or precision, or the solvers do not have the precision.
+        RunError: there is no such method, precision or addition, or a solver does not have the precision.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
-    if precision not in PRECISIONS or (comparison and not PRECISIONS[precision].libraries):
-        raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
+    if precision not in PRECISIONS.names():
+        raise RunError(f"no precision '{precision}'; there is {', '.join(PRECISIONS.names())}")
+    solvers, integrators = SOLVERS.added.names(), INTEGRATORS.added.names()
+    for name in additions:
+        if name not in (*solvers, *integrators):
+            raise RunError(f"no addition '{name}'; there is {', '.join((*solvers, *integrators))}")
+        if name in solvers and SOLVERS[name].double_only and precision != DEFAULT_PRECISION:
+            raise RunError(f"the solver {name} is in {DEFAULT_PRECISION} alone, not in {precision}")

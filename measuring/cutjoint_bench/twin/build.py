@@ -11,13 +11,13 @@ from cutjoint.toolchain.cache import cache_folder, find_or_make
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
-from cutjoint_bench.twin import RUNTIME
+from cutjoint_bench.twin import ADDITIONS, RUNTIME
 
 
 @cache
 def twin_digest() -> str:
     """A digest of all C++ that the twin follows from."""
-    return digest_of([runtime_digest(), tree_digest(RUNTIME)])
+    return digest_of([runtime_digest(), *map(tree_digest, (RUNTIME, ADDITIONS))])
 
 
 def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
@@ -34,6 +34,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
 
 
 def _build_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
-    project = plain_tree(RUNTIME, folder / "twin")
-    build_project(project, folder / "out", compiler, flags, f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}")
+    project, additions = plain_tree(RUNTIME, folder / "twin"), plain_tree(ADDITIONS, folder / "additions")
+    places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_ADDITIONS={additions}")
+    build_project(project, folder / "out", compiler, flags, *places)
     return folder / "out" / "generic"
