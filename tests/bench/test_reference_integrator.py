@@ -7,10 +7,9 @@ import pytest
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Options
+from cutjoint.run.errors import RunError
 from cutjoint.run.simulation import simulate
-from cutjoint.run.simulator import SimulatorError, call_simulator
+from tests.conftest import MODELS
 from tests.mechanisms import gears
 from tests.physics import simulation
 from tests.physics.test_gears import verify
@@ -40,10 +39,7 @@ def test_gears_in_natural_coordinates() -> None:
     verify(dict(run.columns), run.t, 2e-8)
 
 
-def test_a_simulator_without_it_lists_its_own() -> None:
-    model = read_model_text(gears.TEXT, "gears.yaml")
-    artifact = simulation.compile_scene(model, model.scenes["run"])
-    file = make_run_file(model, artifact.scene, {}, task="simulate", options=Options(integrator="reference")).entries()
-    message = 'run file: \'integrator\' is "reference" and not one of trapezoidal, rk4, dormand-prince'
-    with pytest.raises(SimulatorError, match=message):
-        call_simulator(artifact.binary.path, {**file, **(artifact.description or {})})
+def test_a_simulator_without_it_says_how_to_get_it() -> None:
+    artifact = simulation.compile_model(MODELS / "four_bar.yaml", scene="swing")
+    with pytest.raises(RunError, match=r'^this simulator is without reference: compile the model with additions=\["reference"\]$'):
+        simulate(artifact, integrator="reference")

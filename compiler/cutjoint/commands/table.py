@@ -159,7 +159,6 @@ OPTIONS: Mapping[str, Row] = {
         "for all runs."),
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
         f"twin a library's{_packages(SOLVERS.added)}."),
-    "warm.solver": _one_of("--solver", names=SOLVERS.added.names, help=f"With this solver too{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=click.Choice(list(INTEGRATORS)), help="rk4 and "
         "dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, else trapezoidal "
         "where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
@@ -244,6 +243,7 @@ OPTIONS: Mapping[str, Row] = {
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the "
         "worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Of study files of cutjoint sweep, instead of model files."),
+    "comparison": click.option("--comparison", is_flag=True, help=f"With linear solvers of other packages{_packages(SOLVERS.added)}."),
     "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the "
         "drivers; all otherwise."),
 }  # fmt: skip

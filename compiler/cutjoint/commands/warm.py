@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.methods import DEFAULT_PRECISION, SOLVERS, find_additions
+from cutjoint.methods import DEFAULT_PRECISION, SOLVERS
 from cutjoint.toolchain.build import FLAGS, warm
 from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 
 @table.command("warm")
-def command(drivers: tuple[str, ...], precision: str, solver: str | None) -> None:
+def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
     """Compile what does not depend on the model, once for all models: half a minute a driver.
 
     The libraries go beside the installation, or into the cache where the installation cannot be written.  The compiler and its flags are
@@ -20,9 +20,10 @@ def command(drivers: tuple[str, ...], precision: str, solver: str | None) -> Non
     drivers = drivers or DRIVERS
     if "batch" in drivers and precision != DEFAULT_PRECISION:
         raise click.UsageError(f"batches have {DEFAULT_PRECISION} only; name the other drivers by --driver")
-    if solver is not None and precision != DEFAULT_PRECISION and SOLVERS[solver].double_only:
-        raise click.UsageError(f"the solver {solver} is in {DEFAULT_PRECISION} alone; leave --precision or --solver away")
+    solvers = tuple(SOLVERS.added.names()) if comparison else ()
+    if precision != DEFAULT_PRECISION and any(SOLVERS[name].double_only for name in solvers):
+        raise click.UsageError(f"solvers of other packages are in {DEFAULT_PRECISION} alone; leave --comparison away")
     for driver in drivers:
         with options.progress_bar(f"compiling the driver {driver}"):
-            fresh = warm(driver, kind=Kind(precision=precision, additions=find_additions(solver)))
+            fresh = warm(driver, kind=Kind(precision=precision, additions=solvers))
         options.out.print(f"driver {driver}: {'compiled' if fresh else 'was there'} ({' '.join(FLAGS)})", markup=False)

@@ -68,7 +68,7 @@ def compile_scene(
         return Artifact(
             scene=scene, equations=made.equations, program=made.program, source=made.source, binary=binary, method=options.method,
             precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
-            compile_seconds=perf_counter() - written,
+            compile_seconds=perf_counter() - written, additions=tuple(options.additions),
         )  # fmt: skip
 
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:

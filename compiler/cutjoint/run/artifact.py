@@ -42,8 +42,8 @@ from cutjoint.topology.records import Topology
 class Artifact:
     """A compiled model: every stage's record, and the seconds that generating and compiling took.
 
-    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS.  ``description`` is what the simulator reads of the model, None
-    of generated code.
+    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS, ``additions`` are solvers and integrators of other packages.
+    ``description`` is what the simulator reads of the model, None of generated code.
     """
 
     scene: Scene
@@ -57,6 +57,7 @@ class Artifact:
     generate_seconds: float
     compile_seconds: float
     description: Mapping[str, Any] | None = None
+    additions: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
@@ -143,6 +144,7 @@ def make_simulator_run(
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options, inputs=inputs or {},
     )  # fmt: skip
+    _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
@@ -190,6 +192,18 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
     if not (METHODS[artifact.method].tangents and INTEGRATORS[settings.integrator].tangents and not settings.events):
         methods, integrators = (names_of(METHODS, lambda m: m.tangents)), names_of(INTEGRATORS, lambda i: i.tangents)
         raise RunError(f"tangents need the method {join_or(methods)}, integrator=\"{join_or(integrators)}\" and events=\"crossed\"")
+
+
+def _require_additions(artifact: Artifact, settings: Settings) -> None:
+    """Check that a simulator has the solver and the integrator of a run; twins have all solvers.
+
+    Raises:
+        RunError: one is of another package, and the simulator is compiled without it.
+    """
+    named = {settings.integrator, settings.solver} & {*INTEGRATORS.added.names(), *SOLVERS.added.names()}
+    for name in named - set(artifact.additions):
+        if not artifact.implementation.is_twin:
+            raise RunError(f"this simulator is without {name}: compile the model with additions=[\"{name}\"]")
 
 
 def require_choice(method: str, precision: str = DEFAULT_PRECISION, additions: Sequence[str] = ()) -> None:

@@ -15,8 +15,8 @@ from cutjoint_bench.twin import ADDITIONS, RUNTIME
 
 
 @cache
-def twin_digest() -> str:
-    """A digest of all C++ that the twin follows from."""
+def measuring_digest() -> str:
+    """A digest of the runtime, the twin and all additions to drivers."""
     return digest_of([runtime_digest(), *map(tree_digest, (RUNTIME, ADDITIONS))])
 
 
@@ -27,7 +27,7 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = digest_of([twin_digest(), *compiler.key, *resolve(flags)])
+    key = digest_of([measuring_digest(), *compiler.key, *resolve(flags)])
     cached = cache_folder() / f"generic-{key}" / "simulator"
     fresh = find_or_make(cached, lambda place: _build_in(place, compiler, flags))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
