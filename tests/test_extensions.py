@@ -32,6 +32,8 @@ from cutjoint.package.extensions import (
     Exporter,
     MissingPackageError,
 )
+from cutjoint.toolchain.drivers import Kind
+from cutjoint_bench import driver
 from cutjoint_bench.twin import backend
 from tests.conftest import MODELS, needs_cpp
 
@@ -125,6 +127,18 @@ def test_a_cached_run_follows_from_the_code_of_its_backend(monkeypatch: pytest.M
         for how, found in places.items():
             found.add(prepared._cache_path(Request(model=FOUR_BAR, implementation=how), b""))
     assert {how: len(found) for how, found in places.items()} == {"generic": 2, "generated": 1}
+
+
+@pytest.mark.parametrize(("name", "kind"), [("KLU", Kind(additions=("klu",))), ("QUAD", Kind(precision="quad"))])
+def test_drivers_follow_from_the_files_of_their_additions(name: str, kind: Kind, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    keys = {kind.key}
+    for text in ("one", "other"):
+        (tmp_path / text).mkdir()
+        (tmp_path / text / "lagrangian.hpp").write_text(text, encoding="utf-8")
+        monkeypatch.setattr(driver, name, replace(getattr(driver, name), folder=tmp_path / text))
+        keys.add(kind.key)
+    assert len(keys) == 3
+    assert Kind().key == ("double",)
 
 
 def outputs_of(script: str) -> str:

@@ -28,7 +28,7 @@ const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
     .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::generalised_alpha},
     .solvers = true,
-    .added = added_names<S>(),
+    .added = is_added<S>,
 };
 
 }  // namespace
@@ -37,7 +37,7 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<
   const RunSettings settings = read_settings<Precision>(file, abilities);
   switch (settings.integrator) {
     case Integrator::added:
-      return run_added(start, system, settings, file);
+      return added_integrators<S>().at(file.at("integrator"))(start, system, settings, file);
     case Integrator::sdirk4:
       return run_by<Simulated<SdirkSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
     case Integrator::sdirk4_fixed:

@@ -21,7 +21,7 @@ using M = AnyMechanism<Precision>;
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate},
     .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince},
-    .added = added_names<M>(),
+    .added = is_added<M>,
 };
 
 }  // namespace
@@ -30,7 +30,7 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechani
   const RunSettings settings = read_settings<Precision>(file, abilities);
   switch (settings.integrator) {
     case Integrator::added:
-      return run_added(start, mechanism, settings, file);
+      return added_integrators<M>().at(file.at("integrator"))(start, mechanism, settings, file);
     case Integrator::rk4:
       return run_by<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
     case Integrator::dormand_prince:

@@ -1,10 +1,9 @@
-// Additions of other packages to a driver: constants of these types, in a header that is included before the driver's own file.
+// Additions of other packages to a driver: constants of the type `Added`, in a header that is included before the driver's own file.
 #pragma once
 
 #include <initializer_list>
-#include <stdexcept>
-#include <string_view>
-#include <vector>
+#include <map>
+#include <string>
 
 #include "cutjoint/json.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -12,41 +11,28 @@
 
 namespace cutjoint {
 
-/// An integrator of mechanisms or systems: its name in run files, and the run by it (run.hpp, `run_by`).
+/// Integrators of mechanisms or systems: their names in run files, and the runs by them (run.hpp, `run_by`).
 template <class Subject>
-struct AddedIntegrator {
-  std::string_view name;
-  Json (*run)(AnyMechanism<double>& start, Subject& subject, const RunSettings& settings, const Json& file);
-};
+using Integrators = std::map<std::string, Json (*)(AnyMechanism<double>& start, Subject& subject, const RunSettings& settings, const Json& file)>;
 
-/// The added integrators of a driver.
+/// The integrators that are added to a driver.
 template <class Subject>
-std::vector<AddedIntegrator<Subject>>& added_integrators() {
-  static std::vector<AddedIntegrator<Subject>> all;
+Integrators<Subject>& added_integrators() {
+  static Integrators<Subject> all;
   return all;
 }
 
-/// The names of the added integrators of a driver.
+/// Whether an integrator is among them.
 template <class Subject>
-std::vector<std::string_view> added_names() {
-  std::vector<std::string_view> names;
-  for (const AddedIntegrator<Subject>& added : added_integrators<Subject>()) names.push_back(added.name);
-  return names;
+bool is_added(const std::string& name) {
+  return added_integrators<Subject>().contains(name);
 }
 
-/// The run of a file with an added integrator.
-template <class Subject>
-Json run_added(AnyMechanism<double>& start, Subject& subject, const RunSettings& settings, const Json& file) {
-  for (const AddedIntegrator<Subject>& added : added_integrators<Subject>())
-    if (file.at("integrator") == added.name) return added.run(start, subject, settings, file);
-  throw std::logic_error("no extension adds this integrator");
-}
-
-/// Appends to a list before the program begins.
+/// Adds to integrators, or to the solvers of `library_solvers`, before the program begins.
 struct Added {
-  template <class Record>
-  Added(std::vector<Record>& list, std::initializer_list<Record> more) {
-    list.insert(list.end(), more);
+  template <class All>
+  Added(All& all, std::initializer_list<typename All::value_type> more) {
+    for (const auto& one : more) all.insert(all.end(), one);
   }
 };
 

@@ -39,12 +39,12 @@ inline constexpr std::array integrators{
 
 }  // namespace words
 
-/// The abilities of a program: its tasks and integrators, whether it has linear solvers, and the names of integrators that extensions add.
+/// The abilities of a program: its tasks and integrators, whether it has linear solvers, and whether an extension adds an integrator.
 struct Abilities {
   std::vector<Task> tasks;
   std::vector<Integrator> integrators;
   bool solvers = false;
-  std::vector<std::string_view> added = {};
+  bool (*added)(const std::string& integrator) = nullptr;
 };
 
 /// Reads settings with the ranges of a number type.
@@ -86,7 +86,7 @@ class SettingsReader {
  private:
   Integrator integrator() const {
     const Json& word = value_of(file_, "integrator");
-    const bool is_added = std::find(abilities_.added.begin(), abilities_.added.end(), word) != abilities_.added.end();
+    const bool is_added = abilities_.added != nullptr && word.is_string() && abilities_.added(word.get<std::string>());
     return is_added ? Integrator::added : able("integrator", words::integrators, abilities_.integrators);
   }
 
