@@ -56,7 +56,6 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "tests/physics/test_massless_middles.py": {
         "test_every_method_moves_a_massless_body_as_one_of_hardly_any_mass": ("revolute crossing A", "universal *"),
     },
-    "tests/runtime/test_explicit.py": {"test_number_types": ("single",)},
     "tests/standalone/test_derivatives.py": {
         "test_derivatives_are_those_of_differences_in_113_bits": ("spinning-*", "driven-*"),
         "test_the_code_calls_mathematics_and_nothing_else": ("flyball-recursive-clang++", "press-recursive-newton-g++"),

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,26 @@ from cutjoint.compile.prepared import Request
 from cutjoint.methods import Implementation
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package import extensions
-from cutjoint.package.extensions import COMMANDS, EXPORTERS, IMPLEMENTATIONS, Door, Export, Exporter, MissingPackageError
+from cutjoint.package.extensions import (
+    COMMANDS,
+    EXPORTERS,
+    IMPLEMENTATIONS,
+    INTEGRATORS,
+    PRECISIONS,
+    SOLVERS,
+    Door,
+    Export,
+    Exporter,
+    MissingPackageError,
+)
+from cutjoint.toolchain.drivers import Kind
+from cutjoint_bench import driver
 from cutjoint_bench.twin import backend
 from tests.conftest import MODELS, needs_cpp
 
 FOUR_BAR = MODELS / "four_bar.yaml"
 
-DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS)
+DOORS = (COMMANDS, EXPORTERS, IMPLEMENTATIONS, SOLVERS, INTEGRATORS, PRECISIONS)
 KNOWN = [(door, name) for door in DOORS for name in door.packages]
 
 
@@ -36,7 +49,7 @@ def call(*arguments: object) -> Result:
 
 def install(monkeypatch: pytest.MonkeyPatch, *points: EntryPoint) -> None:
     """Make these the only entry points that are installed."""
-    monkeypatch.setattr(extensions, "entry_points", lambda *, group: [p for p in points if p.group == group])
+    monkeypatch.setattr(extensions, "_entry_points", lambda: EntryPoints(points))
 
 
 @pytest.mark.parametrize(("door", "name"), KNOWN, ids=[name for _, name in KNOWN])
@@ -72,6 +85,18 @@ def test_an_export_of_a_package_that_is_not_installed(peer: str, monkeypatch: py
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("how", "what"), [(("--precision", "quad"), "a number type"), (("--method", "classical", "--solver", "klu"), "a linear solver")]
+)
+def test_a_driver_that_is_not_installed(
+    how: tuple[str, ...], what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:  # fmt: skip
+    install(monkeypatch)
+    result = call("simulate", FOUR_BAR, *how, "--out", tmp_path / "out.csv")
+    message = f"{how[-1]} is {what} of the package cutjoint-bench, which is not installed; pip install cutjoint-bench"
+    assert (result.exit_code, result.output.strip()) == (1, message)
+
+
 @pytest.mark.parametrize("how", [(), ("--precision", "single")], ids=" ".join)
 def test_an_implementation_that_is_not_installed(how: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch)
@@ -102,6 +127,18 @@ def test_a_cached_run_follows_from_the_code_of_its_backend(monkeypatch: pytest.M
         for how, found in places.items():
             found.add(prepared._cache_path(Request(model=FOUR_BAR, implementation=how), b""))
     assert {how: len(found) for how, found in places.items()} == {"generic": 2, "generated": 1}
+
+
+@pytest.mark.parametrize(("name", "kind"), [("KLU", Kind(additions=("klu",))), ("QUAD", Kind(precision="quad"))])
+def test_drivers_follow_from_the_files_of_their_additions(name: str, kind: Kind, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    keys = {kind.key}
+    for text in ("one", "other"):
+        (tmp_path / text).mkdir()
+        (tmp_path / text / "lagrangian.hpp").write_text(text, encoding="utf-8")
+        monkeypatch.setattr(driver, name, replace(getattr(driver, name), folder=tmp_path / text))
+        keys.add(kind.key)
+    assert len(keys) == 3
+    assert Kind().key == ("double",)
 
 
 def outputs_of(script: str) -> str:

@@ -28,6 +28,7 @@ from cutjoint.methods import (
 from cutjoint.model.document import json_schema
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Scene
+from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
@@ -46,7 +47,7 @@ def test_model_files_take_the_names_of_the_catalogue() -> None:
     parts = json.loads(json_schema())["$defs"]
     numerics, scene = parts["Numerics"]["properties"], parts["Scene"]["properties"]
     assert names(numerics["closure"]) == set(CLOSURES)
-    assert names(numerics["integrator"]) == {i.name for i in INTEGRATORS.values() if i.in_files}
+    assert names(numerics["integrator"]) == set(INTEGRATORS)
     assert names(numerics["events"]) == set(Events)
     assert names(numerics["methods"]["propertyNames"]) == set(METHODS)
     assert names(scene["method"]) == {AUTO, *METHODS}
@@ -56,7 +57,9 @@ def test_records_name_what_there_is() -> None:
     for method in METHODS.values():
         assert set(method.closures) <= set(CLOSURES)
         assert any(method.name in i.methods for i in INTEGRATORS.values())
-        assert method.twin is None or method.twin.solver is None or SOLVERS[method.twin.solver].suits(method)
+    for name, solver in IMPLEMENTATIONS.load("generic").solvers.items():
+        assert METHODS[name].twin
+        assert SOLVERS[solver].suits(METHODS[name])
     for integrator in INTEGRATORS.values():
         assert set(integrator.methods) <= set(METHODS)
         assert set(integrator.closures) <= set(CLOSURES)

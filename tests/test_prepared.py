@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.metadata import EntryPoints
 from pathlib import Path
 from typing import Any
 
@@ -383,7 +384,7 @@ def test_the_package_has_what_it_names() -> None:
 
 
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extensions, "entry_points", lambda **_: [])
+    monkeypatch.setattr(extensions, "_entry_points", lambda: EntryPoints(()))
     output = CliRunner().invoke(main, ["--help"]).output
     helpers = {"__init__", "export_fmu", "options", "picking", "preparing", "renamed", "replaying", "table"}
     modules = {p.stem for p in Path(preparing.__file__).parent.glob("*.py")} - helpers

@@ -1,6 +1,7 @@
 """The catalogue of methods, integrators, closures, linear solvers and number types: what each one needs and can do.
 
-Choices, checks and messages follow from these records; no other module compares the name of one.
+Choices, checks and messages follow from these records; no other module compares the name of one.  Other packages add integrators, solvers
+and number types.
 """
 
 from __future__ import annotations
@@ -8,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol, TypeVar
+from typing import TypeVar
+
+from cutjoint.package import extensions
+from cutjoint.package.extensions import Door, DriverExtension, Named
 
 #: The method of a scene that lets `auto` choose model, method and step.
 AUTO = "auto"
@@ -43,13 +47,6 @@ class Implementation(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Twin:
-    """The generic twin of a method; ``solver`` takes the place of the emitted factorisation, None for methods without a linear solver."""
-
-    solver: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class Method:
     """A formulation with its way to solve a step.
 
@@ -58,9 +55,9 @@ class Method:
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
-    where none are given; the penalty then follows from masses and step.  ``fixed_cost`` is whether steps can have a fixed number of
-    iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report the Jacobians of its
-    accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
+    where none are given; the penalty then follows from masses and step.  ``twin`` is whether it has a generic twin, ``fixed_cost`` whether
+    steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report
+    the Jacobians of its accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
     """
 
     name: str
@@ -71,7 +68,7 @@ class Method:
     events: bool = False
     instead: tuple[str, ...] = ()
     default_updates: int | None = None
-    twin: Twin | None = None
+    twin: bool = False
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
@@ -102,8 +99,8 @@ class Integrator:
     ``methods`` are those whose equations it takes, ``closures`` those it can hold; ``twin`` is whether generic twins have it.  ``events``
     is the default of its steps, None where they cannot end at events.  An ``adaptive`` one takes steps as long as the tolerance allows.
     ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are those that it reads besides
-    the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``in_files`` is whether scenes and commands
-    can ask for it, ``balances`` whether it balances work and energy beside the motion.
+    the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``balances`` is whether it balances work
+    and energy beside the motion.
     """
 
     name: str
@@ -118,7 +115,6 @@ class Integrator:
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
-    in_files: bool = True
     balances: bool = True
 
     def takes(self, method: Method, implementation: Implementation) -> bool:
@@ -142,11 +138,11 @@ class Closure:
 
 @dataclass(frozen=True, kw_only=True)
 class Solver:
-    """A linear solver; ``symmetric`` ones need a symmetric matrix, ``comparison`` ones are of SuiteSparse, some of them under the GPL."""
+    """A linear solver; ``symmetric`` ones need a symmetric matrix, ``double_only`` ones one of doubles."""
 
     name: str
     symmetric: bool = False
-    comparison: bool = False
+    double_only: bool = False
 
     def suits(self, method: Method) -> bool:
         """Return whether the solver solves the systems of a method."""
@@ -157,42 +153,55 @@ class Solver:
 class Precision:
     """A number type of generated code.
 
-    Of a ``packed`` one several fit a register; ``libraries`` is whether solvers of libraries have it, ``twin`` whether generic twins do;
-    ``flags`` are added to those of the compiler.
+    ``type`` is that of C++, made by a ``header`` of its extension if it is not one of the language.  Of a ``packed`` one several fit a
+    register; ``flags`` are added to those of the compiler.
     """
 
     name: str
+    type: str
+    header: str = ""
     packed: bool = False
-    libraries: bool = False
-    twin: bool = False
     flags: tuple[str, ...] = ()
 
 
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
-
-
-R = TypeVar("R", bound=_Named)
+R = TypeVar("R", bound=Named)
 
 
 def _catalogue(*records: R) -> Mapping[str, R]:
     return {record.name: record for record in records}
 
 
+class Catalogue(dict[str, R]):
+    """The product's records by name, and beside them those that other packages have behind the door ``added``.
+
+    Looking up one of these raises `MissingPackageError` where its package is not installed.
+    """
+
+    def __init__(self, *records: R, added: Door[DriverExtension[R]]) -> None:
+        super().__init__(_catalogue(*records))
+        self.added = added
+
+    def __missing__(self, name: str) -> R:
+        return self.added.load(name).record
+
+    def names(self) -> list[str]:
+        """All names, the product's first."""
+        return [*self, *self.added.names()]
+
+
 #: The methods in the order of the documentation.
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=Twin(), fixed_cost=True, batch=True, tangents=True, stands_alone=True,
+        twin=True, fixed_cost=True, batch=True, tangents=True, stands_alone=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
-        twin=Twin(solver="eigen-ldlt"), stands_alone=True,
+        twin=True, stands_alone=True,
     ),
     Method(
         name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),
-        twin=Twin(solver="klu"),
+        twin=True,
     ),
     Method(
         name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), default_updates=20,
@@ -205,9 +214,8 @@ METHODS: Mapping[str, Method] = _catalogue(
 _EXPLICIT_PENALTY = 1e6
 
 #: The trapezoidal rule; explicit Runge-Kutta methods with steps of equal length and with steps as long as the tolerance allows; implicit
-#: ones of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast; accurate solutions to measure them by:
-#: extrapolation in relative coordinates (recursive) and a Runge-Kutta method of order 8 in natural coordinates (classical).
-INTEGRATORS: Mapping[str, Integrator] = _catalogue(
+#: ones of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast.
+INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal"), twin=True, events=Events.CROSSED, uses_solver=True,
         fixed_cost=True, batch=True, tangents=True,
@@ -227,9 +235,7 @@ INTEGRATORS: Mapping[str, Integrator] = _catalogue(
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
     ),
-    Integrator(
-        name="reference", methods=("recursive", "classical"), closures=("penalty", "proximal"), events=None, in_files=False, balances=False
-    ),
+    added=extensions.INTEGRATORS,
 )  # fmt: skip
 
 #: The ways to hold cut joints.
@@ -239,22 +245,11 @@ CLOSURES: Mapping[str, Closure] = _catalogue(
 )
 
 #: The emitted factorisation, and libraries.
-SOLVERS: Mapping[str, Solver] = _catalogue(
-    Solver(name="emitted"),
-    Solver(name="eigen-ldlt", symmetric=True),
-    Solver(name="eigen-lu"),
-    Solver(name="cholmod", symmetric=True, comparison=True),
-    Solver(name="klu", comparison=True),
-    Solver(name="umfpack", comparison=True),
+SOLVERS: Catalogue[Solver] = Catalogue(
+    Solver(name="emitted"), Solver(name="eigen-ldlt", symmetric=True), Solver(name="eigen-lu"), added=extensions.SOLVERS
 )
 
-#: Numbers of 24, 53, 64 (80-bit registers, x86) and 113 bits.  Above -O1, GCC takes minutes for a long function on the registers' stack.
-PRECISIONS: Mapping[str, Precision] = _catalogue(
-    Precision(name="single", packed=True),
-    Precision(name="double", packed=True, libraries=True, twin=True),
-    Precision(name="extended", flags=("-O1",)),
-    Precision(name="quad", flags=("-O1",)),
-)
+PRECISIONS: Catalogue[Precision] = Catalogue(Precision(name="double", type="double", packed=True), added=extensions.PRECISIONS)
 
 DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.
@@ -271,6 +266,11 @@ LINEARISED = "recursive-newton"
 
 #: The method whose equations start every run, so that its settings hold the cut joints there.
 START = "recursive"
+
+
+def find_additions(solver: str | None) -> tuple[str, ...]:
+    """The solver that is asked for, if it is one of another package: a simulator has it only by request."""
+    return () if solver is None or solver in SOLVERS else (solver,)
 
 
 def names_of(catalogue: Mapping[str, R], condition: Callable[[R], bool]) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ from cutjoint.methods import (
     DEFAULT_SOLVER,
     INTEGRATORS,
     METHODS,
-    SOLVERS,
     Events,
     Implementation,
     names_of,
@@ -31,9 +30,10 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
+from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.records import Case, Contender
 from cutjoint_bench.twin.artifact import compile_generic
-from cutjoint_bench.twin.build import twin_digest
+from cutjoint_bench.twin.build import measuring_digest
 
 #: Number types with the relative change of the accelerations at which a step ends: so small that rounding alone is left to see.
 TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 1e-13, "quad": 1e-18}
@@ -41,7 +41,7 @@ TOLERANCES: Mapping[str, float] = {"single": 1e-4, "double": 1e-10, "extended": 
 #: Integrators besides the default, by the method that they take; methods without others are left out.
 _INTEGRATORS = tuple(
     (method, names) for method in METHODS
-    if (names := [i.name for i in INTEGRATORS.values() if i.in_files and method in i.methods and i.name != DEFAULT_INTEGRATOR])
+    if (names := [i.name for i in INTEGRATORS.values() if method in i.methods and i.name != DEFAULT_INTEGRATOR])
 )  # fmt: skip
 
 
@@ -61,7 +61,7 @@ class OwnRunner:
         """Compiler, flags and digest of the generated code."""
         a = self.artifact
         made = {"compiler": a.binary.compiler, "flags": " ".join(a.binary.flags), "precision": a.precision}
-        return {**made, **identity(a.source, a.implementation)}
+        return {**made, **identity(a.source, added=has_added(a))}
 
     def __call__(self, dt: float, *, measured: bool = False) -> Trajectory:
         """A run whose rows are some of the case's.
@@ -119,9 +119,9 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
             )  # fmt: skip
     for method in METHODS:
-        for solver in (s.name for s in SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
+        for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
-    for method in names_of(METHODS, lambda m: m.twin is not None):
+    for method in names_of(METHODS, lambda m: m.twin):
         yield Contender(
             name=f"{method}/generic", label=f"{method}, generic twin", group="generic", prepare=partial(_prepare_twin, method=method),
             identify=partial(identify_code, method=method, implementation=Implementation.GENERIC),
@@ -150,8 +150,8 @@ def _prepare(
     case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
     tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
 ) -> OwnRunner:  # fmt: skip
-    comparison = solver in names_of(SOLVERS, lambda s: s.comparison)
-    options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, comparison=comparison)
+    additions = (solver,) if solver in ADDED_SOLVERS else ()
+    options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
     artifact = compile_scene(case.model, case.scene, options)
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
@@ -168,16 +168,23 @@ def _runner(integrator: str) -> type[OwnRunner]:
 
 def identify_code(
     case: Case, *, method: str, implementation: str = Implementation.GENERATED, lanes: bool = True, precision: str = DEFAULT_PRECISION,
-    **_: object,
+    solver: str | None = None, **_: object,
 ) -> Mapping[str, str]:  # fmt: skip
     """The `identity` of what a case's generated code is now, without compiling it."""
     made = generate(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
-    return identity(made[-1], implementation)
+    added = implementation == Implementation.GENERIC or precision != DEFAULT_PRECISION or solver in ADDED_SOLVERS
+    return identity(made[-1], added=added)
 
 
-def identity(source: Source, implementation: str = Implementation.GENERATED) -> Mapping[str, str]:
-    """Identity of generated code besides machine and compiler: its digest and that of the runtime."""
-    return {"digest": source.digest, "runtime": twin_digest() if implementation == Implementation.GENERIC else runtime_digest()}
+def has_added(artifact: Artifact) -> bool:
+    """Return whether a simulator has C++ of this package: it is the twin, or its driver has additions."""
+    return artifact.implementation.is_twin or artifact.precision != DEFAULT_PRECISION or bool(artifact.additions)
+
+
+def identity(source: Source, *, added: bool = False) -> Mapping[str, str]:
+    """Identity of generated code besides machine and compiler: its digest and that of the runtime, with C++ that this package has
+    ``added``."""
+    return {"digest": source.digest, "runtime": measuring_digest() if added else runtime_digest()}
 
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:

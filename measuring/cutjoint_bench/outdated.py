@@ -15,7 +15,7 @@ from cutjoint_bench.failures.trials import case_of
 from cutjoint_bench.records import Case, Contender
 from cutjoint_bench.reductions import NoReductionError
 from cutjoint_bench.study import Plan, grid_of
-from cutjoint_bench.twin.build import twin_digest
+from cutjoint_bench.twin.build import measuring_digest
 
 Data = Mapping[str, Any]
 
@@ -84,7 +84,7 @@ def _code(case: Case, method: str, precision: str) -> Callable[[], Mapping[str, 
 
 
 def _is_same(was: Mapping[str, str], find: Callable[[], Mapping[str, str]]) -> bool:
-    if "version" not in was and was.get("runtime") not in (runtime_digest(), twin_digest()):
+    if "version" not in was and was.get("runtime") not in (runtime_digest(), measuring_digest()):
         return False  # whatever the generated code is
     try:
         now = find()

@@ -96,7 +96,8 @@ def _exact(case: Case) -> Reference:
 def _compiled(case: Case, method: str, precision: str) -> Artifact | None:
     """The route's simulator; None where its formulation does not take the case."""
     try:
-        return compile_scene(case.model, case.scene, CompileOptions(method=method, outputs=case.outputs, precision=precision))
+        options = CompileOptions(method=method, outputs=case.outputs, precision=precision, additions=("reference",))
+        return compile_scene(case.model, case.scene, options)
     except RunError:
         return None
 

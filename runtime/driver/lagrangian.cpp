@@ -1,5 +1,6 @@
 // The driver of the Lagrangian methods.
 #include "cutjoint/driver.hpp"
+#include "cutjoint/extension.hpp"
 #include "newton.hpp"
 
 #include "cutjoint/core/sdirk_steps.hpp"
@@ -15,7 +16,6 @@
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
 
@@ -26,37 +26,31 @@ using S = AnySystem<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
-    .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::generalised_alpha,
-                    Integrator::reference},
+    .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::generalised_alpha},
     .solvers = true,
+    .added = is_added<S>,
 };
-
-template <class Method>
-Json run(AnyMechanism<double>& start, S& system, const RunSettings& settings, const Json& file) {
-  Method method(system, settings, file);
-  return Run(start, method, settings, file).perform();
-}
 
 }  // namespace
 
 Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<Precision>& system) {
   const RunSettings settings = read_settings<Precision>(file, abilities);
   switch (settings.integrator) {
-    case Integrator::reference:
-      return run<reference::NaturalReference<S>>(start, system, settings, file);
+    case Integrator::added:
+      return added_integrators<S>().at(file.at("integrator"))(start, system, settings, file);
     case Integrator::sdirk4:
-      return run<Simulated<SdirkSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
+      return run_by<Simulated<SdirkSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
     case Integrator::sdirk4_fixed:
-      return run<Simulated<SdirkSteps<S, S, false, CompiledSolver>>>(start, system, settings, file);
+      return run_by<Simulated<SdirkSteps<S, S, false, CompiledSolver>>>(start, system, settings, file);
     default:
-      if (settings.events) return run<Simulated<SplitSteps<stepping::NewtonRule<S, CompiledSolver>>>>(start, system, settings, file);
+      if (settings.events) return run_by<Simulated<SplitSteps<stepping::NewtonRule<S, CompiledSolver>>>>(start, system, settings, file);
       switch (system.description().method) {
         case Lagrangian::augmented:
-          return run<Simulated<NewtonSteps<S, S, CompiledAugmented, CompiledSolver>>>(start, system, settings, file);
+          return run_by<Simulated<NewtonSteps<S, S, CompiledAugmented, CompiledSolver>>>(start, system, settings, file);
         case Lagrangian::classical:
-          return run<Simulated<NewtonSteps<S, S, CompiledClassical, CompiledSolver>>>(start, system, settings, file);
+          return run_by<Simulated<NewtonSteps<S, S, CompiledClassical, CompiledSolver>>>(start, system, settings, file);
         default:
-          return run<Simulated<NewtonSteps<S, S, CompiledRecursive, CompiledSolver>>>(start, system, settings, file);
+          return run_by<Simulated<NewtonSteps<S, S, CompiledRecursive, CompiledSolver>>>(start, system, settings, file);
       }
   }
 }

@@ -1,5 +1,6 @@
 // The driver of the recursive method.
 #include "cutjoint/driver.hpp"
+#include "cutjoint/extension.hpp"
 #include "integrators.hpp"
 
 #include "cutjoint/core/explicit_steps.hpp"
@@ -9,7 +10,6 @@
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"
 #include "cutjoint/read_settings.hpp"
-#include "cutjoint/reference/method.hpp"
 #include "cutjoint/run.hpp"
 #include "cutjoint/simulated.hpp"
 
@@ -20,29 +20,24 @@ using M = AnyMechanism<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate},
-    .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince, Integrator::reference},
+    .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince},
+    .added = is_added<M>,
 };
-
-template <class Method>
-Json run(AnyMechanism<double>& start, M& mechanism, const RunSettings& settings, const Json& file) {
-  Method method(mechanism, settings, file);
-  return Run(start, method, settings, file).perform();
-}
 
 }  // namespace
 
 Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechanism<Precision>& mechanism) {
   const RunSettings settings = read_settings<Precision>(file, abilities);
   switch (settings.integrator) {
-    case Integrator::reference:
-      return run<reference::RelativeReference<M>>(start, mechanism, settings, file);
+    case Integrator::added:
+      return added_integrators<M>().at(file.at("integrator"))(start, mechanism, settings, file);
     case Integrator::rk4:
-      return run<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
+      return run_by<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
     case Integrator::dormand_prince:
-      return run<Simulated<ExplicitSteps<M, runge_kutta::DormandPrinceTable>>>(start, mechanism, settings, file);
+      return run_by<Simulated<ExplicitSteps<M, runge_kutta::DormandPrinceTable>>>(start, mechanism, settings, file);
     default:
-      if (settings.events) return run<Simulated<SplitSteps<stepping::TrapezoidalRule<M>>>>(start, mechanism, settings, file);
-      return run<Simulated<FixedPointSteps<M>>>(start, mechanism, settings, file);
+      if (settings.events) return run_by<Simulated<SplitSteps<stepping::TrapezoidalRule<M>>>>(start, mechanism, settings, file);
+      return run_by<Simulated<FixedPointSteps<M>>>(start, mechanism, settings, file);
   }
 }
 

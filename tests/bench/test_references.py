@@ -59,7 +59,8 @@ def test_two_routes_agree_on_a_closed_loop() -> None:
 def test_a_route_that_needs_endlessly_short_steps_ends() -> None:
     """A force that jumps needs steps of about the relative error that is asked for, below a millionth of a row."""
     model = read_model_text(SWITCHED, "switched.yaml")
-    artifact = compile_scene(model, model.scenes["run"], CompileOptions(method="classical", precision="extended"))
+    options = CompileOptions(method="classical", precision="extended", additions=["reference"])
+    artifact = compile_scene(model, model.scenes["run"], options)
     run = simulate(artifact, integrator="reference", dt=1.0, tolerance=1e-12, check=False)
     assert run.failure is not None
     assert run.failure.message == "no step is small enough for the tolerance"
@@ -125,7 +126,7 @@ def test_errors_of_a_run_fall_with_the_square_of_its_step() -> None:
 
 def test_a_precision_that_there_is_not() -> None:
     case = make_case(MODELS / "pendulum.yaml")
-    with pytest.raises(RunError, match="no precision 'half' here: there is single, double, extended, quad"):
+    with pytest.raises(RunError, match="no precision 'half'; there is double, single, extended, quad"):
         compile_scene(case.model, case.scene, CompileOptions(precision="half"))
 
 

@@ -170,7 +170,7 @@ def bounce(method: str = "recursive") -> Artifact:
 
 
 @pytest.mark.parametrize(("method", "integrator"), [
-    (m.name, i.name) for m in METHODS.values() if m.events for i in INTEGRATORS.values() if m.name in i.methods and i.in_files
+    (m.name, i.name) for m in METHODS.values() if m.events for i in INTEGRATORS.values() if m.name in i.methods
 ])  # fmt: skip
 def test_all_integrators_find_a_bounce(method: str, integrator: str) -> None:
     """Located events, work and energy: without damping the mass comes back, and its energy stays."""

@@ -16,12 +16,13 @@ from cutjoint.package.locations import runtime_folder
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import write_source
 from cutjoint.toolchain.compiler import find_compiler
+from cutjoint_bench.driver import QUAD
 from tests.mechanisms.chains import pendulums_in_a_row
 
 LINKS = 12
 REALS = {
     "double": ["-DCUTJOINT_REAL=double"], "extended": ["-DCUTJOINT_REAL=long double"],
-    "quad": ["-DCUTJOINT_REAL=cutjoint::Quad", "-include", "cutjoint/quad.hpp", "-isystem", "/usr/include/eigen3"],
+    "quad": ["-DCUTJOINT_REAL=cutjoint::Quad", "-include", str(QUAD.folder / QUAD.record.header), "-isystem", "/usr/include/eigen3"],
     "batch": ["-DCUTJOINT_REAL=cutjoint::batch::Real", "-include", "cutjoint/batch/real.hpp"],
 }  # fmt: skip
 

@@ -34,7 +34,7 @@ def make(rng: random.Random) -> str:
         law = rng.choice((f"-{size}*sign(rate)", f"where(rate > 0, -{size}, {size})", f"-{size}*sign(rate) - 100*position"))
         model.setdefault("forces", {})[f"coulomb{k}"] = {"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": law}
     method = rng.choice(tuple(METHODS))
-    takes = names_of(INTEGRATORS, lambda i: i.in_files and i.takes(METHODS[method], Implementation.INTERPRETED))
+    takes = names_of(INTEGRATORS, lambda i: i.takes(METHODS[method], Implementation.INTERPRETED))
     events = rng.choice((None, "located", "crossed")) if METHODS[method].events else None
     settings = {"integrator": rng.choice(takes), "events": events, "end": rng.choice((0.1, 0.3, 1.0))}
     return json.dumps({"model": model, "method": method, "settings": settings}, indent=1)

@@ -165,7 +165,8 @@ def generate_case(model: Model, scene: Scene, variant: str, precision: str) -> t
 
 def _cases_of(group: str, subject: str, every: bool) -> list[Case]:
     """With ``every``, all number types of models/ and a scalar one of the others; batches are in double."""
-    precisions = ("double",) if not every else tuple(PRECISIONS) if (ROOT / "models" / f"{group}.yaml").exists() else ("double", "quad")
+    some = PRECISIONS.names() if (ROOT / "models" / f"{group}.yaml").exists() else ["double", "quad"]
+    precisions = some if every else ["double"]
     pairs = [(v, p) for v, p in product(VARIANTS, precisions) if v != "batch" or p == "double"]
     return [Case(group=group, subject=subject, variant=variant, precision=precision) for variant, precision in pairs]
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.methods import METHODS, SOLVERS
 from cutjoint.model.read import read_model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
@@ -126,21 +125,6 @@ def test_errors_of_the_scene_as_it_stands(name: str, method: str) -> None:
     problem = BY_NAME[name]
     run = completed(simulate(compiled(problem.model, None, method)))
     assert measure_errors(problem, run).largest < BOUNDS[name]
-
-
-@pytest.mark.heavy
-@pytest.mark.parametrize("method", LAGRANGIAN)
-def test_solvers_agree(method: str) -> None:
-    """Every library finds the motion that the emitted factorisation finds; with the widest vectors, whose memory is aligned otherwise."""
-    flags = ("-O1", "-march=native")
-    artifact = compile_model(MODELS / "iltis.yaml", scene="simul3", method=method, comparison=True, flags=flags)
-    runs = {
-        solver: completed(simulate(artifact, end=2.0, solver=solver))
-        for solver in SOLVERS if SOLVERS[solver].suits(METHODS[method])
-    }
-    for solver, run in runs.items():
-        assert run.effort.solver == solver
-        assert apart(run, runs["emitted"], PLACE) < 1e-9
 
 
 def in_line(folder: Path, method: str) -> Artifact:

@@ -162,15 +162,6 @@ def test_margins_follow_parameters() -> None:
     assert abs(failure.step - int(np.argmax(full["floor.force"] != 0))) <= 1
 
 
-@pytest.mark.parametrize("method", ["recursive", "classical"])
-def test_the_reference_integrator_checks_at_its_rows(method: str) -> None:
-    failure, limit = run(method, "turn", integrator="reference", dt=0.01, tolerance=1e-8).failure, run(method, "turn").failure
-    assert failure is not None
-    assert limit is not None
-    assert failure.guards == ("wall",)
-    assert 0 <= failure.time - limit.time + 1e-3 < 0.012
-
-
 @each_method
 def test_speculation_puts_back_what_acts(method: str) -> None:
     full = completed(run(method, "turn", ()))

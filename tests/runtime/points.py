@@ -19,6 +19,7 @@ from cutjoint.package.locations import templates_folder
 from cutjoint.run.results import read_table
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
+from cutjoint_bench.driver import ADDED_SOLVERS
 from tests.physics.simulation import is_generated
 
 SOURCES = Path(__file__).with_name("lagrangian")
@@ -29,10 +30,10 @@ GRAVITY = 9.81
 AUGMENTED, CLASSICAL = "augmented", "classical"
 METHODS = (AUGMENTED, CLASSICAL)
 
-#: Solvers by the method whose matrix they can factor; those of SuiteSparse, whose driver is another one, in `make full`.
+#: Solvers by the method whose matrix they can factor; those of cutjoint-bench, whose driver is another one, in `make full`.
+ADDED = ADDED_SOLVERS if is_generated() else ()
 SOLVERS = {
-    AUGMENTED: ("emitted", "eigen-ldlt", "eigen-lu", *(("cholmod", "klu", "umfpack") if is_generated() else ())),
-    CLASSICAL: ("emitted", "eigen-lu", *(("klu", "umfpack") if is_generated() else ())),
+    AUGMENTED: ("emitted", "eigen-ldlt", "eigen-lu", *ADDED), CLASSICAL: ("emitted", "eigen-lu", *(s for s in ADDED if s != "cholmod")),
 }
 
 NUMERICS: Mapping[str, Any] = {
@@ -57,9 +58,9 @@ def points_source() -> Source:
     return Source(stem="points", files=files, digest=digest, driver="lagrangian")
 
 
-def simulator(*, comparison: bool | None = None) -> Path:
-    """The simulator with the solvers for comparison, or without; by default the one that has all `SOLVERS`."""
-    return build(points_source(), kind=Kind(comparison=is_generated() if comparison is None else comparison)).path
+def simulator(additions: tuple[str, ...] = ADDED) -> Path:
+    """The simulator with solvers of other packages; by default the one that has all `SOLVERS`."""
+    return build(points_source(), kind=Kind(additions=additions)).path
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ scenes:
 
 
 #: The explicit Runge-Kutta methods.
-EXPLICIT = [i.name for i in INTEGRATORS.values() if i.in_files and i.methods == ("recursive",)]
+EXPLICIT = [i.name for i in INTEGRATORS.values() if i.methods == ("recursive",)]
 
 
 def cells(run: Trajectory) -> bytes:
@@ -149,17 +149,3 @@ def test_events_are_told(tmp_path: Path) -> None:
     artifact = compile_text(tmp_path, bouncing_text(0, 0.5))
     facts = run_facts(artifact.compilation, completed(simulate(artifact, integrator="dormand-prince")))
     assert "4: floor 4" in list(facts.columns[1].cells)
-
-
-@pytest.mark.parametrize("precision", ["single", "extended", "quad"])
-def test_number_types(precision: str, tmp_path: Path) -> None:
-    """Motions in two number types agree to the digits of the shorter one."""
-    path = tmp_path / "bounce.yaml"
-    path.write_text(bouncing_text(10.0, 0.5), encoding="utf-8")
-    tolerance = {"single": 1e-4, "extended": 1e-10, "quad": 1e-10}[precision]
-    plain, other = (
-        completed(simulate(compile_model(path, precision=p), integrator="dormand-prince", tolerance=tolerance))
-        for p in ("double", precision)
-    )  # fmt: skip
-    assert other["mass.z"] == pytest.approx(plain["mass.z"], abs=20 * tolerance)
-    assert other.effort.events == plain.effort.events

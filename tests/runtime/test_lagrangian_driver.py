@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
+from cutjoint_bench.driver import ADDED_SOLVERS
 from tests.conftest import MODELS, needs_cpp
 from tests.runtime.points import (
     AUGMENTED,
@@ -27,7 +27,6 @@ from tests.runtime.points import (
     completed,
     points_source,
     run_file,
-    simulator,
     start,
     summary_of,
 )
@@ -104,25 +103,11 @@ def test_equilibrium_is_the_start_at_rest(method: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.heavy
-def test_the_plain_driver_does_without_suitesparse(tmp_path: Path) -> None:
-    plain, comparing = simulator(comparison=False), simulator(comparison=True)
-    for library in ("umfpack", "klu", "cholmod"):
-        assert library in linked_by(comparing)
-        assert library not in linked_by(plain)
-    done = start(tmp_path, run_file({**PENDULUM, "method": CLASSICAL}, "simulate", out=str(tmp_path / "table.csv")), plain)
-    assert done.returncode == 0, done.stderr
-
-
-def linked_by(binary: Path) -> str:
-    return subprocess.run(["ldd", binary], capture_output=True, text=True, check=True).stdout
-
-
-@pytest.mark.heavy
 def test_compiles_with_clang(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Without warnings, and with the same motion."""
     expected = completed(tmp_path, DOUBLE_PENDULUM, CLASSICAL, end=0.1)
     monkeypatch.setenv("CXX", "clang++")
-    binary = build(points_source(), kind=Kind(comparison=True))
+    binary = build(points_source(), kind=Kind(additions=ADDED_SOLVERS))
     assert "clang" in binary.compiler
     out = tmp_path / "clang.csv"
     done = start(tmp_path, run_file({**DOUBLE_PENDULUM, "method": CLASSICAL}, "simulate", end=0.1, out=str(out)), binary.path)
@@ -156,4 +141,4 @@ def test_the_recursive_method_has_no_solver() -> None:
     artifact = compile_model(MODELS / "four_bar.yaml", scene="swing")
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
     with pytest.raises(SimulatorError, match="the recursive method has no linear solver to choose; write null for 'solver'"):
-        call_simulator(artifact.binary.path, {**file.entries(), "solver": "klu"})
+        call_simulator(artifact.binary.path, {**file.entries(), "solver": "eigen-lu"})

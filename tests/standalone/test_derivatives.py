@@ -17,10 +17,10 @@ from cutjoint.cli import main
 from cutjoint.compile.folders import linearised_methods
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.package.locations import runtime_folder
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.stepping.load import load_scene
+from cutjoint_bench.driver import QUAD
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 from tests.fmu.slaves import text_of
 from tests.mechanisms.driven import pushed_text
@@ -48,7 +48,7 @@ def test_derivatives_are_those_of_differences_in_113_bits(
     place = write(folder_of(text_of(name), f"{name}.yaml", scene, linearise=True), tmp_path)
     lanes = ["-DHAS_LANES"] if "struct Lanes {" in (place / f"{name}.cpp").read_text(encoding="utf-8") else []
     subprocess.run(
-        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{runtime_folder() / 'include'}", "-isystem", "/usr/include/eigen3", *lanes,
+        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{QUAD.folder / 'include'}", "-isystem", "/usr/include/eigen3", *lanes,
          f'-DSOURCE="{name}.cpp"', f"-DMODEL={name}", f"-DTITLE={name.upper()}", HERE / "derivatives.cpp", "-o", "beside", *LIBRARIES],
         cwd=place, check=True,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.compile.prepared import PreparedRun, Request, cache_run
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
-from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PRECISIONS, SOLVERS, Implementation, join_or, names_of
+from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, SOLVERS, Implementation, find_additions, join_or, names_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
@@ -139,18 +139,17 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
             return _compile_generic(request, model, scene, method)
         if request.implementation == Implementation.INTERPRETED:
             return _compile_interpreted(request, model, scene, method)
-        comparison = solver is not None and SOLVERS[solver].comparison
-        if request.precision != DEFAULT_PRECISION or comparison:
+        additions = find_additions(solver)
+        if request.precision != DEFAULT_PRECISION or additions:
             patience = inf  # only generated code has that
-        choices = CompileOptions(method=method, precision=request.precision, comparison=comparison)
+        choices = CompileOptions(method=method, precision=request.precision, additions=additions)
         return compile_scene(model, scene, choices, patience=patience)
 
 
 def _compile_generic(request: Request, model: Model, scene: Scene, method: str) -> Artifact:
     backend = IMPLEMENTATIONS.load(request.implementation)
-    if not PRECISIONS[request.precision].twin:
-        able = join_or(names_of(PRECISIONS, lambda p: p.twin))
-        raise RunError(f"--precision {request.precision}: the generic twin runs in {able}; use --implementation generated")
+    if request.precision != DEFAULT_PRECISION:
+        raise RunError(f"--precision {request.precision}: the generic twin runs in {DEFAULT_PRECISION}; use --implementation generated")
     return backend.compile(model, scene, method)
 
 
@@ -161,8 +160,8 @@ def _compile_interpreted(
 
     if request.precision != DEFAULT_PRECISION:
         raise RunError(f"--precision {request.precision}: programs are interpreted in {DEFAULT_PRECISION}; use --implementation generated")
-    if request.options.solver is not None and SOLVERS[request.options.solver].comparison:
-        raise RunError(f"--solver {request.options.solver} is for comparison: use --implementation generated")
+    if find_additions(request.options.solver):
+        raise RunError(f"--solver {request.options.solver}: only generated code has it; use --implementation generated")
     return compile_interpreted(model, scene, method=method, scheduled=scheduled)
 
 

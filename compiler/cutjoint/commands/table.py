@@ -22,11 +22,12 @@ from cutjoint.methods import (
     SOLVERS,
     Events,
     Implementation,
+    join_and,
     names_of,
 )
 from cutjoint.model.ranges import RANGES, TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import is_number, is_whole
-from cutjoint.package.extensions import EXPORTERS
+from cutjoint.package.extensions import EXPORTERS, Door
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -106,6 +107,12 @@ def _of(module: str, names: str) -> Callable[[], Iterable[str]]:
     return lambda: cast(Iterable[str], getattr(import_module(module), names))
 
 
+def _packages(added: Door[Any]) -> str:
+    """The packages of known additions, as the end of a sentence."""
+    packages = {package: [name for name, of in added.packages.items() if of == package] for package in added.packages.values()}
+    return "".join(f"; {join_and(names)} come with {package}" for package, names in packages.items())
+
+
 def _contents(function: Callable[..., Any]) -> Callable[..., Any]:
     words = {"sources": "An FMU of C++ alone.", "binary": "An FMU with binaries alone.", "both": "An FMU with both, which is the default."}
     for content in reversed(words):
@@ -150,9 +157,9 @@ OPTIONS: Mapping[str, Row] = {
         "nothing is compiled; or a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on "
         "a terminal interpreted where compiling takes more than 2 s, until compiled code is there. $CUTJOINT_IMPLEMENTATION says it "
         "for all runs."),
-    "solver": click.option("--solver", type=click.Choice(list(SOLVERS)), help="Linear solver of the Lagrangian methods, by default "
-        "emitted, of the generic twin a library's; cholmod, klu and umfpack are for comparison."),
-    "integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.in_files)), help="rk4 and "
+    "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
+        f"twin a library's{_packages(SOLVERS.added)}."),
+    "integrator": click.option("--integrator", type=click.Choice(list(INTEGRATORS)), help="rk4 and "
         "dormand-prince take the method recursive, sdirk4 and generalised-alpha recursive-newton; by default the scene's, else trapezoidal "
         "where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
@@ -165,8 +172,8 @@ OPTIONS: Mapping[str, Row] = {
         "others."),
     **dict.fromkeys(("batch.events", "couple.events"), click.option("--events", type=click.Choice([Events.CROSSED.value]),
         help="Steps do not end where forces change their formulas, where the scene has them located.")),
-    "precision": click.option("--precision", type=click.Choice(list(PRECISIONS)), default=DEFAULT_PRECISION, show_default=True,
-        help="Number type."),
+    "precision": _one_of("--precision", names=PRECISIONS.names, default=DEFAULT_PRECISION, show_default=True,
+        help=f"Number type{_packages(PRECISIONS.added)}."),
     "closure": click.option("--closure", type=click.Choice(list(CLOSURES)), help="How the recursive method holds its cut joints; the "
         "scene's otherwise."),
     "dt": click.option("--dt", type=Setting("dt"), help="Step; the scene's otherwise."),
@@ -236,7 +243,7 @@ OPTIONS: Mapping[str, Row] = {
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the "
         "worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Of study files of cutjoint sweep, instead of model files."),
+    "comparison": click.option("--comparison", is_flag=True, help=f"With linear solvers of other packages{_packages(SOLVERS.added)}."),
     "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the "
         "drivers; all otherwise."),
-    "comparison": click.option("--comparison", is_flag=True, help="With the solvers of SuiteSparse, some of them under the GPL."),
 }  # fmt: skip

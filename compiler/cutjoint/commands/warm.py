@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.methods import DEFAULT_PRECISION, PRECISIONS
+from cutjoint.methods import DEFAULT_PRECISION, SOLVERS
 from cutjoint.toolchain.build import FLAGS, warm
 from cutjoint.toolchain.drivers import DRIVERS, Kind
 
@@ -20,9 +20,10 @@ def command(drivers: tuple[str, ...], precision: str, comparison: bool) -> None:
     drivers = drivers or DRIVERS
     if "batch" in drivers and precision != DEFAULT_PRECISION:
         raise click.UsageError(f"batches have {DEFAULT_PRECISION} only; name the other drivers by --driver")
-    if comparison and not PRECISIONS[precision].libraries:
-        raise click.UsageError(f"the solvers of SuiteSparse do not have {precision}; leave --comparison away")
+    solvers = tuple(SOLVERS.added.names()) if comparison else ()
+    if precision != DEFAULT_PRECISION and any(SOLVERS[name].double_only for name in solvers):
+        raise click.UsageError(f"solvers of other packages are in {DEFAULT_PRECISION} alone; leave --comparison away")
     for driver in drivers:
         with options.progress_bar(f"compiling the driver {driver}"):
-            fresh = warm(driver, kind=Kind(comparison=comparison, precision=precision))
+            fresh = warm(driver, kind=Kind(precision=precision, additions=solvers))
         options.out.print(f"driver {driver}: {'compiled' if fresh else 'was there'} ({' '.join(FLAGS)})", markup=False)

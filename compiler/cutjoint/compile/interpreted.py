@@ -30,7 +30,7 @@ def compile_interpreted(
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side, which is built where it is not there, failed.
     """
-    require_choice(method, DEFAULT_PRECISION, comparison=False)
+    require_choice(method)
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs

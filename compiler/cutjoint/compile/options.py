@@ -16,9 +16,9 @@ class CompileOptions:
     """The choices of a compilation besides a model and its scene.
 
     ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
-    PRECISIONS, the number type of the run; the start is found in double.  ``comparison`` links the solvers of SuiteSparse too.  ``out``
-    receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's, and with ``linearise``
-    derivatives at a state.
+    PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
+    the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
+    and with ``linearise`` derivatives at a state.
     """
 
     method: str = DEFAULT_METHOD
@@ -26,7 +26,7 @@ class CompileOptions:
     flags: Sequence[str] = FLAGS
     outputs: Sequence[Output] | None = None
     lanes: bool = True
-    comparison: bool = False
+    additions: Sequence[str] = ()
     out: AnyPath | None = None
     integrator: str | None = None
     linearise: bool = False

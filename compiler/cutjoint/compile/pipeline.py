@@ -52,7 +52,7 @@ def compile_scene(
         TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
-    require_choice(options.method, options.precision, comparison=options.comparison)
+    require_choice(options.method, options.precision, options.additions)
     # Model -> Source
     begin = perf_counter()
     if generated is None:
@@ -63,14 +63,14 @@ def compile_scene(
 
     # Source -> Binary
     def finish() -> Artifact:
-        kind = Kind(comparison=options.comparison, precision=options.precision)
+        kind = Kind(precision=options.precision, additions=tuple(options.additions))
         binary = build(made.source, flags=(*options.flags, *PRECISIONS[options.precision].flags), kind=kind)
         if delivery is not None:
             delivery.write(binary.path, options.flags)
         return Artifact(
             scene=scene, equations=made.equations, program=made.program, source=made.source, binary=binary, method=options.method,
             precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
-            compile_seconds=perf_counter() - written,
+            compile_seconds=perf_counter() - written, additions=tuple(options.additions),
         )  # fmt: skip
 
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:

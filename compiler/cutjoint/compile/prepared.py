@@ -20,7 +20,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
-from cutjoint.methods import DEFAULT_PRECISION, Implementation
+from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
@@ -30,6 +30,7 @@ from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, resolve
+from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.errors import ToolchainError
 
 #: Bytes that are read of a model file: more than a model may have, so that a truncated file cannot match a cached one.
@@ -121,8 +122,8 @@ def _made_beside(request: Request) -> tuple[str, ...]:
     Raises:
         MissingPackageError: it is not installed.
     """
-    name = request.implementation
-    return (code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()
+    name, kind = request.implementation, Kind(precision=request.precision, additions=find_additions(request.options.solver))
+    return *((code_digest(IMPLEMENTATIONS.load(name).code),) if name in IMPLEMENTATIONS.packages else ()), *kind.key
 
 
 def made_with() -> tuple[Any, ...]:

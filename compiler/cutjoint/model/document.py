@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, join_or, names_of
+from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, join_or
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.element_parts import Force, Joint
@@ -185,7 +185,7 @@ class Numerics(Part):
     tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
-    integrator: Annotated[str, OneOf(names_of(INTEGRATORS, lambda i: i.in_files))] | None = None
+    integrator: Annotated[str, OneOf(tuple(INTEGRATORS))] | None = None
     events: Annotated[str, OneOf(Events)] | None = None
     absolute_tolerance: Number | None = None
     spectral_radius: Number = _NUMERICS.spectral_radius

@@ -8,17 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from cutjoint.package.errors import CutjointError
 
 if TYPE_CHECKING:
+    from cutjoint.methods import Integrator, Precision, Solver
     from cutjoint.model.records import Model, Output, Scene
     from cutjoint.run.artifact import Artifact
 
+
+class Named(Protocol):
+    """A record with a name."""
+
+    @property
+    def name(self) -> str:
+        """The name, by which the record is asked for."""
+
+
 C = TypeVar("C")
+R_co = TypeVar("R_co", bound=Named, covariant=True)
 
 _BENCH = "cutjoint-bench"
 
@@ -53,12 +65,31 @@ class Backend:
     """An implementation of models beside generated code and its interpreter.
 
     ``compile`` makes a simulator ready for a model in a scene by a method.  ``code`` are the folders of all that it is made of, besides the
-    product: cached runs follow from them.  It is imported for cached runs too, and so imports modules that compile at their first use.
+    product: cached runs follow from them.  ``solvers`` are the linear solvers of methods that have one.  It is imported for cached runs
+    too, and so imports modules that compile at their first use.
     """
 
     name: str
     compile: Callable[[Model, Scene, str], Artifact]
     code: tuple[Path, ...]
+    solvers: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverExtension(Generic[R_co]):
+    """A linear solver, an integrator or a number type that simulators may have: its ``record``, and the ``folder`` of its C++.
+
+    A driver is built with the folder as `runtime/driver/CMakeLists.txt` says; its C++ registers what it adds by
+    `runtime/include/cutjoint/extension.hpp`.
+    """
+
+    record: R_co
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """The word of options."""
+        return self.record.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +118,13 @@ class Door(Generic[C]):
 
     def installed(self) -> dict[str, EntryPoint]:
         """The entry points that there are, by name."""
-        return {point.name: point for point in entry_points(group=self.group)}
+        return {point.name: point for point in _entry_points().select(group=self.group)}
+
+
+@cache
+def _entry_points() -> EntryPoints:
+    """The entry points of all packages, which are read once."""
+    return cast(EntryPoints, entry_points())
 
 
 #: Commands of click.
@@ -99,3 +136,14 @@ EXPORTERS: Door[Exporter] = Door(
 
 #: Of the names of `methods.Implementation`.
 IMPLEMENTATIONS: Door[Backend] = Door(group="cutjoint.implementations", what="an implementation", packages={"generic": _BENCH})
+
+#: Additions to drivers, for the catalogues of `methods`.
+SOLVERS: Door[DriverExtension[Solver]] = Door(
+    group="cutjoint.solvers", what="a linear solver", packages=dict.fromkeys(("cholmod", "klu", "umfpack"), _BENCH)
+)
+INTEGRATORS: Door[DriverExtension[Integrator]] = Door(
+    group="cutjoint.integrators", what="an integrator", packages={"reference": _BENCH}
+)
+PRECISIONS: Door[DriverExtension[Precision]] = Door(
+    group="cutjoint.precisions", what="a number type", packages=dict.fromkeys(("single", "extended", "quad"), _BENCH)
+)

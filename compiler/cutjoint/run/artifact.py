@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +13,17 @@ from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.switches import jump_times
-from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, PRECISIONS, Implementation, join_or, names_of
+from cutjoint.methods import (
+    DEFAULT_METHOD,
+    DEFAULT_PRECISION,
+    INTEGRATORS,
+    METHODS,
+    PRECISIONS,
+    SOLVERS,
+    Implementation,
+    join_or,
+    names_of,
+)
 from cutjoint.model.records import Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -32,8 +42,8 @@ from cutjoint.topology.records import Topology
 class Artifact:
     """A compiled model: every stage's record, and the seconds that generating and compiling took.
 
-    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS.  ``description`` is what the simulator reads of the model, None
-    of generated code.
+    ``method`` is a name of METHODS, ``precision`` one of PRECISIONS, ``additions`` are solvers and integrators of other packages.
+    ``description`` is what the simulator reads of the model, None of generated code.
     """
 
     scene: Scene
@@ -47,6 +57,7 @@ class Artifact:
     generate_seconds: float
     compile_seconds: float
     description: Mapping[str, Any] | None = None
+    additions: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
@@ -133,6 +144,7 @@ def make_simulator_run(
         artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options, inputs=inputs or {},
     )  # fmt: skip
+    _require_additions(artifact, run_file.settings)
     goal = find_goal(artifact.scene, artifact.method, run_file.settings.integrator, options)
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
@@ -165,7 +177,7 @@ def _leaves_choice(artifact: Artifact, options: Options) -> bool:
 
 def _other_settings(artifact: Artifact, options: Options, integrator: str) -> Iterator[Settings]:
     """The settings of a run by each other integrator that the simulator has."""
-    for name in names_of(INTEGRATORS, lambda i: i.in_files and i.name != integrator):
+    for name in (name for name in INTEGRATORS if name != integrator):
         with suppress(RunError):  # it does not take the method, or not with these options
             yield artifact.settings(replace(options, integrator=name))
 
@@ -182,13 +194,31 @@ def _require_tangents(artifact: Artifact, options: Options) -> None:
         raise RunError(f"tangents need the method {join_or(methods)}, integrator=\"{join_or(integrators)}\" and events=\"crossed\"")
 
 
-def require_choice(method: str, precision: str, *, comparison: bool) -> None:
-    """Check what a model is to be compiled for; with ``comparison`` the solvers of SuiteSparse are linked.
+def _require_additions(artifact: Artifact, settings: Settings) -> None:
+    """Check that a simulator has the solver and the integrator of a run; twins have all solvers.
 
     Raises:
-        RunError: there is no such method or precision, or the solvers do not have the precision.
+        RunError: one is of another package, and the simulator is compiled without it.
+    """
+    named = {settings.integrator, settings.solver} & {*INTEGRATORS.added.names(), *SOLVERS.added.names()}
+    for name in named - set(artifact.additions):
+        if not artifact.implementation.is_twin:
+            raise RunError(f"this simulator is without {name}: compile the model with additions=[\"{name}\"]")
+
+
+def require_choice(method: str, precision: str = DEFAULT_PRECISION, additions: Sequence[str] = ()) -> None:
+    """Check the choices by which a model is compiled; ``additions`` are solvers and integrators of other packages.
+
+    Raises:
+        RunError: there is no such method, precision or addition, or a solver does not have the precision.
     """
     if method not in METHODS:
         raise RunError(f"no method '{method}'; there is {', '.join(METHODS)}")
-    if precision not in PRECISIONS or (comparison and not PRECISIONS[precision].libraries):
-        raise RunError(f"no precision '{precision}' here: there is {', '.join(PRECISIONS)}, with generated code and its own solvers")
+    if precision not in PRECISIONS.names():
+        raise RunError(f"no precision '{precision}'; there is {', '.join(PRECISIONS.names())}")
+    solvers, integrators = SOLVERS.added.names(), INTEGRATORS.added.names()
+    for name in additions:
+        if name not in (*solvers, *integrators):
+            raise RunError(f"no addition '{name}'; there is {', '.join((*solvers, *integrators))}")
+        if name in solvers and SOLVERS[name].double_only and precision != DEFAULT_PRECISION:
+            raise RunError(f"the solver {name} is in {DEFAULT_PRECISION} alone, not in {precision}")

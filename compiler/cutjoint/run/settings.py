@@ -23,6 +23,7 @@ from cutjoint.methods import (
 )
 from cutjoint.model.ranges import MOST_STEPS, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
+from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.errors import RunError
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
@@ -133,8 +134,8 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
     wanted = numerics.integrator if asked is None else asked
     if wanted is None:
         return _own_integrator(numerics, method, implementation, options)
-    if wanted not in INTEGRATORS:
-        raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS)}")
+    if wanted not in INTEGRATORS.names():
+        raise RunError(f"no integrator '{wanted}'; there is {', '.join(INTEGRATORS.names())}")
     integrator = INTEGRATORS[wanted]
     if not integrator.takes(method, implementation):
         if asked is None:
@@ -151,7 +152,7 @@ def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> f
     if chosen.adaptive:
         is_free = settings.tolerance == Numerics.tolerance and settings.absolute_tolerance is None and options.tolerance is None
     else:
-        is_free = chosen.in_files and options.iterations is None
+        is_free = integrator in INTEGRATORS and options.iterations is None
     if not is_free or settings.dt is not None or options.dt is not None:
         return None
     return GOAL if scene.tolerance is None else scene.tolerance
@@ -217,9 +218,9 @@ def _require_fixed_cost(method: Method, integrator: Integrator, closure: Closure
 
 def _solver(method: Method, implementation: Implementation, asked: str | None) -> str | None:
     """The linear solver of a method that has one."""
-    if not method.has_system:
-        return None
-    return asked or (method.twin.solver if implementation.is_twin and method.twin is not None else DEFAULT_SOLVER)
+    if not method.has_system or asked:
+        return asked if method.has_system else None
+    return IMPLEMENTATIONS.load(implementation).solvers.get(method.name, DEFAULT_SOLVER) if implementation.is_twin else DEFAULT_SOLVER
 
 
 def _penalty(numerics: Numerics, method: Method, integrator: Integrator) -> float | None:

@@ -52,8 +52,7 @@ def write_text(file: Path, text: str) -> None:
 def build(source: Source, *, flags: Sequence[str] = FLAGS, kind: Kind = _PLAIN) -> Binary:
     """Build the simulator or the library of a source, or find it in the cache.
 
-    The cache key covers the generated files, the runtime headers, compiler and flags, with "native" the processor too.
-    A ``kind`` for comparison has the solvers of SuiteSparse, some of which are under the GPL: such a simulator is not for handing on.
+    The cache key covers the generated files, the runtime and extensions, compiler and flags, with "native" the processor too.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.
@@ -74,7 +73,7 @@ def is_built(source: Source, *, flags: Sequence[str] = FLAGS) -> bool:
 
 
 def _place_of(source: Source, compiler: Compiler, flags: Sequence[str], kind: Kind) -> Path:
-    key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.definitions])
+    key = digest_of([source.digest, runtime_digest(part=source.driver), *compiler.key, *resolve(flags), *kind.key])
     return cache_folder() / key / source.product
 
 
@@ -150,8 +149,8 @@ def _build_in(folder: Path, source: Source, compiler: Compiler, flags: Sequence[
     with parts_for(driver_parts(source.driver, compiler, flags, kind), folder, cache_folder()) as (definitions, missing):
         write_source(source, folder / "source")
         known = fetch_objects(objects, folder / "objects")
-        places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}")
-        build_project(folder / "source", out, compiler, flags, *places, *kind.definitions, *definitions, shared=_is_library(source.product))
+        places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_OBJECTS={folder / 'objects'}", *kind.definitions(folder))
+        build_project(folder / "source", out, compiler, flags, *places, *definitions, shared=_is_library(source.product))
         store_parts(missing, out, cache_folder())
     store_objects([o for o in objects if o not in known], out)
     return out / source.product

@@ -12,11 +12,11 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from cutjoint.methods import DEFAULT_PRECISION
+from cutjoint.methods import DEFAULT_PRECISION, INTEGRATORS, PRECISIONS, SOLVERS
 from cutjoint.toolchain.cache import alone, cache_folder, fetch, installed_folder, is_sound, require_writable, store
-from cutjoint.toolchain.cmake import build_project, plain_runtime
+from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, resolve
-from cutjoint.toolchain.digests import digest_of, runtime_digest
+from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import plain_folder
 
@@ -32,15 +32,41 @@ INTERPRETER, SIMULATOR = "interpreter", "simulator"
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """The kind of a simulator, chosen besides its source and flags."""
+    """The kind of a simulator, chosen besides its source and flags: its number type, and ``additions``, solvers and integrators of other
+    packages."""
 
-    comparison: bool = False
     precision: str = DEFAULT_PRECISION
+    additions: tuple[str, ...] = ()
 
     @property
-    def definitions(self) -> tuple[str, ...]:
-        """The definitions for CMake."""
-        return f"-DCUTJOINT_COMPARISON={'ON' if self.comparison else 'OFF'}", f"-DCUTJOINT_PRECISION={self.precision}"
+    def number(self) -> tuple[str, ...]:
+        """The name of the number type, and a digest of its C++."""
+        return self.precision, *map(tree_digest, self._number_folder())
+
+    @property
+    def key(self) -> tuple[str, ...]:
+        """The number type, and digests of all C++ that the additions have."""
+        return *self.number, *map(tree_digest, self._added_folders())
+
+    def definitions(self, folder: Path) -> tuple[str, ...]:
+        """The definitions for CMake; ``folder`` receives copies of extensions whose paths are not plain."""
+        number = PRECISIONS[self.precision]
+        extensions = (*self._number_folder(), *self._added_folders())
+        copies = [plain_tree(tree, folder / f"extension_{i}") for i, tree in enumerate(extensions)]
+        header = f"{copies[0]}/{number.header}" if number.header else ""
+        return (
+            f"-DCUTJOINT_PRECISION={self.precision}", f"-DCUTJOINT_REAL={number.type}", f"-DCUTJOINT_REAL_HEADER={header}",
+            f"-DCUTJOINT_EXTENSIONS={';'.join(map(str, copies))}",
+        )  # fmt: skip
+
+    def _number_folder(self) -> tuple[Path, ...]:
+        return () if self.precision in PRECISIONS else (PRECISIONS.added.load(self.precision).folder,)
+
+    def _added_folders(self) -> tuple[Path, ...]:
+        """The folders of the additions, each once."""
+        solvers = SOLVERS.added.names() if self.additions else ()
+        doors = ((SOLVERS if name in solvers else INTEGRATORS).added for name in self.additions)
+        return tuple(sorted({door.load(name).folder for door, name in zip(doors, self.additions, strict=True)}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +103,13 @@ class Part:
 def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Kind) -> tuple[Part, ...]:
     """The parts of a driver, one of DRIVERS; none of anything else.
 
-    Starts and integrators are compiled with the flags of generated code.  In drivers for comparisons and for batches all other parts
-    are, too.
+    Starts and integrators are compiled with the flags of generated code, all other parts in drivers for batches and where an addition needs
+    it.
     """
     if driver not in DRIVERS:
         return ()
     start = [runtime_digest(), *compiler.key, *resolve(flags)]
-    rest = [*start, driver, runtime_digest(part=driver), *kind.definitions]
+    rest = [*start, driver, runtime_digest(part=driver), *kind.key]
     return Part(name="initial_state", digest=digest_of(start)), Part(name="driver", digest=digest_of(rest))
 
 
@@ -139,7 +165,7 @@ def make_drivers(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
     with plain_folder(library) as folder, parts_for(parts, folder, library) as (definitions, missing):
         if missing:
             runtime = plain_runtime(folder)
-            project = (f"-DCUTJOINT_DRIVER_KIND={driver}", *kind.definitions, *definitions)
+            project = (f"-DCUTJOINT_DRIVER_KIND={driver}", *kind.definitions(folder), *definitions)
             build_project(runtime / "driver" / "alone", folder / "out", compiler, flags, *project)
             store_parts(missing, folder / "out", library)
         store_parts([part for part in parts if not is_sound(part.place(library))], folder, library)  # what only the cache had

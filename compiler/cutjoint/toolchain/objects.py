@@ -63,7 +63,7 @@ def find_objects(source: Source, compiler: Compiler, flags: Sequence[str], kind:
 
 def _variant(target: str, driver: str, kind: Kind) -> tuple[str, ...]:
     """The origin of a target's definitions and headers; ``start`` is the same for all."""
-    return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, kind.precision)
+    return (runtime_digest(),) if target == "start" else (target, runtime_digest(part=driver), driver, *kind.number)
 
 
 def missing_sources(source: Source, compiler: Compiler, flags: Sequence[str]) -> dict[str, int]:

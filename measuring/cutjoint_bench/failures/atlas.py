@@ -18,7 +18,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import parameter_values
 from cutjoint.toolchain.errors import ToolchainError
-from cutjoint_bench.cutjoint_contenders import TOLERANCES, identity
+from cutjoint_bench.cutjoint_contenders import TOLERANCES, has_added, identity
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
@@ -119,7 +119,7 @@ def map_case(
         except (RunError, ModelError, ToolchainError) as error:
             refused[f"{method}, {precision}"] = str(error)
             continue
-        code[f"{method}, {precision}"] = identity(artifact.source)
+        code[f"{method}, {precision}"] = identity(artifact.source, added=has_added(artifact))
         cells += _map_method(case, artifact, grid, truths, store, say)
     return {**_describe(case, grid, truths, cells, refused), "code": code}
 

@@ -18,7 +18,7 @@ from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_case
-from cutjoint_bench.cutjoint_contenders import identity
+from cutjoint_bench.cutjoint_contenders import has_added, identity
 from cutjoint_bench.failures.outcomes import Truth, exact_truth, identify, try_run
 from cutjoint_bench.progress import Say, silently
 from cutjoint_bench.records import Case
@@ -75,7 +75,7 @@ def try_situation(situation: Situation, store: Store, say: Say = silently) -> li
             artifacts[key] = _compiled(case, trial)
         say(f"{situation.name}: {trial.method} at {1e3 * trial.dt:g} ms")
         made = artifacts[key]
-        code = {} if isinstance(made, str) else dict(identity(made.source))
+        code = {} if isinstance(made, str) else dict(identity(made.source, added=has_added(made)))
         rows.append({**_about(situation, trial), "code": code, **_result(situation, case, trial, made, truth, store)})
     return [{**row, "as_expected": row["outcome"] in row["expected"]} for row in rows]
 

@@ -23,7 +23,7 @@ from cutjoint.tasks.states import find_equilibrium
 from cutjoint.toolchain.machine import machine
 from cutjoint_bench.studies.checkout import DATA, MODELS
 from cutjoint_bench.twin.artifact import compile_generic_model
-from cutjoint_bench.twin.build import twin_digest
+from cutjoint_bench.twin.build import measuring_digest
 
 MODEL = MODELS / "iltis.yaml"
 GRAVITY = 9.81
@@ -286,7 +286,7 @@ def provenance(artifact: Artifact, repetitions: int) -> Provenance:
     """Machine, compiler, flags and versions; neither date, host nor path."""
     return Provenance(
         cutjoint=__version__, machine=", ".join(machine().values()), compiler=artifact.binary.compiler,
-        flags=" ".join(artifact.binary.flags), runtime=twin_digest()[:16], repetitions=repetitions,
+        flags=" ".join(artifact.binary.flags), runtime=measuring_digest()[:16], repetitions=repetitions,
     )  # fmt: skip
 
 

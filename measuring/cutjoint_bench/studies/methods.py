@@ -15,12 +15,13 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.compile.pipeline import compile_model
-from cutjoint.methods import DEFAULT_SOLVER, METHODS, SOLVERS, names_of
+from cutjoint.methods import DEFAULT_SOLVER, METHODS, names_of
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator import call_simulator
 from cutjoint.toolchain.machine import machine
+from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.progress import progress_bar
 from cutjoint_bench.studies.checkout import MODELS
 
@@ -47,7 +48,7 @@ def main(out: Path | None) -> None:
     """Time the parts of an iteration, in microseconds at the start of simul1."""
     with progress_bar() as say:
         methods = names_of(METHODS, lambda m: m.has_system)
-        artifacts = [compile_model(MODEL, scene="simul1", method=method, comparison=True) for method in methods]
+        artifacts = [compile_model(MODEL, scene="simul1", method=method, additions=ADDED_SOLVERS) for method in methods]
         parts = [p for artifact in artifacts for p in measure_parts(artifact, say)]
     provenance = {**machine(), "compiler": artifacts[0].binary.compiler, "flags": " ".join(artifacts[0].binary.flags)}
     console = Console(highlight=False, width=120)
@@ -59,7 +60,7 @@ def main(out: Path | None) -> None:
 
 def measure_parts(artifact: Artifact, say: Callable[[str], None]) -> Iterator[Parts]:
     """Every solver that suits a method's tangent."""
-    for solver in names_of(SOLVERS, lambda s: s.suits(METHODS[artifact.method])):
+    for solver in names_of(ALL_SOLVERS, lambda s: s.suits(METHODS[artifact.method])):
         say(f"{artifact.method}, {solver}")
         times = time_solver(artifact, solver)
         yield Parts(

@@ -171,7 +171,7 @@ def phases(model: str, scene: str, method: str) -> Iterator[tuple[str, float]]:
         source, out = Path(name) / "source", Path(name) / "out"
         yield from symbolic_phases(MODELS / f"{model}.yaml", scene, method, source).items()
         runtime = plain_runtime(Path(name))
-        project = ("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", f"-DCUTJOINT_RUNTIME={runtime}", *Kind().definitions)
+        project = ("-DCMAKE_EXPORT_COMPILE_COMMANDS=ON", f"-DCUTJOINT_RUNTIME={runtime}", *Kind().definitions(Path(name)))
         before = getrusage(RUSAGE_CHILDREN)
         build_project(source, out, find_compiler(), FLAGS, *project)
         everything = getrusage(RUSAGE_CHILDREN).ru_utime - before.ru_utime

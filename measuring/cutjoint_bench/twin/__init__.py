@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-#: The modules of the twin, and its C++, which includes the product's.
+#: The modules of the twin, and its C++, which includes the product's and the solvers of `ADDITIONS`.
 FOLDER = Path(__file__).resolve().parent
-RUNTIME = FOLDER.parent / "runtime"
+RUNTIME, ADDITIONS = FOLDER.parent / "runtime", FOLDER.parent / "driver"

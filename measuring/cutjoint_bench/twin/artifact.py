@@ -46,7 +46,7 @@ def compile_generic(
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError: the C++ side failed.
     """
-    require_choice(method, DEFAULT_PRECISION, comparison=False)
+    require_choice(method)
     _require_twin(model, scene, method)
     # Model -> Source and description
     begin = perf_counter()
@@ -63,8 +63,8 @@ def compile_generic(
 
 
 def _require_twin(model: Model, scene: Scene, method: str) -> None:
-    if METHODS[method].twin is None:
-        twins = ", ".join(names_of(METHODS, lambda m: m.twin is not None))
+    if not METHODS[method].twin:
+        twins = ", ".join(names_of(METHODS, lambda m: m.twin))
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cutjoint.package.extensions import Backend
-from cutjoint_bench.twin import FOLDER, RUNTIME
+from cutjoint_bench.twin import ADDITIONS, FOLDER, RUNTIME
 
 if TYPE_CHECKING:
     from cutjoint.model.records import Model, Scene
@@ -18,4 +18,6 @@ def _compile(model: Model, scene: Scene, method: str) -> Artifact:
     return compile_generic(model, scene, method=method)
 
 
-BACKEND = Backend(name="generic", compile=_compile, code=(FOLDER, RUNTIME))
+BACKEND = Backend(
+    name="generic", compile=_compile, code=(FOLDER, RUNTIME, ADDITIONS), solvers={"augmented": "eigen-ldlt", "classical": "klu"}
+)

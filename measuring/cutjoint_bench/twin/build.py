@@ -11,13 +11,13 @@ from cutjoint.toolchain.cache import cache_folder, find_or_make
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
-from cutjoint_bench.twin import RUNTIME
+from cutjoint_bench.twin import ADDITIONS, RUNTIME
 
 
 @cache
-def twin_digest() -> str:
-    """A digest of all C++ that the twin follows from."""
-    return digest_of([runtime_digest(), tree_digest(RUNTIME)])
+def measuring_digest() -> str:
+    """A digest of the runtime, the twin and all additions to drivers."""
+    return digest_of([runtime_digest(), *map(tree_digest, (RUNTIME, ADDITIONS))])
 
 
 def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
@@ -27,13 +27,14 @@ def build_generic(*, flags: Sequence[str] = FLAGS) -> Binary:
         ToolchainError: a tool is missing, or the compiler refused the code.
     """
     compiler = find_compiler()
-    key = digest_of([twin_digest(), *compiler.key, *resolve(flags)])
+    key = digest_of([measuring_digest(), *compiler.key, *resolve(flags)])
     cached = cache_folder() / f"generic-{key}" / "simulator"
     fresh = find_or_make(cached, lambda place: _build_in(place, compiler, flags))
     return Binary(path=cached, fresh=fresh, compiler=compiler.name, flags=tuple(flags))
 
 
 def _build_in(folder: Path, compiler: Compiler, flags: Sequence[str]) -> Path:
-    project = plain_tree(RUNTIME, folder / "twin")
-    build_project(project, folder / "out", compiler, flags, f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}")
+    project, additions = plain_tree(RUNTIME, folder / "twin"), plain_tree(ADDITIONS, folder / "additions")
+    places = (f"-DCUTJOINT_RUNTIME={plain_runtime(folder)}", f"-DCUTJOINT_ADDITIONS={additions}")
+    build_project(project, folder / "out", compiler, flags, *places)
     return folder / "out" / "generic"

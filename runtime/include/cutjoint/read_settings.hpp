@@ -35,16 +35,16 @@ inline constexpr std::array integrators{
     Meaning<Integrator>{"sdirk4", Integrator::sdirk4},
     Meaning<Integrator>{"sdirk4-fixed", Integrator::sdirk4_fixed},
     Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
-    Meaning<Integrator>{"reference", Integrator::reference},
 };
 
 }  // namespace words
 
-/// The abilities of a program: its tasks and integrators, and whether it has linear solvers.
+/// The abilities of a program: its tasks and integrators, whether it has linear solvers, and whether an extension adds an integrator.
 struct Abilities {
   std::vector<Task> tasks;
   std::vector<Integrator> integrators;
   bool solvers = false;
+  bool (*added)(const std::string& integrator) = nullptr;
 };
 
 /// Reads settings with the ranges of a number type.
@@ -64,7 +64,7 @@ class SettingsReader {
         .pose = read_word(file_, "pose", words::poses),
         .end = between(file_, "end", 0.0, largest_read<Real>),
         .output_step = positive(file_, "output_step"),
-        .integrator = able("integrator", words::integrators, abilities_.integrators),
+        .integrator = integrator(),
         .solver = solver(),
         .dt = dt(numerics),
         .penalty = if_given(numerics, "penalty", [&](const char* key) { return positive(numerics, key); }),
@@ -84,6 +84,12 @@ class SettingsReader {
   }
 
  private:
+  Integrator integrator() const {
+    const Json& word = value_of(file_, "integrator");
+    const bool is_added = abilities_.added != nullptr && word.is_string() && abilities_.added(word.get<std::string>());
+    return is_added ? Integrator::added : able("integrator", words::integrators, abilities_.integrators);
+  }
+
   StabilisationSettings stabilisation() const {
     const Json& part = read_object(file_, "stabilisation");
     require_keys(part, stabilisation_keys_);
@@ -108,8 +114,8 @@ class SettingsReader {
     const bool is_diagonal = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed;
     if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
-    if (abilities_.solvers && integrator != Integrator::reference && !s.solver) refuse_null("solver");
-    const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::reference || is_explicit;
+    if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");
+    const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;
     if (s.stabilisation.closure == Closure::proximal && !can_be_proximal)
       refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take; write \"penalty\"");
   }

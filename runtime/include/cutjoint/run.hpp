@@ -295,4 +295,11 @@ class Run {
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };
 
+/// The run of a file by a method of mechanisms or systems.
+template <class Method, class Subject>
+Json run_by(AnyMechanism<double>& start, Subject& subject, const RunSettings& settings, const Json& file) {
+  Method method(subject, settings, file);
+  return Run(start, method, settings, file).perform();
+}
+
 }  // namespace cutjoint

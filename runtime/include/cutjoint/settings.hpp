@@ -13,14 +13,14 @@ namespace cutjoint {
 
 enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
 enum class Pose { design, equilibrium };
-enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, generalised_alpha, reference };
+enum class Integrator { trapezoidal, rk4, dormand_prince, sdirk4, sdirk4_fixed, generalised_alpha, added };
 
 /// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.
 ///
-/// Steps have the length `dt`, those of an adaptive integrator end at its multiples; the table has a row each `output_step`.  `solver` is the
-/// name of a linear solver.  With `fixed_cost` a step has `iterations` iterations, else so many at most.  `events` is whether steps end where
-/// forces change their formulas, `energy` whether work and energy are balanced beside the motion.  Columns
-/// that jump within `jumps_within` (s) of a row are looked for, if it is given.
+/// An `added` integrator is one of another package (extension.hpp).  Steps have the length `dt`, those of an adaptive integrator end at its
+/// multiples; the table has a row each `output_step`.  `solver` is the name of a linear solver.  With `fixed_cost` a step has `iterations`
+/// iterations, else so many at most.  `events` is whether steps end where forces change their formulas, `energy` whether work and energy are
+/// balanced beside the motion.  Columns that jump within `jumps_within` (s) of a row are looked for, if it is given.
 struct RunSettings {
   Task task;
   Pose pose;

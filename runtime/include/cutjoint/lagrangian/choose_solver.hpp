@@ -74,7 +74,7 @@ std::unique_ptr<LinearSolver<typename S::real_type>> choose_solver(const S& syst
   if (!solver)
     throw std::runtime_error("no solver '" + std::string(name) + "' in this simulator, which has " +
                              solver_names<Real>(Factored<S>, pattern.symmetric) +
-                             "; cholmod, klu and umfpack need a simulator built for comparison");
+                             "; one of another package needs a simulator that is compiled with it");
   solver->analyse(pattern);
   return solver;
 }

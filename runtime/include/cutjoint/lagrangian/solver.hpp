@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -46,10 +45,9 @@ std::unique_ptr<LinearSolver<Real>> make_solver() {
   return std::make_unique<Solver>();
 }
 
-/// The library solvers of this program.  Each driver library defines it for its number type: the plain one those of Eigen, the one for
-/// comparisons more.
+/// The library solvers of this program: those of Eigen (driver/solvers.cpp), then those of extensions.
 template <class Real>
-std::span<const SolverKind<Real>> library_solvers();
+std::vector<SolverKind<Real>>& library_solvers();
 
 /// The settings of a simulation whose solver is chosen by name.
 struct ChosenSettings : SimulationSettings {

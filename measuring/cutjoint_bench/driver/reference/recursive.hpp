@@ -1,0 +1,15 @@
+// The accurate solution in relative coordinates, added to the driver of the recursive method.
+#pragma once
+
+#include "integrators.hpp"
+
+#include "cutjoint/extension.hpp"
+#include "cutjoint/reference/method.hpp"
+#include "cutjoint/run.hpp"
+
+namespace cutjoint::reference {
+
+const inline Added relative(added_integrators<CompiledMechanism>(),
+                            {{"reference", run_by<RelativeReference<CompiledMechanism>, CompiledMechanism>}});
+
+}  // namespace cutjoint::reference
