@@ -21,6 +21,7 @@ from cutjoint.reduce.sequence import Step, cheapest_by, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.overconstrained import IN_LINE, UPRIGHT, parallel_cranks_text
 
@@ -170,6 +171,15 @@ def test_what_never_moves_becomes_one_body() -> None:
     assert words(outcome)["weld"] == "does not move: 'bob' becomes a part of 'rod'"
     found = apart(run(model, scene), run(outcome.model, outcome.scene))
     assert all(error < 1e-12 for error in found.values()), found
+
+
+@pytest.mark.parametrize("kind", ["fixed, bodies: [rod, bob]", "revolute, axis: [0, 1, 0], bodies: [bob, rod]"])
+def test_joints_beside_a_weld_go_with_it(kind: str) -> None:
+    """The rest has a tree again, and the motion stays."""
+    model, scene = read(WELDED.replace("  weld:", f"  beside: {{kind: {kind}, at: [1, 0, 0], cut: true}}\n  weld:"))
+    outcome = weld_bodies(model, scene)
+    assert "beside" not in {j.name for j in outcome.model.joints}
+    assert build_topology(outcome.model).cuts == ()
 
 
 def test_what_is_asked_for_is_not_welded_to_the_ground() -> None:

@@ -19,7 +19,8 @@ def weld_bodies(model: Model, scene: Scene) -> Outcome:
     outcome = Outcome(model=model, scene=scene)
     for joint in model.joints:
         if joint.element.is_rigid or _at_rest(joint, model, scene):
-            outcome = _weld(outcome, next(j for j in outcome.model.joints if j.name == joint.name))
+            for now in (j for j in outcome.model.joints if j.name == joint.name):
+                outcome = _weld(outcome, now)
     return outcome
 
 
@@ -40,24 +41,43 @@ def _weld(outcome: Outcome, joint: Joint) -> Outcome:
         whole = merged(bodies[kept], bodies[gone])
         model = replace(model, bodies=tuple(whole if b.name == kept else b for b in model.bodies))
     model, scene = at_centre(model, scene, bodies[gone])
-    model = hand_over(replace(model, joints=tuple(j for j in model.joints if j.name != joint.name)), gone, kept)
+    idle = {joint.name, *(other.name for other in _beside(model, joint))}
+    model = hand_over(replace(model, joints=tuple(j for j in model.joints if j.name not in idle)), gone, kept)
     outputs = tuple(replace(o, element=kept, stands_for=o.column) if o.element == gone else o for o in scene.outputs)
     note = Note(element=joint.name, words=f"does not move: '{gone}' becomes a part of '{kept}'", span=joint.span)
     return replace(outcome, model=model, scene=replace(scene, outputs=outputs), done=(*outcome.done, note))
 
 
 def _obstacle(outcome: Outcome, joint: Joint) -> str:
-    if joint.base == joint.follower:
-        return "it closes a loop of welded bodies"
+    """The reason for which the joint stays, "" for none."""
+    for other in _beside(outcome.model, joint):
+        if reason := _asked(outcome, other):
+            return f"'{other.name}' joins the same bodies, and {reason}"
+    if reason := _asked(outcome, joint):
+        return reason
+    if GROUND in (joint.base, joint.follower):
+        body = joint.follower if joint.base == GROUND else joint.base
+        for name in (o.column for o in outcome.scene.outputs if o.element == body):
+            return f"the output '{name}' asks for '{body}', which would be the ground"
+    return ""
+
+
+def _beside(model: Model, joint: Joint) -> tuple[Joint, ...]:
+    """The other joints of the same two bodies, which cannot move if that one does not."""
+    bodies = {joint.base, joint.follower}
+    return tuple(other for other in model.joints if other.name != joint.name and {other.base, other.follower} == bodies)
+
+
+def _asked(outcome: Outcome, joint: Joint) -> str:
+    """The reason for which the joint itself is needed, "" for none."""
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' asks for it"
     for gear in outcome.model.gears:
         if joint.name in gear.joints:
             return f"the gear '{gear.name}' couples it"
-    if GROUND in (joint.base, joint.follower):
-        body = joint.follower if joint.base == GROUND else joint.base
-        for name in (o.column for o in outcome.scene.outputs if o.element == body):
-            return f"the output '{name}' asks for '{body}', which would be the ground"
+    for force in outcome.model.forces:
+        if force.joint_of == joint.name:
+            return f"the force '{force.name}' acts on it"
     for reaction in outcome.model.reactions:
         if getattr(reaction, "joint", "") == joint.name:
             return f"'{reaction.name}' is its reaction"
