@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 
@@ -62,10 +62,33 @@ class Measured:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasuredRotation(Measured):
+class Lazy:
+    """A quantity and its rate, as blocks that are made when they are asked for."""
+
+    place: Callable[[], Block]
+    rate: Callable[[], Block]
+
+    @property
+    def x(self) -> Block:
+        """The quantity."""
+        return self.place()
+
+    @property
+    def v(self) -> Block:
+        """Its rate."""
+        return self.rate()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LazyRotation(Lazy):
     """Small rotations, with their Jacobian (tr(S) 1 - S)/2 by the relative angular velocity."""
 
-    by_turn: Block
+    jacobian: Callable[[], Block]
+
+    @property
+    def by_turn(self) -> Block:
+        """The Jacobian."""
+        return self.jacobian()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,11 +38,14 @@ class Wrench(Interaction):
 
     def values(self, force: BodyLoad, m: Mechanics) -> dict[str, Block]:
         """Place and velocity of the point, or the body's angular velocity."""
-        at = m.point(self.point) if force.point is not None else None
-        rate = at.v if at else m.spin(self.point.carrier)
-        rates = m.in_body(self.point.carrier, rate) if force.in_body else rate
-        named = {"": at.x, "v": rates} if at else {"w": rates}
-        return {f"{letter}{axis}": m.b.element(block, i) for letter, block in named.items() for i, axis in enumerate("xyz")}
+        if force.point is None:
+            vectors = {"w": m.spin(self.point.carrier)}
+        else:
+            at = m.point(self.point)
+            vectors = {"": at.x, "v": at.v}
+        if force.in_body:
+            vectors = {name: m.in_body(self.point.carrier, vector) if name else vector for name, vector in vectors.items()}
+        return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
 
     def explain(self, force: BodyLoad, page: Page) -> Explanation:
         """A vector by its components."""

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import sympy
 
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Place, Point
-from cutjoint.formulate.forces import Laws, Measured, MeasuredRotation, guards_of, is_active, reported_variables, smallest_margin
+from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, guards_of, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
@@ -162,7 +162,9 @@ class NodalMechanics(Laws):
         return [self._direction(body, axis) for axis in GLOBAL_AXES]
 
     def point(self, at: Point) -> Motion:
-        """The place of a point, and its velocity."""
+        """The place of a point, and its velocity; axes that the force counts along are made before."""
+        for axis in GLOBAL_AXES if self.force.has_frame else ():
+            self.motions.direction(at.body(self.force), axis)
         return self._way(_ORIGIN, self._at(at))[1]
 
     def way(self, start: Point, end: Point) -> Motion:
@@ -189,26 +191,31 @@ class NodalMechanics(Laws):
     def _sum(self, components: Block, directions: Sequence[tuple[Form, Motion]]) -> Block:
         return self.b.total([self.b.scale(self.b.element(components, i), e.x) for i, (_, e) in enumerate(directions)])
 
-    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured:
+    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Lazy:
         """The way along directions, and its rate."""
         way = self.way(start, end)
         return self._along(way, self._directions(start.body(self.force), direction))
 
-    def _along(self, way: Motion, directions: Sequence[tuple[Form, Motion]]) -> Measured:
+    def _along(self, way: Motion, directions: Sequence[tuple[Form, Motion]]) -> Lazy:
         b, E = self.b, [e for _, e in directions]
-        x = [b.dot(e.x, way.x) for e in E]
-        return Measured(x=b.column(x), v=b.column([b.add(b.dot(e.x, way.v), b.dot(e.v, way.x)) for e in E]))
+        return Lazy(
+            place=lambda: b.column([b.dot(e.x, way.x) for e in E]),
+            rate=lambda: b.column([b.add(b.dot(e.x, way.v), b.dot(e.v, way.x)) for e in E]),
+        )
 
-    def rotation(self, frame: Frame) -> MeasuredRotation:
+    def rotation(self, frame: Frame) -> LazyRotation:
         """Half the differences of S = E^T G, and their rates."""
         b, (base, follower) = self.b, frame.bodies(self.force)
         E, G = (self._directions(body, frame) for body in (base, follower))
         S = [[b.dot(e.x, g.x) for _, g in G] for _, e in E]
         Sd = [[b.add(b.dot(e.x, g.v), b.dot(e.v, g.x)) for _, g in G] for _, e in E]
         x, v = (b.column([b.mul(b.number(0.5), b.sub(T[i][j], T[j][i])) for i, j in _PAIRS]) for T in (S, Sd))
-        trace = b.total([S[i][i] for i in range(3)])
-        by_turn = b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
-        return MeasuredRotation(x=x, v=v, by_turn=by_turn)
+
+        def by_turn() -> Block:
+            trace = b.total([S[i][i] for i in range(3)])
+            return b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
+
+        return LazyRotation(place=lambda: x, rate=lambda: v, jacobian=by_turn)
 
     def pull(self, start: Point, end: Point, force: Block) -> None:
         """A force on the end, its reaction on the start."""
@@ -221,13 +228,20 @@ class NodalMechanics(Laws):
 
     def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """A force on both points, and on the directions."""
-        self._push_along(self._at(start), self._at(end), self._directions(start.body(self.force), direction), force)
-
-    def _push_along(self, start: _At, end: _At, directions: Sequence[tuple[Form, Motion]], force: Block) -> None:
-        b, (_, way) = self.b, self._way(start, end)
-        self._pair(start, end, self._sum(force, directions))
+        first, last, directions = self._at(start), self._at(end), self._directions(start.body(self.force), direction)
+        if isinstance(direction, Axis):
+            self._push_on_axis(first, last, directions[0], force)
+            return
+        b, (_, way) = self.b, self._way(first, last)
+        self._pair(first, last, self._sum(force, directions))
         for i, (form, _) in enumerate(directions):
-            self._act(start[0], form, b.scale(b.element(force, i), way.x))
+            self._act(first[0], form, b.scale(b.element(force, i), way.x))
+
+    def _push_on_axis(self, start: _At, end: _At, axis: tuple[Form, Motion], force: Block) -> None:
+        (form, e), (_, way) = axis, self._way(start, end)
+        turn = self.b.scale(force, way.x)
+        self._pair(start, end, self.b.scale(force, e.x))
+        self._act(start[0], form, turn)
 
     def push_at(self, at: Point, force: Block) -> None:
         """A force on a point."""
@@ -241,8 +255,8 @@ class NodalMechanics(Laws):
     def turn(self, carrier: Carrier, torque: Block) -> None:
         """Half of T x e_i on each direction."""
         b, body = self.b, self._body(carrier)
-        half = b.scale(b.number(0.5), torque)
-        for form, e in self._axes(body):
+        axes, half = self._axes(body), b.scale(b.number(0.5), torque)
+        for form, e in axes:
             self._act(body, form, b.cross(half, e.x))
 
     def twist(self, frame: Frame, torque: Block) -> None:
@@ -265,13 +279,13 @@ class NodalMechanics(Laws):
     def _is_angle(self) -> bool:
         return self.force.coordinate_of in self._joint.element.measures
 
-    def _slide(self) -> tuple[_At, _At, list[tuple[Form, Motion]]]:
+    def _slide(self) -> tuple[_At, _At, tuple[Form, Motion]]:
         """Both ends of a displacement, and its direction."""
         joint = self._joint
         base, follower = self.motions.layout.slide_ends(joint)
         start, end = (base, joint.at), (follower, joint.at)
         self._way(start, end)
-        return start, end, [self._direction(base, slide_axis(joint, self.force.coordinate_of))]
+        return start, end, self._direction(base, slide_axis(joint, self.force.coordinate_of))
 
     def _angle(self) -> tuple[Form, Motion]:
         return self._of(self._joint.follower, {self.motions.layout.angles[self._joint.name, self.force.coordinate_of]: 1})
@@ -284,7 +298,7 @@ class NodalMechanics(Laws):
             motion = self._angle()[1]
             return {"position": motion.x, "rate": motion.v}
         start, end, direction = self._slide()
-        travel = self._along(self._way(start, end)[1], direction)
+        travel = self._along(self._way(start, end)[1], [direction])
         return {"position": travel.x, "rate": travel.v}
 
     def _guided(self, joint: Joint) -> dict[str, Block]:
@@ -301,8 +315,7 @@ class NodalMechanics(Laws):
         if self._is_angle:
             self._act(self._joint.follower, self._angle()[0], force)
         else:
-            start, end, direction = self._slide()
-            self._push_along(start, end, direction, force)
+            self._push_on_axis(*self._slide(), force)
 
 
 _ORIGIN: _At = (GROUND, (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0)))

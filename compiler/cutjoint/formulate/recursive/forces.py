@@ -5,13 +5,12 @@ Each element also yields its reported quantities, so that results and equilibriu
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import sympy
 
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
-from cutjoint.formulate.forces import Laws, Measured, guards_of, is_active, reported_variables, smallest_margin
+from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, guards_of, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
@@ -101,31 +100,6 @@ def apply_at(system: BodySystem, k: Kinematics, body: str, point: Block, force: 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lazy:
-    """A quantity and its rate, as blocks that are made when they are asked for."""
-
-    place: Callable[[], Block]
-    rate: Callable[[], Block]
-
-    @property
-    def x(self) -> Block:
-        """The quantity."""
-        return self.place()
-
-    @property
-    def v(self) -> Block:
-        """Its rate."""
-        return self.rate()
-
-
-@dataclass(frozen=True, kw_only=True)
-class LazyRotation(Lazy):
-    """Small rotations, with their Jacobian (tr(S) 1 - S)/2 by the relative angular velocity."""
-
-    by_turn: Block
-
-
-@dataclass(frozen=True, kw_only=True)
 class WrenchMechanics(Laws):
     """The mechanics of a force on bodies: points from the poles, forces as wrenches at the poles."""
 
@@ -186,7 +160,8 @@ class WrenchMechanics(Laws):
         E, point = self._axes(direction)[0], self._point(end)
         to_base = b.transpose(E)
         way = k.between(follower, point, base, self._point(start))
-        speed = b.sub(k.velocity(follower, point), k.velocity(base, b.add(point, k.pole_step(base, follower))))
+        on_base = b.add(point, k.pole_step(base, follower))
+        speed = b.sub(k.velocity(follower, point), k.velocity(base, on_base))
         return Lazy(place=lambda: b.mul(to_base, way), rate=lambda: b.mul(to_base, speed))
 
     def rotation(self, frame: Frame) -> LazyRotation:
@@ -197,7 +172,7 @@ class WrenchMechanics(Laws):
         half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
         turns = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in ((2, 1), (0, 2), (1, 0))])
         by_turn = b.scale(half, b.sub(b.scale(b.add(b.add(x, y), z), b.identity(3)), S))
-        return LazyRotation(place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), by_turn=by_turn)
+        return LazyRotation(place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), jacobian=lambda: by_turn)
 
     def coordinate(self) -> dict[str, Block]:
         """The coordinate as the tree or the cut joint has it."""
