@@ -287,7 +287,7 @@ class Interaction(ABC):
     equation: ClassVar[str]
     equation_of_points: ClassVar[str] = ""
     needs_attitude: ClassVar[bool] = False
-    can_be_guarded: ClassVar[bool] = True
+    can_be_guarded: ClassVar[bool] = False
     holds_bodies: ClassVar[bool] = True
     has_road: ClassVar[bool] = False
 

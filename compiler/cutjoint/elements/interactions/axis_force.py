@@ -23,6 +23,7 @@ class AxisForce(Interaction):
     axis: Axis
     point: Point
     position: ClassVar[str] = "travel"
+    can_be_guarded: ClassVar[bool] = True
     equation: ClassVar[str] = "travel = e . (p - p_origin),  follower gets law(travel, rate) e"
     equation_of_points: ClassVar[str] = "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q"
 

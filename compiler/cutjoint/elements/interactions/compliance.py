@@ -34,7 +34,6 @@ class Compliance(Interaction):
     follower: Point
     frame: Frame
     needs_attitude: ClassVar[bool] = True
-    can_be_guarded: ClassVar[bool] = False
     equation: ClassVar[str] = (
         "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)"
     )

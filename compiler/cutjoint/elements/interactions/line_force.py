@@ -20,6 +20,7 @@ class LineForce(Interaction):
     start: Point
     end: Point
     position: ClassVar[str] = "length"
+    can_be_guarded: ClassVar[bool] = True
     equation: ClassVar[str] = "n = (p_end - p_start)/length,  follower gets -law(length, rate) n"
     equation_of_points: ClassVar[str] = "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points"
 

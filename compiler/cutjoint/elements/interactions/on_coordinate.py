@@ -17,6 +17,7 @@ class OnCoordinate(Interaction):
     """A law over ``position`` and ``rate`` of a joint's coordinate, on which it works."""
 
     position: ClassVar[str] = "position"
+    can_be_guarded: ClassVar[bool] = True
     equation: ClassVar[str] = "tau = law(position, rate) of one coordinate"
     equation_of_points: ClassVar[str] = "Q = law(position, rate) of one coordinate"
 

@@ -45,7 +45,6 @@ class RoadContact(Interaction):
     centre: Point
     axis: Axis
     needs_attitude: ClassVar[bool] = True
-    can_be_guarded: ClassVar[bool] = False
     has_road: ClassVar[bool] = True
     equation: ClassVar[str] = "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model"
 

@@ -18,6 +18,7 @@ class Wrench(Interaction):
 
     point: Point
     holds_bodies: ClassVar[bool] = False
+    can_be_guarded: ClassVar[bool] = True
     equation: ClassVar[str] = "the force given by its components at its point"
     equation_of_points: ClassVar[str] = (
         "the force given by its components at its point, a torque as half the sum of T x e_i on the directions"
