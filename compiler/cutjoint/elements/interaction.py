@@ -251,7 +251,7 @@ class Wheel:
 
 
 Look: TypeAlias = Coil | Ring | Wheel
-#: Where a force acts, and the force, (times, 3) each; None where a run's outputs do not have it.
+#: The place where a force acts, and the force, (times, 3) each; None where a run's outputs do not have it.
 Arrow: TypeAlias = tuple[Any, Any] | None
 
 
@@ -305,7 +305,7 @@ class Interaction(ABC):
 
     @abstractmethod
     def explain(self, force: Any, page: Page) -> Explanation:
-        """How it works, in formulas."""
+        """The formulas by which it works."""
 
     def title(self, force: Any) -> str:
         """The heading of the force in an explanation."""
