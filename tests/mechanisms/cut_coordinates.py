@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cutjoint.elements.joint import rate_name
-from cutjoint.formulate.forces import POSITION, RATE
+from cutjoint.formulate.forces import variable
 from cutjoint.model.records import Joint, JointForce, Model, Output
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.measured import turns_around
@@ -34,11 +34,12 @@ def with_forces_on_cuts(model: Model) -> Model:
     """The model with a spring, a damper and a constant force on each measured coordinate; its cuts are kept."""
     topology = build_topology(model)
     cuts = {cut.name for cut in topology.cuts}
+    position, rate = variable("position"), variable("rate")
     forces = [
         JointForce(
             name=f"on_{cut.name}_{coordinate}", joint=cut.name, coordinate=coordinate, unit=cut.element.units[coordinate],
             active=True, span=cut.span,
-            law=7 - 2 * RATE - 3 * RATE**3 - (11 * POSITION if whole else 0),
+            law=7 - 2 * rate - 3 * rate**3 - (11 * position if whole else 0),
         ) for cut, coordinate, whole in measured(topology)
     ]  # fmt: skip
     joints = tuple(replace(joint, cut=True) if joint.name in cuts else joint for joint in model.joints)

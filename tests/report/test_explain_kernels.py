@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
 import pytest
 import sympy
 
-from cutjoint.elements.force import Interaction
-from cutjoint.formulate.tyre import calspan
+from cutjoint.elements.interactions.road_contact import calspan
 from cutjoint.kernels.joints import QUATERNION, derive_joint, rotation_of
 from cutjoint.model.records import Joint, JointKind, Span
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.report.explain import laws as tyre
-from cutjoint.report.explain.forces import DESCRIPTIONS
 from cutjoint.report.explain.joints import _matrices
 from cutjoint.report.explain.latex import latex, number, variants
 from cutjoint.report.explain.laws import differentiate, expand_polynomials
@@ -147,10 +143,6 @@ def test_the_printed_derivatives_of_the_tyre(state: tuple[float, float, float]) 
     by_side = (plus[1] - minus[1]) / (plus[0] - minus[0])
     printed = [float(derivative.subs(known)) for _, _, _, derivative in tyre.partials()]
     assert printed == pytest.approx([by_slip, by_camber, by_side], rel=1e-5)
-
-
-def test_every_interaction_can_be_explained() -> None:
-    assert set(DESCRIPTIONS) == set(get_args(Interaction))
 
 
 def test_laws_that_differ_are_printed_with_their_owners() -> None:

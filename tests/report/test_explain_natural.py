@@ -5,19 +5,16 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import sympy
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.elements.force import Interaction
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Scene
 from cutjoint.report.explain.document import explain
-from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
 from cutjoint.report.explain.natural.document import factorisation_rows
 from cutjoint.report.explain.natural.layout import explain_layout
@@ -167,10 +164,6 @@ def test_explaining_does_not_change_the_layout(iltis: Explained) -> None:
     explain_layout(d)
     explain_shapes(d, ())
     assert d.full.layout.nodes == before
-
-
-def test_every_interaction_acts_on_natural_coordinates() -> None:
-    assert set(force_descriptions._ACTIONS) == set(get_args(Interaction))
 
 
 # Rendering

@@ -11,7 +11,9 @@ from tests.model.test_new_kind import answers
 #: A strut between a head on the follower and a foot on the base; registered before models are read.
 KIND = """
 from dataclasses import dataclass
-from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, LineForce, Point, Shape
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Shape
+from cutjoint.elements.interaction import Carrier, Point
+from cutjoint.elements.interactions import LineForce
 from cutjoint.elements.forces import FORCES
 
 LAW = Law({"length": "m", "rate": "m/s"}, "N")

@@ -1,7 +1,6 @@
 """The description of a force kind: its fields in the file, its record, and the interaction by which it works on its bodies.
 
-An interaction names points and directions on the bodies and the variables of the laws.  It has no formula of any method: formulations,
-twins, exporters and `explain` interpret it.  Expressions come in by the builders of `Reader` and `Mirror`.
+Expressions come in by the builders of `Reader` and `Mirror`.
 """
 
 from __future__ import annotations
@@ -9,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import Any, ClassVar, Protocol, Self, TypeAlias
+from typing import Any, ClassVar, Protocol, Self
 
+from cutjoint.elements.interaction import Axis, Carrier, Frame, Interaction, Place, Point
 from cutjoint.elements.terms import Scalar, Span, Vector
 
 # Fields in the file
@@ -143,108 +143,6 @@ class Mirror(Protocol):
         """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""
 
 
-# Places on bodies
-
-
-class Carrier(StrEnum):
-    """The field of a record that names the body which carries something."""
-
-    BASE = "base"
-    FOLLOWER = "follower"
-    BODY = "body"
-
-
-@dataclass(frozen=True)
-class Place:
-    """A point or direction fixed in one of a force's bodies: the record's field that has it in the design position."""
-
-    carrier: Carrier
-    field: str
-
-    def body(self, force: Force) -> str:
-        """The body that carries it."""
-        return str(getattr(force, self.carrier))
-
-    def of(self, force: Force) -> Any:
-        """The components of the place, None where the force has none."""
-        return getattr(force, self.field)
-
-
-@dataclass(frozen=True)
-class Point(Place):
-    """A point."""
-
-
-@dataclass(frozen=True)
-class Axis(Place):
-    """A direction; with ``is_rotation`` one that mirrors as an axis of rotation."""
-
-    is_rotation: bool = False
-
-
-@dataclass(frozen=True)
-class Frame(Place):
-    """Three directions, right-handed; ``carrier`` is the body in whose frame laws count, and the other body carries them too."""
-
-
-# Interactions
-
-
-@dataclass(frozen=True, kw_only=True)
-class LineForce:
-    """A tension, a law over ``length`` (m) of the way from start to end and its ``rate`` (m/s)."""
-
-    start: Point
-    end: Point
-    position: ClassVar[str] = "length"
-
-
-@dataclass(frozen=True, kw_only=True)
-class AxisForce:
-    """A push on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
-
-    The reaction acts on the same line.
-    """
-
-    origin: Point
-    axis: Axis
-    point: Point
-    position: ClassVar[str] = "travel"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compliance:
-    """Six laws over the small displacements along and rotations about ``frame`` between a point of two bodies."""
-
-    base: Point
-    follower: Point
-    frame: Frame
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wrench:
-    """Three components of a force at ``point`` over its place and velocity, or of a torque over the body's angular velocity."""
-
-    point: Point
-
-
-@dataclass(frozen=True)
-class OnCoordinate:
-    """A law over ``position`` and ``rate`` of a joint's coordinate, on which it works."""
-
-    position: ClassVar[str] = "position"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoadContact:
-    """A wheel on the road, which has a track of its own in the runtime."""
-
-    centre: Point
-    axis: Axis
-
-
-Interaction: TypeAlias = LineForce | AxisForce | Compliance | Wrench | OnCoordinate | RoadContact
-
 # The record
 
 
@@ -316,7 +214,7 @@ class Force:
     @property
     def has_road(self) -> bool:
         """Return whether the force touches the road."""
-        return isinstance(self.interaction, RoadContact)
+        return self.interaction.has_road
 
     @property
     def radius(self) -> Scalar:
@@ -326,12 +224,12 @@ class Force:
     @property
     def needs_attitude(self) -> bool:
         """Return whether the force depends on all directions of its bodies, or works on them."""
-        return isinstance(self.interaction, Compliance | RoadContact)
+        return self.interaction.needs_attitude
 
     @property
     def can_be_guarded(self) -> bool:
         """Return whether a guard can stand for the force: its law is over one position, or over a point's."""
-        return not isinstance(self.interaction, Compliance | RoadContact)
+        return self.interaction.can_be_guarded
 
     @property
     def has_frame(self) -> bool:
@@ -341,8 +239,7 @@ class Force:
     @property
     def swapped(self) -> Mapping[str, Any]:
         """The places of the force after its bodies change parts, {} where that makes another force of it."""
-        how = self.interaction
-        return {how.start.field: how.end.of(self), how.end.field: how.start.of(self)} if isinstance(how, LineForce) else {}
+        return self.interaction.swapped(self)
 
     def sole_point(self, carrier: Carrier) -> Point | None:
         """The point at which it acts on a body, if that is all that it needs of the body."""

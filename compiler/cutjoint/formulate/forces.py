@@ -1,11 +1,9 @@
-"""Force laws over the motion of a force element's own points and directions: shared by all formulations.
-
-A formulation says how the points move and where the forces go; what the force is, stands here.
-"""
+"""Forces of a scene, their guards, and their laws as blocks: shared by all formulations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import reduce
 
 import sympy
@@ -14,17 +12,12 @@ from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
-from cutjoint.program.blocks import Block, Builder
-
-LENGTH, RATE = sympy.Symbol("length", real=True), sympy.Symbol("rate", real=True)
-TRAVEL, POSITION = sympy.Symbol("travel", real=True), sympy.Symbol("position", real=True)
-
-#: The variables of a load's components: place and velocity of its point, angular velocity of its body.
-PLACE = sympy.symbols("x y z vx vy vz wx wy wz", real=True)
+from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
-#: The lateral force of a tyre, in the margins of its guard.
-SIDE = sympy.Symbol("side", real=True)
+def variable(name: str) -> Scalar:
+    """The symbol of a law's variable."""
+    return sympy.Symbol(name, real=True)
 
 
 def is_active(force: Force, scene: Scene) -> bool:
@@ -37,10 +30,10 @@ def guards_of(model: Model, scene: Scene) -> tuple[Guard, ...]:
     return tuple(guard for guard in model.guards if is_active(guard.force, scene))
 
 
-def smallest_margin(b: Builder, translator: Translator, guard: Guard, values: Mapping[Scalar, Block]) -> Block:
+def smallest_margin(laws: Laws, guard: Guard, values: Mapping[str, Block]) -> Block:
     """The smallest margin of a guard; ``values`` are those of its law's variables."""
-    known = translator.with_values(values)
-    return reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), (known.scalar(m) for m in guard.margins))
+    b, margins = laws.b, (laws.scalar(margin, values) for margin in guard.margins)
+    return reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), margins)
 
 
 def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
@@ -56,49 +49,65 @@ def margin_slots(model: Model, scene: Scene) -> dict[str, Slot]:
     return {f"margin:{name}": Slot(array="margin", offset=i, names=("margin",)) for i, name in enumerate(names)}
 
 
-def law_of(translator: Translator, law: Scalar, values: Mapping[Scalar, Block], position: Scalar) -> dict[str, Block]:
-    """A law's value and its partial derivatives by position and rate."""
-    known = translator.with_values(values)
-    return {
-        "force": known.scalar(law),
-        "stiffness": known.scalar(sympy.diff(law, position)),
-        "damping": known.scalar(sympy.diff(law, RATE)),
-    }
-
-
-def stretch(b: Builder, way: Block, speed: Block) -> tuple[Block, dict[Scalar, Block]]:
-    """Direction (3, 1) of the way (3, 1) between two points, its length, and the length's rate when the way's is ``speed``."""
-    length = b.call("sqrt", b.dot(way, way))
-    n = b.scale(b.call("div", b.number(1.0), length), way)
-    return n, {LENGTH: length, RATE: b.dot(n, speed)}
-
-
-def line_force(b: Builder, translator: Translator, law: Scalar, way: Block, speed: Block) -> tuple[Block, dict[str, Block]]:
-    """The force (3, 1) on the follower's point at ``way`` (3, 1) from the base's, whose rate is ``speed``; and its quantities."""
-    n, values = stretch(b, way, speed)
-    pull = law_of(translator, law, values, LENGTH)
-    return b.neg(b.scale(pull["force"], n)), {**pull, **reported_variables(values)}
-
-
-def reported_variables(values: Mapping[Scalar, Block]) -> dict[str, Block]:
+def reported_variables(force: Force, values: Mapping[str, Block]) -> dict[str, Block]:
     """The motion that a law depends on, as reported quantities; a coordinate is its joint's."""
-    return {} if POSITION in values else {symbol.name: block for symbol, block in values.items()}
+    return {} if force.joint_of else dict(values)
 
 
-def six_laws(
-    b: Builder, translator: Translator, expressions: Sequence[Scalar], places: tuple[Block, Block], rates: tuple[Block, Block],
-    by_turn: Block,
-) -> tuple[Block, Block, dict[str, Block]]:
-    """Force and torque (3, 1) on the follower in the axes of six laws along and about them, and their quantities.
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A quantity and its rate."""
 
-    ``places`` are displacement and rotation, ``rates`` their rates, ``by_turn`` (3, 3) the rotation's Jacobian by the relative
-    angular velocity.
-    """
-    laws = [
-        translator.with_values({POSITION: b.element(places[i // 3], i % 3), RATE: b.element(rates[i // 3], i % 3)}).scalar(law)
-        for i, law in enumerate(expressions)
-    ]
-    pull, torque = b.column(laws[:3]), b.mul(b.transpose(by_turn), b.column(laws[3:]))
-    columns = {"F": pull, "M": torque, "d": places[0], "r": places[1]}
-    quantities = {f"{name}{axis}": b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
-    return pull, torque, quantities
+    x: Block
+    v: Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lazy:
+    """A quantity and its rate, as blocks that are made when they are asked for."""
+
+    place: Callable[[], Block]
+    rate: Callable[[], Block]
+
+    @property
+    def x(self) -> Block:
+        """The quantity."""
+        return self.place()
+
+    @property
+    def v(self) -> Block:
+        """Its rate."""
+        return self.rate()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LazyRotation(Lazy):
+    """Small rotations, with their Jacobian (tr(S) 1 - S)/2 by the relative angular velocity."""
+
+    jacobian: Callable[[], Block]
+
+    @property
+    def by_turn(self) -> Block:
+        """The Jacobian."""
+        return self.jacobian()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laws:
+    """The laws of a force as blocks of their variables: the part of `elements.interaction.Mechanics` that all methods share."""
+
+    b: Builder
+    translator: Translator
+
+    def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
+        """An expression of named variables."""
+        return self.translator.with_values({variable(name): value for name, value in values.items()}).scalar(expression)
+
+    def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
+        """A law's value and its partial derivatives by position and rate."""
+        slopes = {"stiffness": sympy.diff(law, variable(position)), "damping": sympy.diff(law, variable("rate"))}
+        return {name: self.scalar(expression, values) for name, expression in {"force": law, **slopes}.items()}
+
+    def in_motion(self, value: Block) -> Block:
+        """A value that is zero while the equilibrium is sought."""
+        return self.b.scale(self.b.symbol("motion", 1, BindingTime.STEP), value)

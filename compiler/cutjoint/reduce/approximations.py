@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import sympy
 
-from cutjoint.formulate.forces import SIDE, is_active
+from cutjoint.formulate.forces import is_active, variable
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Body, Guard, Model, Output, Scene, Tyre
@@ -79,7 +79,8 @@ def roll_straight(model: Model, scene: Scene) -> Outcome:
 
 def _without_lateral(outcome: Outcome, tyres: list[Tyre], peaks: dict[str, tuple[float, float]]) -> Outcome:
     limits = {t.name: float(f"{SMALL * peaks[t.name][1]:.2g}") for t in tyres}
-    guards = tuple(Guard(force=t, margins=tuple(sympy.Float(limits[t.name]) - s * SIDE for s in (1, -1)), index=None) for t in tyres)
+    side = variable("side")
+    guards = tuple(Guard(force=t, margins=tuple(sympy.Float(limits[t.name]) - s * side for s in (1, -1)), index=None) for t in tyres)
     rolling = tuple(replace(f, lateral=False) if isinstance(f, Tyre) and f.name in limits else f for f in outcome.model.forces)
     words = "loses its lateral force of up to {:.3g} N, guarded by |Fy| <= {:g} N"
     notes = tuple(Note(element=t.name, words=words.format(peaks[t.name][0], limits[t.name]), span=t.span) for t in tyres)

@@ -13,7 +13,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.elements.force import Point
+from cutjoint.elements.interaction import Point
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Reaction, Scalar, Scene, Vector
 from cutjoint.reduce.records import Note, Outcome, bodies_of, hand_over

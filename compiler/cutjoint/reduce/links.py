@@ -14,7 +14,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import Carrier
+from cutjoint.elements.interaction import Carrier
 from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Model, Reaction, RodForce, Scalar, Scene, Vector
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.topology.build import build_topology

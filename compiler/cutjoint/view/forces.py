@@ -5,18 +5,18 @@ outputs have them whole.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.elements.force import AxisForce, Compliance, LineForce, RoadContact, Wrench
+from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Frame, Look, Point, Ring, Wheel
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.records import Force, Reaction
+from cutjoint.model.records import Force, Reaction, Scalar
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.motions import along, one_side, product, quaternions_of, rotation_to
 from cutjoint.view.records import FORCE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
-from cutjoint.view.sizes import Placed, point_of
+from cutjoint.view.sizes import Placed, named_looks, point_of
 
 #: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
 _LARGEST_TURN = 2.0
@@ -34,28 +34,25 @@ class ForceNodes(Placed):
         for force in self.model.forces:
             if not is_active(force, self.scene):
                 continue
-            match force.interaction:
-                case LineForce() as how:
-                    start, end = self.point(force, how.start), self.point(force, how.end)
-                    yield self._drawn_out(force.name, meshes.coil(self.sizes.spring), start, end)
-                case AxisForce() as how:
-                    yield self._axial(force, how)
-                case Compliance() as how:
-                    ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
-                    mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
-                    turned = mesh.moved(rotation_to(point_of(self.numbers, how.frame.of(force)[2])), np.zeros(3))
-                    rotation = quaternions_of(self.poses[how.frame.body(force)].rotation)
-                    yield self._node(force.name, (Part(mesh=turned, colour=JOINT),), self.point(force, how.base), rotation)
-                case RoadContact() as how:
-                    radius = self.numbers.number(force.radius)
-                    wheels.append((radius, self.point(force, how.centre)))
-                    yield self._wheel(force, how, radius, wheels[-1][1])
+            for name, look in named_looks(force):
+                yield replace(self._drawn(force, name, look), about={"element": force.name})
+                if isinstance(look, Wheel):
+                    wheels.append((self.numbers.number(force.radius), self.point(force, look.at)))
         for joint in self.model.joints:
             if joint.to is not None:
                 start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
                 yield self._drawn_out(joint.name, meshes.cylinder(self.sizes.bar, 1.0).moved(np.eye(3), np.array([0, 0, 0.5])), start, end)
         if wheels:
             yield self._road(wheels)
+
+    def _drawn(self, force: Force, name: str, look: Look) -> Node:
+        match look:
+            case Coil():
+                return self._coil(force, name, look)
+            case Ring():
+                return self._ring(force, name, look)
+            case Wheel():
+                return self._wheel(force, name, look)
 
     def _node(self, name: str, parts: tuple[Part, ...], translation: Array, rotation: Array, scale: Array | None = None) -> Node:
         still = np.ones((1, 3)) if scale is None else scale
@@ -69,16 +66,26 @@ class ForceNodes(Placed):
         seen = np.where(np.linalg.norm(way, axis=1, keepdims=True) > 1e-9 * self.sizes.extent, way, self.up if axis is None else axis)
         return self._node(name, (Part(mesh=mesh, colour=STEEL, roughness=0.4),), start, along(seen), scale)
 
-    def _axial(self, force: Force, how: AxisForce) -> Node:
-        """A spring along the force's line, as long as its travel."""
-        point, origin = self.point(force, how.point), self.point(force, how.origin)
-        axis = self.turn(how.axis.body(force), how.axis.of(force))
-        travel = np.sum((point - origin) * axis, axis=1, keepdims=True)
-        return self._drawn_out(force.name, meshes.coil(self.sizes.spring), point - travel * axis, point, axis)
+    def _coil(self, force: Force, name: str, coil: Coil) -> Node:
+        """A spring between its points, or along its axis and as long as the travel along that."""
+        start, end, axis = self.point(force, coil.start), self.point(force, coil.end), None
+        if coil.axis is not None:
+            axis = self.turn(coil.axis.body(force), coil.axis.of(force))
+            start = end - np.sum((end - start) * axis, axis=1, keepdims=True) * axis
+        return self._drawn_out(name, meshes.coil(self.sizes.spring), start, end, axis)
 
-    def _wheel(self, force: Force, how: RoadContact, radius: float, centre: Array) -> Node:
+    def _ring(self, force: Force, name: str, look: Ring) -> Node:
+        """A ring that turns with its frame's body."""
+        ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
+        mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
+        turned = mesh.moved(rotation_to(point_of(self.numbers, look.frame.of(force)[2])), np.zeros(3))
+        rotation = quaternions_of(self.poses[look.frame.body(force)].rotation)
+        return self._node(name, (Part(mesh=turned, colour=JOINT),), self.point(force, look.at), rotation)
+
+    def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
         """A wheel that turns as far as it goes, which no coordinate of the model says."""
-        axis, pose = point_of(self.numbers, how.axis.of(force)), self.poses[how.axis.body(force)]
+        axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
+        radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
         ahead = np.cross(pose.turn(axis), self.up)
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
         turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
@@ -90,7 +97,7 @@ class ForceNodes(Placed):
             Part(mesh=meshes.tyre(radius).moved(turned, np.zeros(3)), colour=RUBBER, roughness=0.9),
             Part(mesh=meshes.rim(radius).moved(turned, np.zeros(3)), colour=STEEL, roughness=0.4),
         )
-        return self._node(force.name, parts, centre, one_side(rotation))
+        return self._node(name, parts, centre, one_side(rotation))
 
     def _road(self, wheels: list[tuple[float, Array]]) -> Node:
         """Both tracks under the way of all wheels, each with its radius, in strips of a metre."""
@@ -165,27 +172,9 @@ class Arrows(Placed):
 
     def _forces(self) -> Iterator[tuple[str, bool, Array, Array]]:
         for force in self.model.forces:
-            if (found := self._push(force)) is not None:
+            sight = ForceSight(arrows=self, force=force)
+            if (found := force.interaction.arrow(force, sight)) is not None:
                 yield force.name, False, *found
-
-    def _push(self, force: Force) -> tuple[Array, Array] | None:
-        """The point at which a force acts on its follower or body, and the force (times, 3), N; None where outputs do not have it."""
-        match force.interaction:
-            case LineForce() as how if (tension := self._column(force.name, "force")) is not None:
-                end = self.point(force, how.end)
-                way = self.point(force, how.start) - end
-                return end, tension * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-            case AxisForce() as how if (push := self._column(force.name, "force")) is not None:
-                return self.point(force, how.point), push * self.turn(how.axis.body(force), how.axis.of(force))
-            case Compliance() as how if (parts := self._triple(force.name)) is not None:
-                axes = np.stack([self.turn(how.frame.body(force), axis) for axis in how.frame.of(force)], axis=-1)
-                return self.point(force, how.follower), _turned(axes, parts)
-            case Wrench(point=point) if point.of(force) is not None and (parts := self._triple(force.name)) is not None:
-                return self.point(force, point), _turned(self.poses[point.body(force)].rotation, parts) if force.has_frame else parts
-            case RoadContact() as how if (load := self._column(force.name, "Fz")) is not None:
-                radius = self.numbers.number(force.radius)
-                return self.point(force, how.centre) - radius * self.up, load * self.up
-        return None
 
     def _reactions(self) -> Iterator[tuple[str, bool, Array, Array]]:
         """The forces of joints on their followers."""
@@ -196,20 +185,60 @@ class Arrows(Placed):
             joint, axes = joints[reaction.joint], self.poses[reaction.body].rotation
             place = self.place(joint.follower, joint.to or joint.at)
             if reaction.direction is not None:
-                if (push := self._column(reaction.name, "force")) is not None:
+                if (push := self.column(reaction.name, "force")) is not None:
                     yield reaction.name, True, place, push * (axes @ point_of(self.numbers, reaction.direction))
-            elif (parts := self._triple(reaction.name)) is not None:
+            elif (parts := self.triple(reaction.name)) is not None:
                 yield reaction.name, True, place, _turned(axes, parts)
 
-    def _column(self, element: str, quantity: str) -> Array | None:
+    def column(self, element: str, quantity: str) -> Array | None:
         """A quantity over time, (times, 1); None where it is no output, or has no value at some time."""
         values = self.columns.get((element, quantity))
         return None if values is None or not np.isfinite(values).all() else values[:, np.newaxis]
 
-    def _triple(self, element: str) -> Array | None:
-        parts = [self._column(element, quantity) for quantity in _COMPONENTS]
+    def triple(self, element: str) -> Array | None:
+        """The components of a force over time, (times, 3); None where one of them is missing."""
+        parts = [self.column(element, quantity) for quantity in _COMPONENTS]
         known = [part for part in parts if part is not None]
         return np.concatenate(known, axis=1) if len(known) == len(parts) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSight:
+    """The arrow of a force, as its interaction says it."""
+
+    arrows: Arrows
+    force: Force
+
+    def pull(self, start: Point, end: Point, quantity: str) -> Arrow:
+        """A tension on the end, towards the start."""
+        place = self.arrows.point(self.force, end)
+        way = self.arrows.point(self.force, start) - place
+        return self._of(quantity, place, way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12))
+
+    def push_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
+        """A force on a point along an axis."""
+        return self._of(quantity, self.arrows.point(self.force, at), self.arrows.turn(axis.body(self.force), axis.of(self.force)))
+
+    def components(self, at: Point, axes: Frame | Carrier | None) -> Arrow:
+        """Three components in a frame, in a body's axes or in global ones."""
+        parts = self.arrows.triple(self.force.name)
+        if parts is None:
+            return None
+        return self.arrows.point(self.force, at), parts if axes is None else _turned(self._axes(axes), parts)
+
+    def _axes(self, axes: Frame | Carrier) -> Array:
+        if isinstance(axes, Carrier):
+            return self.arrows.poses[getattr(self.force, axes)].rotation
+        return np.stack([self.arrows.turn(axes.body(self.force), axis) for axis in axes.of(self.force)], axis=-1)
+
+    def lift(self, at: Point, below: Scalar, quantity: str) -> Arrow:
+        """A force up, below a point."""
+        up, depth = self.arrows.up, self.arrows.numbers.number(below)
+        return self._of(quantity, self.arrows.point(self.force, at) - depth * up, up)
+
+    def _of(self, quantity: str, place: Array, direction: Array) -> Arrow:
+        size = self.arrows.column(self.force.name, quantity)
+        return None if size is None else (place, size * direction)
 
 
 def _turned(rotations: Array, vectors: Array) -> Array:

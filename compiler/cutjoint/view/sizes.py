@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
-from cutjoint.elements.force import Point, RoadContact, Wrench
+from cutjoint.elements.interaction import Look, Point, Wheel
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Model, Scene, Shape, ShapeKind, Vector
@@ -49,8 +49,14 @@ def point_of(numbers: Numbers, point: Vector) -> Array:
 
 def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
     """The points in which a force holds bodies, each with its body; a load holds nothing."""
-    if not isinstance(force.interaction, Wrench):
+    if force.interaction.holds_bodies:
         yield from ((place.body(force), place.of(force)) for place in force.places if isinstance(place, Point))
+
+
+def named_looks(force: Force) -> Iterator[tuple[str, Look]]:
+    """The shapes of a force, the first by its name, others with a number."""
+    for number, look in enumerate(force.interaction.looks(), start=1):
+        yield (force.name if number == 1 else f"{force.name} {number}"), look
 
 
 def attached_points(model: Model, scene: Scene) -> Iterator[tuple[str, Vector]]:
@@ -70,8 +76,8 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
     for body in model.bodies:
         corners += [corner for shape in body.shapes for corner in _corners(numbers, shape)]
     for force in model.forces:
-        if isinstance(how := force.interaction, RoadContact):
-            centre, radius = point_of(numbers, how.centre.of(force)), numbers.number(force.radius)
+        for wheel in (look for look in force.interaction.looks() if isinstance(look, Wheel)):
+            centre, radius = point_of(numbers, wheel.at.of(force)), numbers.number(force.radius)
             corners += [centre - radius, centre + radius]
     extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0
     return Sizes(extent=extent if extent > 0 else 1.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
 from cutjoint.analysis.closing import design_coordinates, make_inputs
-from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, RoadContact
+from cutjoint.elements.interaction import Coil, Point, Ring, Wheel
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
@@ -26,7 +26,7 @@ from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Graph, Scalar
 from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
-from cutjoint.view.sizes import find_sizes, point_of
+from cutjoint.view.sizes import find_sizes, named_looks, point_of
 
 #: The range of an angle (rad) either way, and of a displacement as a share of the mechanism's extent.
 _TURN, _SLIDE = pi, 0.5
@@ -105,14 +105,13 @@ def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, 
     for force in model.forces:
         if not is_active(force, scene):
             continue
-        match force.interaction:
-            case LineForce() as how:
-                yield {"name": force.name, "from": on(force, how.start), "to": on(force, how.end)}
-            case AxisForce() as how:
-                axis = point_of(numbers, how.axis.of(force)).tolist()
-                yield {"name": force.name, "from": on(force, how.origin), "to": on(force, how.point), "axis": axis}
-            case Compliance(base=point) | RoadContact(centre=point):
-                yield {"name": force.name, "on": on(force, point)}
+        for name, look in named_looks(force):
+            match look:
+                case Coil(start, end, axis):
+                    line = {} if axis is None else {"axis": point_of(numbers, axis.of(force)).tolist()}
+                    yield {"name": name, "from": on(force, start), "to": on(force, end), **line}
+                case Ring(at=point) | Wheel(at=point):
+                    yield {"name": name, "on": on(force, point)}
     for joint in model.joints:
         if joint.to is not None:
             yield {"name": joint.name, "from": at(joint.base, joint.at), "to": at(joint.follower, joint.to)}

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.elements.force import AxisForce, Compliance, LineForce, OnCoordinate, Point, RoadContact, Wrench
+from cutjoint.elements.interaction import Point
+from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.export.laws import Numbers, Triple
 from cutjoint.export.start import Array
-from cutjoint.formulate.forces import LENGTH, RATE
+from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import COORDINATES, GROUND, Force, JointKind, Scalar, Scene, Vector
@@ -24,6 +25,7 @@ from cutjoint_bench.export.records import Mechanism, PeerJoint, Place
 
 _GLOBAL: Sequence[Vector] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 _PLACE, _SPIN = ("x", "y", "z", "vx", "vy", "vz"), ("wx", "wy", "wz")
+LENGTH, RATE = variable("length"), variable("rate")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 
 import sympy
 
-from cutjoint.elements.force import AxisForce, Compliance, LineForce, Point, RoadContact, Wrench
+from cutjoint.elements.interaction import Point
+from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, RoadContact, Wrench
 from cutjoint.emit.names import unique
 from cutjoint.export.laws import Numbers, Triple, expression
 from cutjoint.formulate.inputs import TIME

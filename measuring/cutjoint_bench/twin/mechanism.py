@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from cutjoint.elements.force import AxisForce, Carrier, Compliance, Interaction, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.elements.gear import NAMES as GEAR_NAMES
+from cutjoint.elements.interaction import Carrier, Interaction
+from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.elements.joint import (
     AXIAL_FRAME,
     Advance,

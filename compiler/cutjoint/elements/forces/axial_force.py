@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Axis, AxisForce, Carrier, ForceElement, ForceField, Law, LawForce, Point, Reader, Shape
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Reader, Shape
+from cutjoint.elements.interaction import Axis, Carrier, Point
+from cutjoint.elements.interactions import AxisForce
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"travel": "m", "rate": "m/s"}, "N")

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from cutjoint.elements.force import Carrier, Choice, Force, ForceElement, ForceField, Law, Mirror, Point, Reader, Shape, Wrench
+from cutjoint.elements.force import Choice, Force, ForceElement, ForceField, Law, Mirror, Reader, Shape
+from cutjoint.elements.interaction import Carrier, Point
+from cutjoint.elements.interactions import Wrench
 from cutjoint.elements.terms import Vector
 
 _FORCE = Law({**dict.fromkeys(("x", "y", "z"), "m"), **dict.fromkeys(("vx", "vy", "vz"), "m/s")}, "N")

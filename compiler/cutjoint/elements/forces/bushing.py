@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from cutjoint.elements.force import Carrier, Compliance, Force, ForceElement, ForceField, Frame, Law, Mirror, Point, Reader, Shape
+from cutjoint.elements.force import Force, ForceElement, ForceField, Law, Mirror, Reader, Shape
+from cutjoint.elements.interaction import Carrier, Frame, Point
+from cutjoint.elements.interactions import Compliance
 from cutjoint.elements.terms import Scalar, Vector
 
 _ALONG = Law({"position": "m", "rate": "m/s"}, "N")

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, OnCoordinate, Reader, Shape
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, Reader, Shape
+from cutjoint.elements.interactions import OnCoordinate
 
 _SLIDE = Law({"position": "m", "rate": "m/s"}, "N")
 _TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Carrier, ForceElement, ForceField, Law, LawForce, LineForce, Point, Reader, Shape
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Reader, Shape
+from cutjoint.elements.interaction import Carrier, Point
+from cutjoint.elements.interactions import LineForce
 from cutjoint.elements.terms import Vector
 
 _LAW = Law({"length": "m", "rate": "m/s"}, "N")

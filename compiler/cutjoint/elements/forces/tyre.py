@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Axis, Carrier, Constants, Force, ForceElement, ForceField, Point, Reader, RoadContact, Shape
+from cutjoint.elements.force import Constants, Force, ForceElement, ForceField, Reader, Shape
+from cutjoint.elements.interaction import Axis, Carrier, Point
+from cutjoint.elements.interactions import RoadContact
 from cutjoint.elements.terms import Scalar, Vector
 
 #: The constants of the Calspan model.

@@ -77,7 +77,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     forces = add_forces(system, k, model, scene)
-    margins = add_guards(forces, k, model, scene)
+    margins = add_guards(system, forces, k, model, scene)
     still = b.zero(1)
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)

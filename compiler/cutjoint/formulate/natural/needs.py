@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
-from cutjoint.elements.force import AxisForce, Compliance, LineForce, OnCoordinate, Point, RoadContact, Wrench
+from cutjoint.elements.interaction import Axis, Point
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind, NodeName
@@ -158,23 +158,18 @@ class Collector:
             self.of(body).attitude(body)
 
     def force(self, force: Force) -> None:
-        """A force's points and directions."""
-        match force.interaction:
-            case OnCoordinate():
-                self.coordinate(force.joint_of, force.coordinate_of)
-            case LineForce() | AxisForce():
-                for place in force.places:
-                    needs = self.of(place.body(force))
-                    (needs.point if isinstance(place, Point) else needs.direction)(place.of(force), force.name, place.field)
-            case Compliance() as how:
-                for end in (how.base, how.follower):
-                    self.of(end.body(force)).point(end.of(force), force.name)
-                    self.of(end.body(force)).attitude(end.body(force))
-            case Wrench() | RoadContact():
-                for place in (place for place in force.places if isinstance(place, Point)):
-                    self.of(place.body(force)).point(place.of(force), force.name, place.field)
-                for body in force.bodies if force.needs_attitude else ():
-                    self.of(body).attitude(body)
+        """A force's points and directions; a point that both bodies have goes by the force's name alone."""
+        if force.joint_of:
+            self.coordinate(force.joint_of, force.coordinate_of)
+        fields = [place.field for place in force.places]
+        for place in force.places:
+            needs, which = self.of(place.body(force)), place.field if fields.count(place.field) == 1 else ""
+            if isinstance(place, Point):
+                needs.point(place.of(force), force.name, which)
+            elif isinstance(place, Axis) and not force.needs_attitude:
+                needs.direction(place.of(force), force.name, which)
+        for body in force.bodies if force.needs_attitude else ():
+            self.of(body).attitude(body)
 
     def coordinate(self, name: str, coordinate: str) -> None:
         """Require the nodes that measure a joint's coordinate, unless it is an angle."""

@@ -55,7 +55,7 @@ def formulate_recursive(
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
-    margins = add_guards(forces, k, model, scene)
+    margins = add_guards(system, forces, k, model, scene)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
     masses, pushed = dict(system.M), dict(system.Q)

@@ -5,35 +5,18 @@ Each element also yields its reported quantities, so that results and equilibriu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, Place, RoadContact, Wrench
-from cutjoint.formulate.forces import (
-    PLACE,
-    POSITION,
-    RATE,
-    SIDE,
-    TRAVEL,
-    guards_of,
-    is_active,
-    law_of,
-    line_force,
-    reported_variables,
-    six_laws,
-    smallest_margin,
-    stretch,
-)  # fmt: skip
+from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
+from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, guards_of, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
-from cutjoint.formulate.tyre import Contact, Wheel, tyre_force
 from cutjoint.kernels.directions import slide_axis
-from cutjoint.model.records import COORDINATES, Body, BodyLoad, Force, JointForce, LawForce, Model, Scalar, Scene, Tyre
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.model.records import COORDINATES, Body, Force, LawForce, Model, Scene
+from cutjoint.program.blocks import Block, Builder
 
 
 @dataclass(kw_only=True)
@@ -85,57 +68,27 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
     """The force elements that the scene has switched on."""
     forces = Forces()
-    rules: Mapping[type[Interaction], Callable[..., dict[str, Block]]] = {
-        LineForce: _stretch, AxisForce: _travel, Compliance: _compliance,
-        Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
-    }  # fmt: skip
     for force in model.forces:
         if is_active(force, scene):
             system.source = force.name
-            how = force.interaction
-            with k.builder.section("force", force.name, _EQUATIONS[type(how)], force.span.place):
-                forces.add(k.builder, force.name, rules[type(how)](system, k, force, how))
+            with k.builder.section("force", force.name, force.interaction.equation, force.span.place):
+                mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force)
+                forces.add(k.builder, force.name, force.interaction.act(force, mechanics))
     return forces
 
 
-def add_guards(forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dict[str, Block]:
+def add_guards(system: BodySystem, forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dict[str, Block]:
     """The smallest margin of each guarded force; where its parts are joins the reported quantities."""
     margins = {}
     for guard in guards_of(model, scene):
-        name, b = guard.force.name, k.builder
-        with b.section("guard", name, "the law is zero while the margin is not negative", guard.force.span.place):
-            values = _law_values(k, guard.force)
-            if isinstance(guard.force, LawForce):
-                forces.add(b, name, reported_variables(values))
-            margins[name] = b.name(smallest_margin(b, k.translator, guard, values), "margin", name)
+        force, b = guard.force, k.builder
+        with b.section("guard", force.name, "the law is zero while the margin is not negative", force.span.place):
+            mechanics = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force)
+            values = force.interaction.values(force, mechanics)
+            if isinstance(force, LawForce):
+                forces.add(b, force.name, reported_variables(force, values))
+            margins[force.name] = b.name(smallest_margin(mechanics, guard, values), "margin", force.name)
     return margins
-
-
-def _law_values(k: Kinematics, force: Any) -> dict[Scalar, Block]:
-    """The variables of a force's law: the position that it depends on, and its rate; a tyre's lateral force."""
-    match force.interaction:
-        case LineForce() as how:
-            _, way, speed = _between_ends(k, force, how)
-            return stretch(k.builder, way, speed)[1]
-        case AxisForce() as how:
-            return _along_axis(k, force, how)[2]
-        case OnCoordinate():
-            return _of_coordinate(k, force)
-        case Wrench():
-            return _load_values(k, force)[1]
-        case RoadContact():
-            return {SIDE: _contact_with_road(k, force)[1].quantities["Fy"]}
-    raise AssertionError(force)
-
-
-_EQUATIONS: Mapping[type[Interaction], str] = {
-    LineForce: "n = (p_end - p_start)/length,  follower gets -law(length, rate) n",
-    AxisForce: "travel = e . (p - p_origin),  follower gets law(travel, rate) e",
-    Compliance: "x = E^T (p_f - p_b),  theta = half the sum of e_k x g_k in E;  follower gets E law(x), E (d theta/d turn)^T law(theta)",
-    Wrench: "the force given by its components at its point",
-    OnCoordinate: "tau = law(position, rate) of one coordinate",
-    RoadContact: "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model",
-}
 
 
 def apply_at(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:
@@ -146,157 +99,155 @@ def apply_at(system: BodySystem, k: Kinematics, body: str, point: Block, force: 
     return wrench
 
 
-def _apply_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], point: Block, pull: Block) -> Block:
-    """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
-    b, (base, follower) = k.builder, ends
-    wrench = apply_at(system, k, follower, point, pull)
-    step = k.pole_step(base, follower)
-    if k.frames[base].root == k.frames[follower].root:
-        system.add_force(base, b.neg(wrench))
-    else:
-        apply_at(system, k, base, b.add(point, step), b.neg(pull))
-    return wrench
+@dataclass(frozen=True, kw_only=True)
+class WrenchMechanics(Laws):
+    """The mechanics of a force on bodies: points from the poles, forces as wrenches at the poles."""
 
+    system: BodySystem
+    k: Kinematics
+    force: Force
 
-def _twist_pair(system: BodySystem, k: Kinematics, ends: tuple[str, str], torque: Block) -> Block:
-    """A torque on the follower, whose wrench is returned, and its reaction on the base."""
-    b, (base, follower) = k.builder, ends
-    wrench = b.stack([[b.zero(3)], [torque]])
-    system.add_force(follower, wrench)
-    system.add_force(base, b.stack([[b.zero(3)], [b.neg(torque)]]))
-    return wrench
+    def _point(self, at: Point) -> Block:
+        return self.k.point(at.body(self.force), at.of(self.force))
 
+    def point(self, at: Point) -> Lazy:
+        """The place of a point from the world's origin, and its velocity."""
+        body, point = at.body(self.force), self._point(at)
+        return Lazy(place=lambda: self.k.absolute(body, point), rate=lambda: self.k.velocity(body, point))
 
-def _between_ends(k: Kinematics, force: Force, how: LineForce) -> tuple[Block, Block, Block]:
-    """The follower's point, the way to it from the base's, and the way's rate."""
-    base, follower = _bodies(how.start, how.end, force)
-    end, start = k.point(follower, how.end.of(force)), k.point(base, how.start.of(force))
-    way = k.between(follower, end, base, start)
-    return end, way, k.builder.sub(k.velocity(follower, end), k.velocity(base, start))
+    def way(self, start: Point, end: Point) -> Measured:
+        """The way between two points."""
+        (follower, last), (base, first) = ((at.body(self.force), self._point(at)) for at in (end, start))
+        way = self.k.between(follower, last, base, first)
+        return Measured(x=way, v=self.b.sub(self.k.velocity(follower, last), self.k.velocity(base, first)))
 
+    def direction(self, axis: Axis) -> Lazy:
+        """A direction, which turns with its body."""
+        direction, spin = self.k.direction(axis.body(self.force), axis.of(self.force)), self.spin(axis.carrier)
+        return Lazy(place=lambda: direction, rate=lambda: self.b.cross(spin, direction))
 
-def _stretch(system: BodySystem, k: Kinematics, force: LawForce, how: LineForce) -> dict[str, Block]:
-    end, way, speed = _between_ends(k, force, how)
-    pull, quantities = line_force(k.builder, k.translator, force.law, way, speed)
-    _apply_pair(system, k, _bodies(how.start, how.end, force), end, pull)
-    return quantities
+    def _body(self, carrier: Carrier) -> str:
+        return str(getattr(self.force, carrier))
 
+    def _spin(self, body: str) -> Block:
+        return halves(self.b, self.k.frames[body].Z)[1]
 
-def _bodies(base: Place, follower: Place, force: Force) -> tuple[str, str]:
-    return base.body(force), follower.body(force)
+    def spin(self, carrier: Carrier) -> Block:
+        """The angular velocity of a body."""
+        return self._spin(self._body(carrier))
 
+    def in_body(self, carrier: Carrier, vector: Block) -> Block:
+        """R^T v."""
+        return self.b.mul(self.b.transpose(self.k.frames[self._body(carrier)].R), vector)
 
-def _along_axis(k: Kinematics, force: Force, how: AxisForce) -> tuple[Block, Block, dict[Scalar, Block]]:
-    """The axis, the follower's point, and the variables of the law."""
-    ends = _bodies(how.origin, how.point, force)
-    axis, point, measured = travel(k, ends, (how.origin.of(force), how.point.of(force)), how.axis.of(force))
-    assert measured.position is not None
-    return axis, point, {TRAVEL: measured.position, RATE: measured.rate}
+    def from_body(self, carrier: Carrier, components: Block) -> Block:
+        """R v."""
+        return self.b.mul(self.k.frames[self._body(carrier)].R, components)
 
+    def _axes(self, frame: Frame) -> tuple[Block, Block]:
+        """The axes of a frame in columns, as the bodies carry them."""
+        axes = self.translator.matrix(sympy.Matrix([list(axis) for axis in frame.of(self.force)]).T)
+        base, follower = (self.b.mul(self.k.frames[body].R, axes) for body in frame.bodies(self.force))
+        return base, follower
 
-def _travel(system: BodySystem, k: Kinematics, force: LawForce, how: AxisForce) -> dict[str, Block]:
-    axis, point, values = _along_axis(k, force, how)
-    law = law_of(k.translator, force.law, values, TRAVEL)
-    _apply_pair(system, k, _bodies(how.origin, how.point, force), point, k.builder.scale(law["force"], axis))
-    return {**law, **reported_variables(values)}
+    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Measured | Lazy:
+        """The way along directions; its rate is that of the bodies' points at the end."""
+        b, k, base, follower = self.b, self.k, start.body(self.force), end.body(self.force)
+        if isinstance(direction, Axis):
+            measured = travel(k, (base, follower), (start.of(self.force), end.of(self.force)), direction.of(self.force))[2]
+            assert measured.position is not None
+            return Measured(x=measured.position, v=measured.rate)
+        E, point = self._axes(direction)[0], self._point(end)
+        to_base = b.transpose(E)
+        way = k.between(follower, point, base, self._point(start))
+        on_base = b.add(point, k.pole_step(base, follower))
+        speed = b.sub(k.velocity(follower, point), k.velocity(base, on_base))
+        return Lazy(place=lambda: b.mul(to_base, way), rate=lambda: b.mul(to_base, speed))
 
+    def rotation(self, frame: Frame) -> LazyRotation:
+        """Half the sum of e_k x S e_k, with S = E^T G."""
+        b, (base, follower), (E, G) = self.b, frame.bodies(self.force), self._axes(frame)
+        spin, to_base = b.sub(self._spin(follower), self._spin(base)), b.transpose(E)
+        S = b.mul(to_base, G)
+        half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
+        turns = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in ((2, 1), (0, 2), (1, 0))])
+        by_turn = b.scale(half, b.sub(b.scale(b.add(b.add(x, y), z), b.identity(3)), S))
+        return LazyRotation(place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), jacobian=lambda: by_turn)
 
-def _compliance(system: BodySystem, k: Kinematics, force: Force, how: Compliance) -> dict[str, Block]:
-    b, ends = k.builder, _bodies(how.base, how.follower, force)
-    base, follower = ends
-    axes = k.translator.matrix(sympy.Matrix([list(axis) for axis in how.frame.of(force)]).T)
-    E, G = (b.mul(k.frames[body].R, axes) for body in ends)
-    point, to_base = k.point(follower, how.follower.of(force)), b.transpose(E)
-    way = k.between(follower, point, base, k.point(base, how.base.of(force)))
-    on_base = b.add(point, k.pole_step(base, follower))
-    speed = b.sub(k.velocity(follower, point), k.velocity(base, on_base))
-    spin = b.sub(halves(b, k.frames[follower].Z)[1], halves(b, k.frames[base].Z)[1])
-    rotation, by_turn = _small_rotation(b, b.mul(to_base, G))
-    places = (b.mul(to_base, way), rotation)
-    rates = (b.mul(to_base, speed), b.mul(by_turn, b.mul(to_base, spin)))
-    pull, torque, quantities = six_laws(b, k.translator, force.expressions, places, rates, by_turn)
-    _apply_pair(system, k, ends, point, b.mul(E, pull))
-    _twist_pair(system, k, ends, b.mul(E, torque))
-    return quantities
+    def coordinate(self) -> dict[str, Block]:
+        """The coordinate as the tree or the cut joint has it."""
+        measured = measure(self.k, self.force.joint_of, self.force.coordinate_of)
+        return {"rate": measured.rate} if measured.position is None else {"position": measured.position, "rate": measured.rate}
 
+    def pull(self, start: Point, end: Point, force: Block) -> None:
+        """Opposite wrenches of a force at the end."""
+        self._pair((start.body(self.force), end.body(self.force)), self._point(end), force)
 
-def _small_rotation(b: Builder, S: Block) -> tuple[Block, Block]:
-    """Half the sum of e_k x S e_k, and its Jacobian (tr(S) 1 - S)/2 by the angular velocity of S."""
-    half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
-    pairs = ((2, 1), (0, 2), (1, 0))
-    rotation = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in pairs])
-    trace = b.add(b.add(x, y), z)
-    return rotation, b.scale(half, b.sub(b.scale(trace, b.identity(3)), S))
+    def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+        """Opposite wrenches of a force at the end."""
+        if isinstance(direction, Axis):
+            self.pull(start, end, self.b.scale(force, self.k.direction(start.body(self.force), direction.of(self.force))))
+        else:
+            self.pull(start, end, self.b.mul(self._axes(direction)[0], force))
 
+    def _pair(self, ends: tuple[str, str], point: Block, pull: Block) -> Block:
+        """A force on the follower at a point, whose wrench is returned, and its reaction on the base on the same line."""
+        b, (base, follower) = self.b, ends
+        wrench = apply_at(self.system, self.k, follower, point, pull)
+        step = self.k.pole_step(base, follower)
+        if self.k.frames[base].root == self.k.frames[follower].root:
+            self.system.add_force(base, b.neg(wrench))
+        else:
+            apply_at(self.system, self.k, base, b.add(point, step), b.neg(pull))
+        return wrench
 
-def _load_values(k: Kinematics, force: BodyLoad) -> tuple[Block, dict[Scalar, Block]]:
-    """The load's point, and the variables of its components."""
-    b, frame = k.builder, k.frames[force.body]
-    point = k.point(force.body, force.point) if force.point is not None else frame.r
-    place, speed = k.absolute(force.body, point), k.velocity(force.body, point)
-    spin = halves(b, frame.Z)[1]
-    if force.in_body:
-        speed, spin = (b.mul(b.transpose(frame.R), vector) for vector in (speed, spin))
-    return point, dict(zip(PLACE, [b.element(x, i) for x in (place, speed, spin) for i in range(3)], strict=True))
+    def push_at(self, at: Point, force: Block) -> None:
+        """The wrench of a force at a point."""
+        apply_at(self.system, self.k, at.body(self.force), self._point(at), force)
 
+    def push_beside(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+        """The wrench of a force beside a point, and of a moment."""
+        b = self.b
+        torque = b.add(b.cross(b.add(self._point(at), arm), force), moment)
+        self.system.add_force(at.body(self.force), b.stack([[force], [torque]]))
 
-def _load(system: BodySystem, k: Kinematics, force: BodyLoad, how: Wrench) -> dict[str, Block]:
-    b, frame = k.builder, k.frames[force.body]
-    point, values = _load_values(k, force)
-    translator = k.translator.with_values(values)
-    components = b.column([translator.scalar(c) for c in force.components])
-    if force.moving_only:
-        components = b.scale(b.symbol("motion", 1, BindingTime.STEP), components)
-    vector = b.mul(frame.R, components) if force.in_body else components
-    if force.point is None:
-        system.add_force(force.body, b.stack([[b.zero(3)], [vector]]))
-    else:
-        apply_at(system, k, force.body, point, vector)
-    return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
+    def turn(self, carrier: Carrier, torque: Block) -> None:
+        """The wrench of a torque."""
+        self._turn(self._body(carrier), torque)
 
+    def _turn(self, body: str, torque: Block) -> Block:
+        wrench = self.b.stack([[self.b.zero(3)], [torque]])
+        self.system.add_force(body, wrench)
+        return wrench
 
-def _of_coordinate(k: Kinematics, force: JointForce) -> dict[Scalar, Block]:
-    """The variables of the law."""
-    measured = measure(k, force.joint, force.coordinate)
-    return {RATE: measured.rate} if measured.position is None else {POSITION: measured.position, RATE: measured.rate}
+    def twist(self, frame: Frame, torque: Block) -> None:
+        """Opposite torques E (d theta/d turn)^T times the force on the rotations."""
+        b, ends = self.b, frame.bodies(self.force)
+        turned = b.mul(b.transpose(self.rotation(frame).by_turn), torque)
+        self._twist(ends, b.mul(self._axes(frame)[0], turned))
 
+    def _twist(self, ends: tuple[str, str], torque: Block) -> Block:
+        """A torque on the follower, whose wrench is returned, and its reaction on the base."""
+        wrench = self._turn(ends[1], torque)
+        self._turn(ends[0], self.b.neg(torque))
+        return wrench
 
-def _on_coordinate(system: BodySystem, k: Kinematics, force: JointForce, how: OnCoordinate) -> dict[str, Block]:
-    law = law_of(k.translator, force.law, _of_coordinate(k, force), POSITION)
-    motion = tree_motion(k, force.joint)
-    if motion is None:
-        wrench = _apply_at_cut_joint(system, k, force, law["force"])
-        add_to(k.builder, system.cut_joint_wrenches, force.joint, wrench)
-    elif motion.chart is not None:  # a force does not move a guided joint
-        index = COORDINATES[motion.tree_joint.joint.kind].index(force.coordinate)
-        speeds = range(len(motion.chart.speed_names))
-        column = k.builder.column([law["force"] if i == index else k.builder.zero(1) for i in speeds])
-        add_to(k.builder, system.joint_forces, motion.tree_joint.child, column)
-    return law
+    def push_coordinate(self, force: Block) -> None:
+        """A force on an unknown of a tree joint, or on both bodies of a cut joint; it does not move a guided joint."""
+        joint, coordinate, b = self.force.joint_of, self.force.coordinate_of, self.b
+        motion = tree_motion(self.k, joint)
+        if motion is None:
+            add_to(b, self.system.cut_joint_wrenches, joint, self._push_cut_joint(force))
+        elif motion.chart is not None:
+            index = COORDINATES[motion.tree_joint.joint.kind].index(coordinate)
+            column = b.column([force if i == index else b.zero(1) for i in range(len(motion.chart.speed_names))])
+            add_to(b, self.system.joint_forces, motion.tree_joint.child, column)
 
-
-def _apply_at_cut_joint(system: BodySystem, k: Kinematics, force: JointForce, value: Block) -> Block:
-    """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
-    b, cut = k.builder, next(c for c in k.topology.cuts if c.name == force.joint)
-    if force.coordinate in cut.element.angles:
-        return _twist_pair(system, k, (cut.base, cut.follower), b.scale(value, k.direction(cut.base, cut.axes[0])))
-    axis = k.direction(cut.base, slide_axis(cut, force.coordinate))
-    return _apply_pair(system, k, (cut.base, cut.follower), k.point(cut.follower, cut.at), b.scale(value, axis))
-
-
-def _contact_with_road(k: Kinematics, force: Tyre) -> tuple[Block, Contact]:
-    """The wheel's centre, and its contact with the road."""
-    b = k.builder
-    centre, axis = k.point(force.body, force.centre), k.direction(force.body, force.axis)
-    _, w = halves(b, k.frames[force.body].Z)
-    wheel = Wheel(
-        centre=k.absolute(force.body, centre), velocity=k.velocity(force.body, centre), axis=axis, axis_rate=b.cross(w, axis)
-    )
-    return centre, tyre_force(b, k.translator, force, wheel)
-
-
-def _contact(system: BodySystem, k: Kinematics, force: Tyre, how: RoadContact) -> dict[str, Block]:
-    b, (centre, contact) = k.builder, _contact_with_road(k, force)
-    torque = b.add(b.cross(b.add(centre, contact.arm), contact.force), contact.moment)
-    system.add_force(force.body, b.stack([[contact.force], [torque]]))
-    return contact.quantities
+    def _push_cut_joint(self, value: Block) -> Block:
+        """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
+        k, cut = self.k, next(c for c in self.k.topology.cuts if c.name == self.force.joint_of)
+        ends = cut.base, cut.follower
+        if self.force.coordinate_of in cut.element.angles:
+            return self._twist(ends, self.b.scale(value, k.direction(cut.base, cut.axes[0])))
+        axis = k.direction(cut.base, slide_axis(cut, self.force.coordinate_of))
+        return self._pair(ends, k.point(cut.follower, cut.at), self.b.scale(value, axis))

@@ -10,7 +10,7 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import Axis, Point
+from cutjoint.elements.interaction import Axis, Point
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.geometry import unit

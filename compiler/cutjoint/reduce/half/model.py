@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from cutjoint.elements.force import Point
+from cutjoint.elements.interaction import Point
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mirror import reflected_law
 from cutjoint.model.records import (

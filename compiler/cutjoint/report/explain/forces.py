@@ -1,4 +1,4 @@
-"""Every force's law, its partial derivatives, and how it acts, with a description for each kind; every gear's equation."""
+"""Every force's law, its partial derivatives, and how it acts; every gear's equation."""
 
 from __future__ import annotations
 
@@ -7,27 +7,14 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.elements.force import (
-    AxisForce,
-    Carrier,
-    Compliance,
-    Frame,
-    Interaction,
-    LineForce,
-    OnCoordinate,
-    Place,
-    Point,
-    RoadContact,
-    Wrench,
-)
 from cutjoint.elements.gear import NAMES, TEXT
-from cutjoint.formulate.forces import is_active
+from cutjoint.elements.interaction import Carrier, Frame, Page, Place, Point, T, on_both
+from cutjoint.formulate.forces import is_active, variable
 from cutjoint.formulate.records import Equations
-from cutjoint.model.records import BodyLoad, Force, Gear, JointCoordinate, JointForce, LawForce, Model, Tyre
-from cutjoint.report.explain import laws as tyre
+from cutjoint.model.records import Force, Gear, JointCoordinate, Model, Scalar
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import place, text, variants
-from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_law, law_symbols
+from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_calspan, explain_law, law_symbols
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
 
 Cells = tuple[tuple[str, str], ...]
@@ -54,18 +41,97 @@ class ForceDescription:
         return self.title, *self.notes, *self.actions
 
 
-def describe(force: Force, model: Model) -> ForceDescription:
-    """The description of a force."""
-    how = force.interaction
-    return DESCRIPTIONS[type(how)](force, how, model)
+@dataclass(frozen=True, kw_only=True)
+class LawPage:
+    """The laws of forces in LaTeX: the part of `elements.interaction.Page` that all methods share."""
+
+    model: Model
+
+    def law(self, name: str, law: Scalar, position: str, symbol: str) -> tuple[str, ...]:
+        """A law, and its partial derivatives."""
+        return explain_law(name, law, position, symbol, self.model)
+
+    def laws(self, name: str, laws: Sequence[Scalar], symbol: str) -> tuple[str, ...]:
+        """Three laws, each over one displacement or rotation, and the diagonals of their Jacobians."""
+        names = [f"{symbol}_{{{axis}}}" for axis in "xyz"]
+        mine = [(variable(f"position_{i}"), variable(f"rate_{i}")) for i in range(3)]
+        symbols = law_symbols(self.model)
+        for (x, rate), text_of in zip(mine, names, strict=True):
+            symbols |= {x: text_of, rate: rf"\dot {text_of}"}
+        position = variable("position")
+        own = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(laws, mine, strict=True)]
+        slopes = [[differentiate(law, pair[which]) for law, pair in zip(own, mine, strict=True)] for which in (0, 1)]
+        return print_equations([
+            (name, sympy.Matrix(own)),
+            (rf"\partial {name} / \partial {symbol}", sympy.diag(*slopes[0])),
+            (rf"\partial {name} / \partial \dot {symbol}", sympy.diag(*slopes[1])),
+        ], symbols)  # fmt: skip
+
+    def vector(self, name: str, components: Sequence[Scalar], by: Mapping[str, str]) -> tuple[str, ...]:
+        """Components, and those of their Jacobians that are not zero; rates are set as components of their symbol."""
+        F, symbols, jacobians = sympy.Matrix(components), law_symbols(self.model), []
+        for symbol, names in by.items():
+            variables = [variable(each) for each in names.split()]
+            symbols |= {x: f"{symbol}_{{{x.name[-1]}}}" for x in variables if len(x.name) > 1}
+            jacobians.append((rf"\partial {name} / \partial {symbol}", F.jacobian(variables)))
+        return print_equations([(name, F), *((each, J) for each, J in jacobians if not J.is_zero_matrix)], symbols)
+
+    def calspan(self) -> tuple[str, ...]:
+        """The steps of the Calspan model."""
+        return explain_calspan()
+
+    def number(self, value: Scalar) -> str:
+        """A number of the model."""
+        return text(value, self.model)
 
 
-def _title(force: Force) -> str:
-    return force.element.kind.replace("_", " ").capitalize()
+@dataclass(frozen=True, kw_only=True)
+class BodyPage(LawPage):
+    """Forces as wrenches on bodies."""
+
+    def either(self, bodies: T, points: T) -> T:
+        """The text for bodies."""
+        return bodies
+
+    def pull(self, start: str, end: str, force: str) -> str:
+        """Opposite wrenches."""
+        return on_both("-", force, rf"{end} \times {force}")
+
+    def push_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
+        """Opposite wrenches."""
+        return on_both("+", f"{force} {axis}", rf"{end} \times {force} {axis}")
+
+    def push_at(self, at: str, force: str, body: str = "") -> str:
+        """The wrench of a force."""
+        return _joins(body, force, rf"{at} \times {force}")
+
+    def turn(self, torque: str, body: str = "") -> str:
+        """The wrench of a torque."""
+        return _joins(body, "0", torque)
+
+    def kind_of_coordinate(self, force: Force) -> str:
+        """Any coordinate: wrenches and unknowns of joints are explained together."""
+        return ""
+
+
+def _joins(body: str, force: str, moment: str) -> str:
+    Q = f"Q_{{{body}}}" if body else "Q"
+    return rf"{Q} \leftarrow {Q} + \begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
+
+
+def describe(force: Force, model: Model, page: Callable[..., Page] = BodyPage) -> ForceDescription:
+    """The description of a force on a method's page."""
+    explanation = force.interaction.explain(force, page(model=model))
+    return ForceDescription(
+        title=force.interaction.title(force), notes=explanation.notes, actions=explanation.actions, laws=explanation.laws,
+        places=_where(force, model), constants=explanation.constants,
+    )  # fmt: skip
 
 
 def _where(force: Force, model: Model) -> Cells:
-    """The bodies of a force, its points, and its directions."""
+    """The bodies of a force, its points, and its directions; or its joint and coordinate."""
+    if force.joint_of:
+        return ("joint", code(force.joint_of)), ("coordinate $z$", code(force.coordinate_of))
     bodies = [(carrier.value, code(getattr(force, carrier))) for carrier in Carrier if hasattr(force, carrier)]
     places = sorted({p.field: p for p in force.places}.values(), key=lambda place: not isinstance(place, Point))
     return *bodies, *((place.field, _cell(place, force, model)) for place in places)
@@ -75,131 +141,17 @@ def _cell(where: Place, force: Force, model: Model) -> str:
     return "; ".join(place(axis, model) for axis in where.of(force)) if isinstance(where, Frame) else place(where.of(force), model)
 
 
-def _on_both(sign: str, force: str, moment: str) -> str:
-    """A wrench on the follower, the opposite one on the base."""
-    other = "+" if sign == "-" else "-"
-    wrench = rf"\begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
-    return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
-
-
-def _stretch(force: LawForce, how: LineForce, model: Model) -> ForceDescription:
-    return ForceDescription(
-        title=_title(force),
-        notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
-        actions=(
-            r"\ell = \lVert p_e - p_s \rVert, \quad n = (p_e - p_s) / \ell, \quad \dot \ell = n \cdot (v_e - v_s)",
-            _on_both("-", "F n", r"p_e \times F n"),
-        ),
-        laws=explain_law("F", force.law, how.position, r"\ell", model), places=_where(force, model), constants=(),
-    )  # fmt: skip
-
-
-def _travel(force: LawForce, how: AxisForce, model: Model) -> ForceDescription:
-    return ForceDescription(
-        title=_title(force),
-        notes=("$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$; both "
-               "velocities are of the bodies at $p$.",),
-        actions=(r"s = a \cdot (p - p_o), \quad \dot s = a \cdot (v_f - v_b)", _on_both("+", "F a", r"p \times F a")),
-        laws=explain_law("F", force.law, how.position, "s", model), places=_where(force, model), constants=(),
-    )  # fmt: skip
-
-
-def _on_coordinate(force: JointForce, how: OnCoordinate, model: Model) -> ForceDescription:
-    return ForceDescription(
-        title=_title(force),
-        notes=("$F$ joins the generalised force of the coordinate $z$ where the joint is eliminated; a guided joint follows its "
-               "guide. Where the joint is cut, $z$ is measured, and $F$ acts along its direction, or about its axis, on both bodies.",),
-        actions=(r"D e = b^T (Q_i - M_i d) + F",), laws=explain_law("F", force.law, how.position, "z", model),
-        places=(("joint", code(force.joint)), ("coordinate $z$", code(force.coordinate))), constants=(),
-    )  # fmt: skip
-
-
-def _compliance(force: Force, how: Compliance, model: Model) -> ForceDescription:
-    return ForceDescription(
-        title=_title(force),
-        notes=("$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; $d$ are the displacements along "
-               r"and $\theta$ the small rotations about the former, both velocities are of the bodies at the follower's point $p$.",),
-        actions=(
-            r"S = E^T G, \quad d = E^T (p - p_b), \quad \theta = E^T \sum\nolimits_{k} e_k \times g_k / 2, \quad"
-            r" T = (\text{tr} S \cdot \mathbf{1} - S) / 2",
-            r"\dot d = E^T (v_f - v_b), \quad \dot \theta = T E^T (\omega_f - \omega_b)",
-            _on_both("+", "E F", r"p \times E F + E T^T M"),
-        ),
-        laws=_six_laws(force, model), places=_where(force, model), constants=(),
-    )  # fmt: skip
-
-
-def _six_laws(force: Force, model: Model) -> tuple[str, ...]:
-    """Six laws along axes and about them, each over one displacement or rotation, and the diagonals of their Jacobians."""
-    position = sympy.Symbol("position", real=True)
-    names = [f"{letter}_{{{axis}}}" for letter in ("d", r"\theta") for axis in "xyz"]
-    mine = [(sympy.Symbol(f"position_{i}", real=True), sympy.Symbol(f"rate_{i}", real=True)) for i in range(6)]
-    symbols = law_symbols(model)
-    for (x, rate), name in zip(mine, names, strict=True):
-        symbols |= {x: name, rate: rf"\dot {name}"}
-    laws = [expand_polynomials(law).subs({position: x, RATE: r}) for law, (x, r) in zip(force.expressions, mine, strict=True)]
-    formulas: list[str] = []
-    for letter, place_of, part in (("F", "d", slice(0, 3)), ("M", r"\theta", slice(3, 6))):
-        pairs = list(zip(laws[part], mine[part], strict=True))
-        formulas += print_equations([
-            (letter, sympy.Matrix([law for law, _ in pairs])),
-            (rf"\partial {letter} / \partial {place_of}", sympy.diag(*(differentiate(law, x) for law, (x, _) in pairs))),
-            (rf"\partial {letter} / \partial \dot {place_of}", sympy.diag(*(differentiate(law, r) for law, (_, r) in pairs))),
-        ], symbols)  # fmt: skip
-    return tuple(formulas)
-
-
-_PLACE, _SPEED = (sympy.symbols(names, real=True) for names in ("x y z", "vx vy vz"))
-
-
-def _load(force: BodyLoad, how: Wrench, model: Model) -> ForceDescription:
-    axes = "the body's axes" if force.in_body else "global axes"
-    at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
-    notes = [f"A torque in {axes}." if force.point is None else at_point]
-    if force.moving_only:
-        notes.append("Absent while the equilibrium is sought.")
-    turned = "R F" if force.in_body else "F"
-    wrench = rf"0 \cr {turned}" if force.point is None else rf"{turned} \cr p \times {turned}"
-    return ForceDescription(
-        title="Torque" if force.point is None else _title(force), notes=tuple(notes),
-        actions=(rf"Q \leftarrow Q + \begin{{bmatrix}} {wrench} \end{{bmatrix}}",), laws=_components(force, model),
-        places=_where(force, model), constants=(),
-    )  # fmt: skip
-
-
-def _components(load: BodyLoad, model: Model) -> tuple[str, ...]:
-    """The components and those of their Jacobians by place and velocity that are not zero."""
-    symbols = law_symbols(model) | dict(zip(_SPEED, (f"v_{{{axis}}}" for axis in "xyz"), strict=True))
-    F = sympy.Matrix(load.components)
-    jacobians = ((r"\partial F / \partial r", F.jacobian(_PLACE)), (r"\partial F / \partial v", F.jacobian(_SPEED)))
-    return print_equations([("F", F), *((name, J) for name, J in jacobians if not J.is_zero_matrix)], symbols)
-
-
-def _contact(force: Tyre, how: RoadContact, model: Model) -> ForceDescription:
-    letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
-    return ForceDescription(
-        title=_title(force), notes=tyre.NOTES, actions=(*tyre.CONTACT, *tyre.explain_calspan(), tyre.ACTION), laws=(),
-        places=_where(force, model),
-        constants=tuple((letters.get(name, name), text(value, model)) for name, value in force.constants.items()),
-    )  # fmt: skip
-
-
-DESCRIPTIONS: Mapping[type[Interaction], Callable[..., ForceDescription]] = {
-    LineForce: _stretch, AxisForce: _travel, Compliance: _compliance, Wrench: _load, OnCoordinate: _on_coordinate, RoadContact: _contact,
-}  # fmt: skip
-
-
 # Forces
 
 
 def explain_forces(
-    equations: Equations, counterparts: Sequence[Counterparts], description: Callable[[Force, Model], ForceDescription] = describe,
+    equations: Equations, counterparts: Sequence[Counterparts], page: Callable[..., Page] = BodyPage,
     notes: tuple[str, ...] = (),
 ) -> Chapter:  # fmt: skip
-    """The forces that act in the scene, in the description of a formulation; those that are switched off are named."""
+    """The forces that act in the scene, on the page of a formulation; those that are switched off are named."""
     model, scene = equations.topology.model, equations.scene
     forces = {f.name: f for f in model.forces if is_active(f, scene)}
-    descriptions = {name: description(f, model) for name, f in forces.items()}
+    descriptions = {name: describe(f, model, page) for name, f in forces.items()}
     groups = group(list(forces), counterparts, lambda name: descriptions[name].kind, lambda name: descriptions[name].laws)
     entries = [_entry([forces[n] for n in names], [descriptions[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]

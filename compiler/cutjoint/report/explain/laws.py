@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import sympy
 
 from cutjoint.formulate.inputs import TIME
-from cutjoint.formulate.tyre import STANDING
 from cutjoint.model.operations import choice
 from cutjoint.model.records import Model, Scalar
 from cutjoint.report.explain.latex import latex, lines, parameter_symbols, sum_lines
@@ -79,7 +78,7 @@ class Step:
     value: Scalar
 
 
-#: Lateral force and aligning moment, as cutjoint.formulate.tyre.calspan computes them for a load Fz > 0 with a limit > 0.
+#: Lateral force and aligning moment, as `calspan` of `elements.interactions.road_contact` has them for a load Fz > 0 with a limit > 0.
 CALSPAN = (
     Step(symbol=CAPPED, value=sympy.Min(Fz, A2)),
     Step(symbol=CORNERING, value=A0 + A1 * CAPPED * (A2 - CAPPED) / A2),
@@ -95,25 +94,6 @@ _SYMBOLS = {
     LIMIT: r"F_{lim}", **{s: f"{s.name.rstrip('0123456789')}_{{{s.name[-1]}}}" for s in (A0, A1, A2, A3, A4, B1, B3, B4)},
     SN: r"\text{ SN }", AF1: r"\text{ AF1 }", AF2: r"\text{ AF2 }",
 }  # fmt: skip
-
-CONTACT = (
-    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
-    r" e_y = n \times e_x, \quad e_z = e_x \times y",
-    r"\delta = R - (z - h), \quad F_z = k \delta n_z \text{ where } \delta \gt 0 \text{, else } 0",
-    r"\alpha = \text{atan} (e_y \cdot v / e_x \cdot v), \quad \gamma = \text{atan} (n \cdot y / n \cdot e_z)",
-)
-
-ACTION = (
-    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n + h \times \omega \end{bmatrix},"
-    r" \quad F = F_z n + F_y e_y, \quad h = I \frac{v \cdot e_x}{R} y"
-)
-
-NOTES = (
-    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it; the "
-    "force acts at $p$, where the wheel plane's $e_z$ from the centre meets the road. Without load there is no force at all.",
-    f"Below {STANDING} m/s along $e_x$ the wheel counts as standing: no lateral force, no moment, contact along $n$. Where the size of $a$ "
-    "is 3 or more the wheel slides, and the derivatives by slip and camber are zero.",
-)
 
 
 def partials() -> tuple[tuple[str, Scalar, Scalar, Scalar], ...]:

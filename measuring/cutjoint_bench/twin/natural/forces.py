@@ -16,8 +16,9 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import AxisForce, Compliance, Interaction, LineForce, OnCoordinate, Point, RoadContact, Wrench
-from cutjoint.formulate.forces import PLACE, is_active
+from cutjoint.elements.interaction import Interaction, Point
+from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.formulate.forces import is_active, variable
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Tyre, Vector
@@ -106,7 +107,7 @@ class _Forces:
 
 def derivatives(component: Any) -> Iterator[tuple[int, Any]]:
     """The derivatives of a load's component by those variables (x to z, vx to vz, wx to wz) that it uses."""
-    for i, symbol in enumerate(PLACE):
-        derivative = sympy.diff(component, symbol)
+    for i, name in enumerate(["x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz"]):
+        derivative = sympy.diff(component, variable(name))
         if derivative != 0:
             yield i, derivative

@@ -115,7 +115,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
             explain_shapes(d, counterparts),
             explain_joint_constraints(d, counterparts),
             explain_masses(d, counterparts),
-            explain_forces(d.full, counterparts, force_descriptions.describe_natural, force_descriptions.NOTES),
+            explain_forces(d.full, counterparts, force_descriptions.PointPage, force_descriptions.NOTES),
             explain_dependence(d),
             *reduction,
         ),

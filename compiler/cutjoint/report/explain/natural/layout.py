@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cutjoint.elements.force import Frame, Point
+from cutjoint.elements.interaction import Frame, Point
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind

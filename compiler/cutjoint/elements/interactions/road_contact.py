@@ -1,4 +1,4 @@
-"""The tyre: vertical spring on the road's height, lateral and aligning force of the Calspan model.
+"""A wheel on the road: vertical spring on the road's height, lateral and aligning force of the Calspan model.
 
 The road is met under the wheel centre.  n is the local road normal, e_x the rolling direction and e_y the lateral direction (left) in
 the road plane, e_z the wheel plane's way from the ground to the centre.  The force acts where the wheel plane's e_z meets the road.  A
@@ -13,23 +13,95 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Tyre
-from cutjoint.program.blocks import Block, Builder
+from cutjoint.elements.interaction import (
+    Arrow,
+    Axis,
+    Explanation,
+    Interaction,
+    Look,
+    Mechanics,
+    Motion,
+    Page,
+    Point,
+    Sight,
+    Wheel,
+    gets,
+)
+
+if TYPE_CHECKING:
+    from cutjoint.elements.forces.tyre import Tyre
+    from cutjoint.program.blocks import Block, Builder
 
 #: Rolling speed below which a wheel counts as standing, m/s.
 STANDING = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wheel:
-    """The motion of a wheel: its centre from the world's origin and that point's velocity, its axis and that direction's rate, (3, 1)."""
+class RoadContact(Interaction):
+    """A wheel on the road, which has a track of its own in the runtime."""
 
-    centre: Block
-    velocity: Block
-    axis: Block
-    axis_rate: Block
+    centre: Point
+    axis: Axis
+    needs_attitude: ClassVar[bool] = True
+    has_road: ClassVar[bool] = True
+    equation: ClassVar[str] = "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model"
+
+    def act(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
+        """The road pushes the wheel at the contact; spin and road turn it."""
+        contact = self._contact(force, m)
+        m.push_beside(self.centre, contact.arm, contact.force, contact.moment)
+        return contact.quantities
+
+    def values(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
+        """The lateral force."""
+        return {"side": self._contact(force, m).quantities["Fy"]}
+
+    def _contact(self, force: Tyre, m: Mechanics) -> Contact:
+        return touch_road(m, force, m.point(self.centre), m.direction(self.axis))
+
+    def explain(self, force: Tyre, page: Page) -> Explanation:
+        """The contact, the Calspan model and the wrench."""
+        letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
+        return Explanation(
+            notes=(*_NOTES, *page.either((), ("$c$ is the wheel centre.",))),
+            actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
+            constants=tuple((letters.get(name, name), page.number(value)) for name, value in force.constants.items()),
+        )
+
+    def looks(self) -> tuple[Look, ...]:
+        """A wheel."""
+        return (Wheel(self.centre, self.axis),)
+
+    def arrow(self, force: Tyre, sight: Sight) -> Arrow:
+        """The load on the wheel, from the road under its centre."""
+        return sight.lift(self.centre, force.radius, "Fz")
+
+
+_CONTACT = (
+    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
+    r" e_y = n \times e_x, \quad e_z = e_x \times y",
+    r"\delta = R - (z - h), \quad F_z = k \delta n_z \text{ where } \delta \gt 0 \text{, else } 0",
+    r"\alpha = \text{atan} (e_y \cdot v / e_x \cdot v), \quad \gamma = \text{atan} (n \cdot y / n \cdot e_z)",
+)
+
+_WRENCH = (
+    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M_z n + h \times \omega \end{bmatrix},"
+    r" \quad F = F_z n + F_y e_y, \quad h = I \frac{v \cdot e_x}{R} y"
+)
+
+_ON_POINTS = r", \quad ".join((
+    "F = F_z n + F_y e_y", r"T = (p - c) \times F + M_z n - I \frac{v \cdot e_x}{R} \dot y", gets("c", "+", "F"),
+    gets("e_i", "+", r"T \times e_i / 2"),
+))  # fmt: skip
+
+_NOTES = (
+    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it; the "
+    "force acts at $p$, where the wheel plane's $e_z$ from the centre meets the road. Without load there is no force at all.",
+    f"Below {STANDING} m/s along $e_x$ the wheel counts as standing: no lateral force, no moment, contact along $n$. Where the size of $a$ "
+    "is 3 or more the wheel slides, and the derivatives by slip and camber are zero.",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +114,10 @@ class Contact:
     quantities: dict[str, Block]
 
 
-def tyre_force(b: Builder, translator: Translator, tyre: Tyre, wheel: Wheel) -> Contact:
-    """The contact of one wheel."""
-    x, y, z = (b.element(wheel.centre, i) for i in range(3))
-    axis = wheel.axis
+def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> Contact:
+    """The contact of one wheel, by the motions of its centre and axis."""
+    b, (place, velocity), (axis, axis_rate) = m.b, (centre.x, centre.v), (wheel_axis.x, wheel_axis.v)
+    x, y, z = (b.element(place, i) for i in range(3))
     slope = b.call("road_slope", x, y, table=tyre.name)
     clearance = b.sub(z, b.call("road_height", x, y, table=tyre.name))
     n_z = b.call("div", b.number(1.0), b.call("sqrt", b.add(b.number(1.0), b.mul(slope, slope))))
@@ -53,10 +125,10 @@ def tyre_force(b: Builder, translator: Translator, tyre: Tyre, wheel: Wheel) -> 
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
     e_y, e_z = b.cross(n, e_x), b.cross(e_x, axis)
-    constants = {name: translator.scalar(value) for name, value in tyre.constants.items()}
+    constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
     deflection = b.sub(constants["radius"], clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
-    rolling, drift = b.dot(e_x, wheel.velocity), b.dot(e_y, wheel.velocity)
+    rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
     camber = b.call("atan", b.call("div", b.dot(n, axis), b.dot(n, e_z)))
@@ -69,7 +141,7 @@ def tyre_force(b: Builder, translator: Translator, tyre: Tyre, wheel: Wheel) -> 
     return Contact(
         arm=b.neg(_choose(b, moves, rolling_arm, standing_arm)),
         force=b.add(b.scale(load, n), b.scale(side, e_y)),
-        moment=b.sub(b.scale(aligning, n), b.scale(momentum, wheel.axis_rate)),
+        moment=b.sub(b.scale(aligning, n), b.scale(momentum, axis_rate)),
         quantities={"Fz": load, "Fy": side, "Mz": aligning, "slip": slip, "camber": camber, "deflection": deflection},
     )
 

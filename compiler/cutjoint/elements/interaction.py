@@ -1,0 +1,320 @@
+"""The vocabulary of interactions: the places that a force has on its bodies, and how it works between them, for every method.
+
+An interaction is a file of `elements/interactions/`.  It says by the verbs of `Mechanics` what a force measures and where it acts, by those
+of `Page` how `explain` writes that, and by shapes and those of `Sight` how it looks.  Methods, `explain` and the viewer interpret it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias, TypeVar
+
+from cutjoint.elements.terms import Scalar
+
+if TYPE_CHECKING:
+    from cutjoint.elements.force import Force
+    from cutjoint.program.blocks import Block, Builder
+
+# Places on bodies
+
+
+class Carrier(StrEnum):
+    """The field of a record that names the body which carries something."""
+
+    BASE = "base"
+    FOLLOWER = "follower"
+    BODY = "body"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point or direction fixed in one of a force's bodies: the record's field that has it in the design position."""
+
+    carrier: Carrier
+    field: str
+
+    def body(self, force: Force) -> str:
+        """The body that carries it."""
+        return str(getattr(force, self.carrier))
+
+    def of(self, force: Force) -> Any:
+        """The components of the place, None where the force has none."""
+        return getattr(force, self.field)
+
+
+@dataclass(frozen=True)
+class Point(Place):
+    """A point."""
+
+
+@dataclass(frozen=True)
+class Axis(Place):
+    """A direction; with ``is_rotation`` one that mirrors as an axis of rotation."""
+
+    is_rotation: bool = False
+
+
+@dataclass(frozen=True)
+class Frame(Place):
+    """Three directions, right-handed; ``carrier`` is the body in whose frame laws count, and the other body carries them too."""
+
+    def bodies(self, force: Force) -> tuple[str, str]:
+        """The body in whose frame laws count, and the other one."""
+        (other,) = (body for body in force.bodies if body != self.body(force))
+        return self.body(force), other
+
+
+# Mechanics
+
+
+class Motion(Protocol):
+    """A quantity and its rate, (3, 1) or (1, 1)."""
+
+    @property
+    def x(self) -> Block: ...
+
+    @property
+    def v(self) -> Block: ...
+
+
+class Rotation(Motion, Protocol):
+    """Small rotations (3, 1) in a frame, their rates, and their Jacobian (3, 3) by the relative angular velocity in that frame."""
+
+    @property
+    def by_turn(self) -> Block: ...
+
+
+class Mechanics(Protocol):
+    """The motions of a force's places, and the verbs by which it works on its bodies, as a method has them; vectors are (3, 1), global."""
+
+    @property
+    def b(self) -> Builder:
+        """The algebra of blocks."""
+
+    def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
+        """An expression of named variables."""
+
+    def law(self, law: Scalar, values: Mapping[str, Block], position: str) -> dict[str, Block]:
+        """The value of a law as ``force``, and its partial derivatives by position and rate as ``stiffness`` and ``damping``."""
+
+    def in_motion(self, value: Block) -> Block:
+        """A value that is zero while the equilibrium is sought."""
+
+    def point(self, at: Point) -> Motion:
+        """The place of a point from the world's origin, and its velocity."""
+
+    def way(self, start: Point, end: Point) -> Motion:
+        """The way from one point to another."""
+
+    def direction(self, axis: Axis) -> Motion:
+        """A direction."""
+
+    def spin(self, carrier: Carrier) -> Block:
+        """The angular velocity of a body."""
+
+    def in_body(self, carrier: Carrier, vector: Block) -> Block:
+        """The components of a vector in a body's axes."""
+
+    def from_body(self, carrier: Carrier, components: Block) -> Block:
+        """The vector of components in a body's axes."""
+
+    def along(self, start: Point, end: Point, direction: Axis | Frame) -> Motion:
+        """The components of the way between two points along directions that the start's body carries."""
+
+    def rotation(self, frame: Frame) -> Rotation:
+        """Half the sum of e_k x g_k, the axes of a frame as both of a force's bodies carry them, in the frame."""
+
+    def coordinate(self) -> dict[str, Block]:
+        """The ``position``, where it is known, and the ``rate`` of the joint's coordinate on which the force works."""
+
+    def pull(self, start: Point, end: Point, force: Block) -> None:
+        """A force on the end along the line between two points, and its reaction on the start."""
+
+    def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+        """A force on the end by its components along directions of the start's body, which has the reaction on the same line."""
+
+    def push_at(self, at: Point, force: Block) -> None:
+        """A force on a point."""
+
+    def push_beside(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+        """A force at ``arm`` from a point of a body, and a moment on the body."""
+
+    def turn(self, carrier: Carrier, torque: Block) -> None:
+        """A torque on a body."""
+
+    def twist(self, frame: Frame, torque: Block) -> None:
+        """A force on the small rotations in a frame."""
+
+    def push_coordinate(self, force: Block) -> None:
+        """A force on the joint's coordinate."""
+
+
+# Formulas
+
+T = TypeVar("T", str, tuple[str, ...])
+
+
+def on_both(sign: str, force: str, moment: str) -> str:
+    """A wrench on the follower, the opposite one on the base."""
+    other = "+" if sign == "-" else "-"
+    wrench = rf"\begin{{bmatrix}} {force} \cr {moment} \end{{bmatrix}}"
+    return rf"Q_f \leftarrow Q_f {sign} {wrench}, \quad Q_b \leftarrow Q_b {other} {wrench}"
+
+
+def gets(node: str, sign: str, force: str) -> str:
+    """A force on the displacement of a point or direction."""
+    return rf"Q_{{{node}}} \leftarrow Q_{{{node}}} {sign} {force}"
+
+
+def pair(end: str, start: str, sign: str, force: str) -> str:
+    """A force on one point, the opposite one on another."""
+    other = "+" if sign == "-" else "-"
+    return rf"{gets(end, sign, force)}, \quad {gets(start, other, force)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """Notes on a force, formulas of its action, those of its laws with numbers, and ``constants`` as pairs of a heading and a cell."""
+
+    notes: tuple[str, ...]
+    actions: tuple[str, ...]
+    laws: tuple[str, ...] = ()
+    constants: tuple[tuple[str, str], ...] = ()
+
+
+class Page(Protocol):
+    """The LaTeX of a method, whose forces act on bodies as wrenches or on displacements of points and directions."""
+
+    def either(self, bodies: T, points: T) -> T:
+        """The text of this method."""
+
+    def pull(self, start: str, end: str, force: str) -> str:
+        """A force that draws the end to the start, and its reaction."""
+
+    def push_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
+        """A force on the end along an axis of the start's body, and its reaction on the same line; ``way`` leads from start to end."""
+
+    def push_at(self, at: str, force: str, body: str = "") -> str:
+        """A force on a point of a body."""
+
+    def turn(self, torque: str, body: str = "") -> str:
+        """A torque on a body."""
+
+    def kind_of_coordinate(self, force: Force) -> str:
+        """The kind of the joint's coordinate on which a force works: ``guided``, ``angle`` or ``slide``."""
+
+    def law(self, name: str, law: Scalar, position: str, symbol: str) -> tuple[str, ...]:
+        """A law over one position, whose LaTeX is ``symbol``, and its rate, with its partial derivatives."""
+
+    def laws(self, name: str, laws: Sequence[Scalar], symbol: str) -> tuple[str, ...]:
+        """Three laws over a position and a rate each, along x, y and z, with the diagonals of their Jacobians."""
+
+    def vector(self, name: str, components: Sequence[Scalar], by: Mapping[str, str]) -> tuple[str, ...]:
+        """A vector and its Jacobians that are not zero, each by the variables of its symbol, ``by`` as {"r": "x y z"}."""
+
+    def calspan(self) -> tuple[str, ...]:
+        """The tyre's lateral force and aligning moment, with their partial derivatives."""
+
+    def number(self, value: Scalar) -> str:
+        """A number."""
+
+
+# Looks
+
+
+@dataclass(frozen=True)
+class Coil:
+    """A spring between two points, or along ``axis`` through the end, as far as the start is off."""
+
+    start: Point
+    end: Point
+    axis: Axis | None = None
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A ring around a frame's third direction."""
+
+    at: Point
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """A wheel that rolls on the road."""
+
+    at: Point
+    axis: Axis
+
+
+Look: TypeAlias = Coil | Ring | Wheel
+#: The place where a force acts, and the force, (times, 3) each; None where a run's outputs do not have it.
+Arrow: TypeAlias = tuple[Any, Any] | None
+
+
+class Sight(Protocol):
+    """Arrows of a force's quantities over time; None where a run's outputs do not have them."""
+
+    def pull(self, start: Point, end: Point, quantity: str) -> Arrow:
+        """A tension on the end, towards the start."""
+
+    def push_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
+        """A force on a point along an axis."""
+
+    def components(self, at: Point, axes: Frame | Carrier | None) -> Arrow:
+        """Fx, Fy and Fz on a point in a frame, in a body's axes or in global ones."""
+
+    def lift(self, at: Point, below: Scalar, quantity: str) -> Arrow:
+        """A force up on the place that is so far below a point."""
+
+
+# Interactions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interaction(ABC):
+    """The way in which a force works on its bodies; its fields are the places that it has there.
+
+    ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
+    ``needs_attitude`` says that it depends on all directions of its bodies or works on them, ``can_be_guarded`` that a law over one
+    position or a point's is all of it, ``holds_bodies`` that its points hold bodies, ``has_road`` that it meets the road, which has a track
+    for each such force in the runtime.
+    """
+
+    equation: ClassVar[str]
+    equation_of_points: ClassVar[str] = ""
+    needs_attitude: ClassVar[bool] = False
+    can_be_guarded: ClassVar[bool] = False
+    holds_bodies: ClassVar[bool] = True
+    has_road: ClassVar[bool] = False
+
+    @abstractmethod
+    def act(self, force: Any, m: Mechanics) -> dict[str, Block]:
+        """Act on the bodies; the quantities that the force reports."""
+
+    def values(self, force: Any, m: Mechanics) -> dict[str, Block]:
+        """The variables of the force's law by name, for guards."""
+        raise NotImplementedError
+
+    def swapped(self, force: Any) -> Mapping[str, Any]:
+        """The fields of the force's places after its bodies change parts, {} where that makes another force of it."""
+        return {}
+
+    @abstractmethod
+    def explain(self, force: Any, page: Page) -> Explanation:
+        """The formulas by which it works."""
+
+    def title(self, force: Any) -> str:
+        """The heading of the force in an explanation."""
+        return str(force.element.kind.replace("_", " ").capitalize())
+
+    def looks(self) -> tuple[Look, ...]:
+        """The shapes that are drawn."""
+        return ()
+
+    def arrow(self, force: Any, sight: Sight) -> Arrow:
+        """The force on the follower or body, as an arrow."""
+        return None

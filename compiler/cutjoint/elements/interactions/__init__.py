@@ -1,0 +1,10 @@
+"""The interactions, each in a file of its own."""
+
+from __future__ import annotations
+
+from cutjoint.elements.interactions.axis_force import AxisForce as AxisForce
+from cutjoint.elements.interactions.compliance import Compliance as Compliance
+from cutjoint.elements.interactions.line_force import LineForce as LineForce
+from cutjoint.elements.interactions.on_coordinate import OnCoordinate as OnCoordinate
+from cutjoint.elements.interactions.road_contact import RoadContact as RoadContact
+from cutjoint.elements.interactions.wrench import Wrench as Wrench

@@ -1,0 +1,60 @@
+"""A force along an axis that a body carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from cutjoint.elements.interaction import Arrow, Axis, Coil, Explanation, Interaction, Look, Mechanics, Page, Point, Sight
+
+if TYPE_CHECKING:
+    from cutjoint.elements.force import LawForce
+    from cutjoint.program.blocks import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxisForce(Interaction):
+    """A push on ``point`` along ``axis``, a law over ``travel`` (m) of the point from ``origin`` along the axis and its ``rate`` (m/s).
+
+    The reaction acts on the same line.
+    """
+
+    origin: Point
+    axis: Axis
+    point: Point
+    position: ClassVar[str] = "travel"
+    can_be_guarded: ClassVar[bool] = True
+    equation: ClassVar[str] = "travel = e . (p - p_origin),  follower gets law(travel, rate) e"
+    equation_of_points: ClassVar[str] = "travel = e . (p - p_origin),  Q = law(travel, rate) d travel/d q"
+
+    def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
+        """The law pushes the point along the axis."""
+        values = self.values(force, m)
+        law = m.law(force.law, values, self.position)
+        m.push_along(self.origin, self.point, self.axis, law["force"])
+        return {**law, **values}
+
+    def values(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
+        """The travel, and its rate."""
+        travel = m.along(self.origin, self.point, self.axis)
+        return {"travel": travel.x, "rate": travel.v}
+
+    def explain(self, force: LawForce, page: Page) -> Explanation:
+        """A push along the axis."""
+        note = "$F$ pushes the follower's point $p$ along the axis $a$, which is fixed in the base like the origin $p_o$"
+        travel = page.either(
+            r"s = a \cdot (p - p_o), \quad \dot s = a \cdot (v_f - v_b)",
+            r"d = p - p_o, \quad s = a \cdot d, \quad \dot s = a \cdot \dot d + d \cdot \dot a",
+        )
+        return Explanation(
+            notes=(f"{note}{page.either('; both velocities are of the bodies at $p$.', '.')}",),
+            actions=(travel, page.push_along("p_o", "p", "a", "d", "F")), laws=page.law("F", force.law, self.position, "s"),
+        )  # fmt: skip
+
+    def looks(self) -> tuple[Look, ...]:
+        """A spring along the line of the force, as long as its travel."""
+        return (Coil(self.origin, self.point, self.axis),)
+
+    def arrow(self, force: LawForce, sight: Sight) -> Arrow:
+        """The push on the follower."""
+        return sight.push_along(self.point, self.axis, "force")

@@ -1,0 +1,66 @@
+"""A force along the line between two points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from cutjoint.elements.interaction import Arrow, Coil, Explanation, Interaction, Look, Mechanics, Page, Point, Sight
+
+if TYPE_CHECKING:
+    from cutjoint.elements.force import LawForce
+    from cutjoint.program.blocks import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineForce(Interaction):
+    """A tension, a law over ``length`` (m) of the way from start to end and its ``rate`` (m/s)."""
+
+    start: Point
+    end: Point
+    position: ClassVar[str] = "length"
+    can_be_guarded: ClassVar[bool] = True
+    equation: ClassVar[str] = "n = (p_end - p_start)/length,  follower gets -law(length, rate) n"
+    equation_of_points: ClassVar[str] = "n = (p_end - p_start)/length,  Q = -law(length, rate) n on the way between the points"
+
+    def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
+        """The tension draws both points together."""
+        n, values = self._stretch(m)
+        law = m.law(force.law, values, self.position)
+        m.pull(self.start, self.end, m.b.neg(m.b.scale(law["force"], n)))
+        return {**law, **values}
+
+    def values(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
+        """The length of the way, and its rate."""
+        return self._stretch(m)[1]
+
+    def _stretch(self, m: Mechanics) -> tuple[Block, dict[str, Block]]:
+        """The direction of the way, its length, and the length's rate."""
+        b, way = m.b, m.way(self.start, self.end)
+        length = b.call("sqrt", b.dot(way.x, way.x))
+        n = b.scale(b.call("div", b.number(1.0), length), way.x)
+        return n, {"length": length, "rate": b.dot(n, way.v)}
+
+    def swapped(self, force: LawForce) -> Mapping[str, Any]:
+        """Both ends change places."""
+        return {self.start.field: self.end.of(force), self.end.field: self.start.of(force)}
+
+    def explain(self, force: LawForce, page: Page) -> Explanation:
+        """A tension and its line."""
+        line = page.either(
+            r"\ell = \lVert p_e - p_s \rVert, \quad n = (p_e - p_s) / \ell, \quad \dot \ell = n \cdot (v_e - v_s)",
+            r"d = p_e - p_s, \quad \ell = \lVert d \rVert, \quad n = d / \ell, \quad \dot \ell = n \cdot \dot d",
+        )
+        return Explanation(
+            notes=("$F$ is the tension between the start $p_s$, fixed in the base, and the end $p_e$, fixed in the follower.",),
+            actions=(line, page.pull("p_s", "p_e", "F n")), laws=page.law("F", force.law, self.position, r"\ell"),
+        )  # fmt: skip
+
+    def looks(self) -> tuple[Look, ...]:
+        """A spring."""
+        return (Coil(self.start, self.end),)
+
+    def arrow(self, force: LawForce, sight: Sight) -> Arrow:
+        """The tension on the follower."""
+        return sight.pull(self.start, self.end, "force")

@@ -1,0 +1,71 @@
+"""A force or a torque on one body by its components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from cutjoint.elements.interaction import Arrow, Explanation, Interaction, Mechanics, Page, Point, Sight
+
+if TYPE_CHECKING:
+    from cutjoint.elements.forces.body_load import BodyLoad
+    from cutjoint.program.blocks import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrench(Interaction):
+    """Three components of a force at ``point`` over its place and velocity, or of a torque over the body's angular velocity."""
+
+    point: Point
+    holds_bodies: ClassVar[bool] = False
+    can_be_guarded: ClassVar[bool] = True
+    equation: ClassVar[str] = "the force given by its components at its point"
+    equation_of_points: ClassVar[str] = (
+        "the force given by its components at its point, a torque as half the sum of T x e_i on the directions"
+    )
+
+    def act(self, force: BodyLoad, m: Mechanics) -> dict[str, Block]:
+        """The components act at the point, or on the body."""
+        b, values = m.b, self.values(force, m)
+        components = b.column([m.scalar(c, values) for c in force.components])
+        if force.moving_only:
+            components = m.in_motion(components)
+        vector = m.from_body(self.point.carrier, components) if force.in_body else components
+        if force.point is None:
+            m.turn(self.point.carrier, vector)
+        else:
+            m.push_at(self.point, vector)
+        return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
+
+    def values(self, force: BodyLoad, m: Mechanics) -> dict[str, Block]:
+        """Place and velocity of the point, or the body's angular velocity."""
+        if force.point is None:
+            vectors = {"w": m.spin(self.point.carrier)}
+        else:
+            at = m.point(self.point)
+            vectors = {"": at.x, "v": at.v}
+        if force.in_body:
+            vectors = {name: m.in_body(self.point.carrier, vector) if name else vector for name, vector in vectors.items()}
+        return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
+
+    def explain(self, force: BodyLoad, page: Page) -> Explanation:
+        """A vector by its components."""
+        axes = "the body's axes" if force.in_body else "global axes"
+        at_point = f"A force at the body's point $p$, in {axes}; $r$ is that point's place, $v$ its velocity."
+        notes = [f"A torque in {axes}." if force.point is None else at_point]
+        if force.moving_only:
+            notes.append("Absent while the equilibrium is sought.")
+        turned = page.either("R F", r"E F, \quad E = [e_x, e_y, e_z]") if force.in_body else "F"
+        spin = page.either("", r", \quad \omega = \sum\nolimits_{i} e_i \times \dot e_i / 2")
+        action = page.turn(turned) + spin if force.point is None else page.push_at("p", turned)
+        return Explanation(
+            notes=tuple(notes), actions=(action,), laws=page.vector("F", force.components, {"r": "x y z", "v": "vx vy vz"})
+        )
+
+    def title(self, force: BodyLoad) -> str:
+        """The heading of a load or a torque."""
+        return "Torque" if force.point is None else super().title(force)
+
+    def arrow(self, force: BodyLoad, sight: Sight) -> Arrow:
+        """The force on the body."""
+        return None if force.point is None else sight.components(self.point, self.point.carrier if force.in_body else None)
