@@ -71,6 +71,7 @@ PLACE = "lever.yaml:9:"
     ("a.glb", lambda folder: (folder / "a.glb").write_bytes(glb(buffers=[{"byteLength": 96, "uri": "/etc/passwd"}])), "mesh 'a.glb' "),
     ("a.stl", lambda folder: (folder / "a.stl").write_bytes(stl(CORNERS * [1, 0, 0])), "mesh 'a.stl' has no triangle with an area"),
     ("a.obj", lambda folder: (folder / "a.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9"), "is no mesh that can be read"),
+    ("a.obj", lambda folder: (folder / "a.obj").write_bytes(b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3"), "is no mesh that can be read"),
     ("a.glb", lambda folder: (folder / "a.glb").write_bytes(glb(nodes=[{"children": [0]}])), "glTF: node 0 stands at several places"),
     ("a.glb", lambda folder: (folder / "a.glb").write_bytes(glb(extensionsRequired=["\x1b[31m"])), "the extension '\\x1b[31m'"),
     ("a.glb", many, "has more than 200000 triangles; make it coarser"),

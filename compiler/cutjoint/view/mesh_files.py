@@ -85,7 +85,10 @@ def _read_by_trimesh(content: bytes, kind: str) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         loaded = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False, resolver=None, skip_materials=True)
-    return np.asarray(loaded.triangles, dtype=np.float64)
+    triangles = np.asarray(loaded.triangles, dtype=np.float64)
+    if triangles.shape[1:] != (3, 3):
+        raise ValueError("its points have not three coordinates each")
+    return triangles
 
 
 def _read_gltf(content: bytes) -> Array:
