@@ -207,3 +207,16 @@ def test_quotients_by_the_smallest_numbers_stay_quotients(smallest: float) -> No
     assert value_of(graph, graph.div(x, graph.const(smallest)), [2 * smallest]) == 2.0
     lanes = graph.div(x, graph.lane_const([smallest, 1.0]))
     assert value_of(graph, graph.lane(lanes, 0), [2 * smallest]) == 2.0
+
+
+def test_functions_of_constants_in_lanes_are_folded() -> None:
+    graph = Graph()
+    angles = graph.lane_const([0.4, -0.5])
+    assert [graph.value(graph.lane(graph.call("cos", (angles,)), k)) for k in range(2)] == [math.cos(0.4), math.cos(-0.5)]
+    assert graph.value(graph.lane(graph.call("atan2", (angles, graph.const(2.0))), 1)) == math.atan2(-0.5, 2.0)
+
+
+def test_constants_that_are_not_folded_are_computed_when_parameters_load() -> None:
+    graph = Graph()
+    nothing, compared = graph.call("log", (graph.const(-1.0),)), graph.call("lt", (graph.lane_const([1.0, 2.0]), graph.const(1.5)))
+    assert [graph.nodes[n].binding for n in (nothing, compared)] == [BindingTime.PARAM] * 2

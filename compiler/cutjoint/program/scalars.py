@@ -24,6 +24,10 @@ FOLDED: dict[str, Callable[..., float]] = {
 }  # fmt: skip
 
 
+#: Functions whose values are conditions, which no number stands for in lanes.
+_CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
+
+
 class OverflowedConstantError(ArithmeticError):
     """A constant is too large for a floating-point number.  ``section`` is the number of the section that computes it."""
 
@@ -247,11 +251,12 @@ class Graph:
 
     def call(self, function: str, args: tuple[int, ...], table: object = None) -> int:
         """Any other scalar function."""
-        values = [self.value(a) for a in args]
-        fold = FOLDED.get(function)
-        if fold is not None and all(v is not None for v in values):
+        values, lanes = [self.value(a) for a in args], max((self.nodes[a].lanes for a in args), default=0)
+        fold, constants = FOLDED.get(function), [self._numbers(a, max(lanes, 1)) for a in args]
+        if fold is not None and all(constants) and not (lanes and function in _CONDITIONS):
             try:
-                return self.const(float(fold(*values)))
+                folded = [float(fold(*each)) for each in zip(*constants, strict=True)]
+                return self.lane_const(folded) if lanes else self.const(folded[0])
             except OverflowError:
                 raise OverflowedConstantError(self.section) from None
             except ValueError:
@@ -263,7 +268,7 @@ class Graph:
         if function in ("cos", "abs", "cosh"):
             minus = self._negated(args[0])
             args = args if minus is None else (minus,)
-        when = max((self.nodes[a].binding for a in args), default=BindingTime.CONST)
+        when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # what is not folded is computed once
         return self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
 
     def _odd(self, function: str, a: int) -> int:
