@@ -7,7 +7,6 @@ namespace cutjoint::generated {
 
 template <class Real>
 void FourBar<Real>::begin_step(Real, Real) {
-
 }
 
 template void FourBar<Precision>::begin_step(Precision t, Precision motion);

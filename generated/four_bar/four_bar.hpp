@@ -7,6 +7,11 @@
 namespace cutjoint::generated {
 
 /// Model four_bar, formulation recursive.
+///
+///     q[5]        coordinates of joints: m, rad
+///     v[5]        speeds: m/s, rad/s; vdot has their rates of change, dz, force and force_residual one for each
+///     lambda[12]  multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each
+///     column[6]   outputs, in the units of the description
 template <class Real>
 class FourBar {
  public:

@@ -7,7 +7,6 @@ namespace cutjoint::generated {
 
 template <class Real>
 void FourBar<Real>::load(const Real*, const Stabilisation<Real>& stabilisation, const Road<Real>*) {
-
   loaded_.penalty_closure_1 = stabilisation.penalties[0];
   loaded_.penalty_closure_2 = stabilisation.penalties[1];
 }

@@ -188,6 +188,7 @@ def _class(
     text = page.render(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
+        arrays=_arrays(equations),
         records=records, lane_types=lane_types, roads=roads,
         input_values=equations.input_values, has_members=bool(records or lane_types or roads or equations.input_values),
     )  # fmt: skip
@@ -197,6 +198,24 @@ def _class(
         header=Piece(text=text, headers=(*(f"cutjoint/core/{name}.hpp" for name, needed in runtime.items() if needed), *needs)),
         functions={f"{name}.cpp": _function(page, view, headers) for name, view in sorted(views.items())},
     )
+
+
+def _arrays(equations: Equations) -> list[str]:
+    """The arrays of the arguments with their lengths and units, a line each; only those that have numbers."""
+    state, is_relative = equations.state, isinstance(equations, RecursiveEquations) or bool(equations.charts)
+    turned = ", quaternions" if any(chart.ball for chart in equations.charts) else ""
+    states = f", the last {len(state.states)} of them first-order states" if state.states else ""
+    lines = {
+        f"q[{len(state.q)}]": f"coordinates of joints: m, rad{turned}" if is_relative else "points (m), unit vectors and angles (rad)",
+        f"v[{len(state.v)}]": f"speeds: m/s, rad/s{states}; vdot has their rates of change, dz, force and force_residual one for each",
+        f"lambda[{len(state.equations)}]": "multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each",
+        f"column[{len(equations.columns)}]": "outputs, in the units of the description",
+        f"parameters[{len(equations.parameters)}]": "open parameters, in SI units",
+        f"input[{equations.input_values}]": "of each input value, rate and acceleration, then values by which laws are watched",
+    }  # fmt: skip
+    used = {name: words for name, words in lines.items() if not name.endswith("[0]")}
+    width = max(map(len, used), default=0)
+    return [f"{name:<{width}}  {words}" for name, words in used.items()]
 
 
 def _records(viewer: Viewer) -> list[dict[str, object]]:
