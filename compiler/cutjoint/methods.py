@@ -57,7 +57,7 @@ class Method:
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``twin`` is whether it has a generic twin, ``fixed_cost`` whether
     steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report
-    the Jacobians of its accelerations, ``stands_alone`` whether it is compiled into folders that need nothing else.
+    the Jacobians of its accelerations.
     """
 
     name: str
@@ -72,7 +72,6 @@ class Method:
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
-    stands_alone: bool = False
 
     @property
     def has_system(self) -> bool:
@@ -193,11 +192,11 @@ class Catalogue(dict[str, R]):
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=True, fixed_cost=True, batch=True, tangents=True, stands_alone=True,
+        twin=True, fixed_cost=True, batch=True, tangents=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
-        twin=True, stands_alone=True,
+        twin=True,
     ),
     Method(
         name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),
@@ -205,7 +204,6 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), default_updates=20,
-        stands_alone=True,
     ),
 )  # fmt: skip
 

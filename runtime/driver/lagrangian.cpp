@@ -7,7 +7,7 @@
 #include "cutjoint/core/split_steps.hpp"
 #include "cutjoint/core/stepping/newton_rule.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
-#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/core/newton/classical.hpp"
 #include "cutjoint/lagrangian/dependence.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/core/newton/augmented.hpp"

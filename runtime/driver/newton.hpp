@@ -5,7 +5,7 @@
 #include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/recursive_newton.hpp"
-#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/core/newton/classical.hpp"
 #include "cutjoint/lagrangian/solver.hpp"
 #include "cutjoint/lagrangian/system.hpp"
 #include "cutjoint/precision.hpp"

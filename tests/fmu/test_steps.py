@@ -40,7 +40,7 @@ def test_steps_of_any_length_are_those_of_the_interface(version: int) -> None:
 @pytest.mark.parametrize(
     ("version", "method", "integrator"),
     [(2, "recursive-newton", "trapezoidal"), (3, "recursive-newton", "sdirk4-fixed"), (2, "recursive-newton", "sdirk4"),
-     (3, "augmented", "trapezoidal")],
+     (3, "augmented", "trapezoidal"), (2, "classical", "trapezoidal"), (3, "recursive-newton", "generalised-alpha")],
 )  # fmt: skip
 def test_steps_by_newtons_iteration_are_those_of_the_interface(version: int, method: str, integrator: str) -> None:
     slave = started(fmu_of("press", version, integrator=integrator, method=method))
@@ -53,9 +53,9 @@ def test_steps_by_newtons_iteration_are_those_of_the_interface(version: int, met
 
 
 def test_a_method_without_fmus_is_refused() -> None:
-    with pytest.raises(cutjoint.RunError, match="method: 'classical' has no FMUs; use recursive, augmented or recursive-newton"):
-        fmu_of("press", 2, method="classical")
-    for method in ("augmented", "recursive-newton"):
+    with pytest.raises(cutjoint.RunError, match="method: 'euler' has no FMUs; use recursive, augmented, classical or recursive-newton"):
+        fmu_of("press", 2, method="euler")
+    for method in ("augmented", "classical", "recursive-newton"):
         words = f"method: '{method}' has FMUs for co-simulation alone; leave out --kind me, or take the method recursive"
         with pytest.raises(cutjoint.RunError, match=words):
             fmu_of("press", 2, kind="me", method=method)

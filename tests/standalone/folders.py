@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.methods import DEFAULT_METHOD, METHODS, names_of
+from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
 from tests.conftest import MODELS
@@ -24,7 +24,7 @@ LIBRARIES = ("-lm", "-lmvec")
 HERE = Path(__file__).parent
 
 #: The methods that folders have.
-ALONE = names_of(METHODS, lambda method: method.stands_alone)
+ALONE = tuple(METHODS)
 
 #: Definitions for a C program with a method that has no number of iterations to set.
 DEFINITIONS = {name: () if METHODS[name].fixed_cost else ("-Dpress_set_iterations(sim,number)=PRESS_NOT_FINITE",) for name in ALONE}

@@ -228,7 +228,7 @@ scenes: {turn: {end: 1, rates: {ball.wx: 1}}}
     assert not sim.is_poor
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system and METHODS[m].stands_alone])
+@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system])
 def test_nothing_to_solve_for_is_told(method: str) -> None:
     text = """
 cutjoint: 1

@@ -18,7 +18,7 @@ pytestmark = needs_cpp
 
 
 #: The largest error of a guide's acceleration: where guides are equations, 1e-11 of the accelerations are left as rounding.
-LEFT = {**dict.fromkeys(ALONE, 1e-12), "augmented": 2e-11}
+LEFT = {**dict.fromkeys(ALONE, 1e-12), "augmented": 2e-11, "classical": 2e-11}
 
 
 @pytest.fixture(params=ALONE)

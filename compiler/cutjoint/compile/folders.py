@@ -43,8 +43,6 @@ from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance
-from cutjoint.sparse.pattern import settle_entries
-from cutjoint.sparse.plan import plan_definite
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
 
 # Folders and libraries
@@ -227,16 +225,16 @@ def _require_relative(equations: Equations) -> None:
 
 def linearised_methods() -> tuple[str, ...]:
     """The methods whose folders can have derivatives."""
-    return names_of(METHODS, lambda m: m.stands_alone and m.formulation is not Formulation.NATURAL)
+    return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
 
 
 def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCode:
-    """The code of a simulation; the plan of a factorisation follows from the pattern."""
+    """The code of a simulation."""
     start = equations.mechanism
     if not isinstance(equations, SystemEquations):
         return SimulationCode(mechanism=start, program=program, system=None)
-    _, pattern = settle_entries(program, len(equations.row_names), symmetric=METHODS[equations.method].symmetric)
-    system = System(equations=equations, program=program, plan=plan_definite(pattern))
+    assert equations.plan is not None
+    system = System(equations=equations, program=program, plan=equations.plan)
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
 
 
@@ -274,7 +272,7 @@ def plan_delivery(
         OutputError: one of the files is the model.
     """
     folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise
-    if folder is None or not METHODS[options.method].stands_alone or options.precision != DEFAULT_PRECISION:
+    if folder is None or options.precision != DEFAULT_PRECISION:
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
         if linearise:

@@ -88,6 +88,9 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
     "augmented": {
         "trapezoidal": Steps(header="cutjoint/core/augmented_steps.hpp", name="AugmentedSteps<Mechanism, System>"),
     },
+    "classical": {
+        "trapezoidal": Steps(header="cutjoint/core/classical_steps.hpp", name="ClassicalSteps<Mechanism, System>"),
+    },
     "recursive-newton": {
         **dict.fromkeys(
             ("trapezoidal", "generalised-alpha"),

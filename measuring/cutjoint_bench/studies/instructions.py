@@ -99,8 +99,7 @@ def main() -> None:
             inside = f"{per_step(artifact, ends, EVALUATE):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).step
             table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
-            if METHODS[method].stands_alone:
-                table.add_row("", f"{method}, folder that stands alone", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
+            table.add_row("", f"{method}, folder that stands alone", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
     console = Console(highlight=False, width=140)
     console.print(provenance(FLAGS), markup=False)
     console.print(table)

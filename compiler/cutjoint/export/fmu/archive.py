@@ -17,7 +17,7 @@ from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
 from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or, names_of
+from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.toolchain.build import build_files
@@ -149,10 +149,9 @@ def choose_target(flags: Sequence[str], target: str | None = None) -> str:
 
 
 def _require_method(method: str, kind: str) -> None:
-    """Check that FMUs have a method."""
-    known = names_of(METHODS, lambda m: m.stands_alone)
-    if method not in known:
-        raise RunError(f"method: '{method}' has no FMUs; use {join_or(known)}")
+    """Check that FMUs of a kind have a method."""
+    if method not in METHODS:
+        raise RunError(f"method: '{method}' has no FMUs; use {join_or(tuple(METHODS))}")
     if method != DEFAULT_METHOD and KINDS[kind][1]:
         raise RunError(f"method: '{method}' has FMUs for co-simulation alone; leave out --kind {kind}, or take the method {DEFAULT_METHOD}")
 

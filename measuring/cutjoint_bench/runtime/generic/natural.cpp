@@ -4,7 +4,7 @@
 #include "cutjoint/core/newton_steps.hpp"
 #include "cutjoint/generic/natural/system.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
-#include "cutjoint/lagrangian/classical.hpp"
+#include "cutjoint/core/newton/classical.hpp"
 #include "cutjoint/lagrangian/dependence.hpp"
 #include "cutjoint/lagrangian/examine.hpp"
 #include "cutjoint/read_settings.hpp"

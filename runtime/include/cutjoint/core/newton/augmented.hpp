@@ -45,10 +45,10 @@ class AugmentedBase : public Newton<Own, S, Solver> {
       pose_ = state.q;
       if (const Fault fault = this->factor()) return fault;
       if (const Fault fault = this->close_with(state, pose_, start_alpha_, closing_, way_, from_, left)) return fault;
-      if (is_closed(state)) return {};
+      if (this->is_closed(state)) return {};
     }
     const bool open = left.position > left.velocity;
-    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, open ? worst_of(phi_) : worst_of(this->phid_),
+    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, open ? this->worst_of(phi_) : this->worst_of(this->phid_),
                                    Real(open ? left.position : left.velocity));
   }
 
@@ -165,20 +165,6 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   Closing<S> closing_;
 
  private:
-  /// Whether what is left in phi_ and phid_ is next to nothing.
-  bool is_closed(const StateOf<S>& state) const {
-    const Real allowed = std::max(Real(1e-10), this->rounding_like(1e-12));
-    return largest(phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
-  }
-
-  static std::size_t worst_of(const Equations<S>& gap) {
-    using std::abs;
-    std::size_t worst = 0;
-    for (std::size_t i = 1; i < gap.size(); ++i)
-      if (abs(gap[i]) > abs(gap[worst]) || gap[i] != gap[i]) worst = i;
-    return worst;
-  }
-
   Speeds<S> way_;  ///< of loops that close, and where from
   Coordinates<S> from_;
 };

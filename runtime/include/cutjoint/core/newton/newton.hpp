@@ -211,6 +211,21 @@ class Newton : public Workspace<S, Solver> {
     system_.begin_step(state.t, motion);
   }
 
+  /// Whether loops and their rates are closed, up to a share of coordinates and speeds that is next to rounding.
+  bool is_closed(const StateOf<S>& state) const {
+    const Real allowed = std::max(Real(1e-10), this->rounding_like(1e-12));
+    return largest(this->phi_) <= allowed * (Real(1) + largest(state.q)) && largest(this->phid_) <= allowed * (Real(1) + largest(state.v));
+  }
+
+  /// The equation with the largest gap, or with one that is no number.
+  static std::size_t worst_of(const Equations<S>& gap) {
+    using std::abs;
+    std::size_t worst = 0;
+    for (std::size_t i = 1; i < gap.size(); ++i)
+      if (abs(gap[i]) > abs(gap[worst]) || gap[i] != gap[i]) worst = i;
+    return worst;
+  }
+
   /// The turns of the balls from the step's start to the iterate.
   void turn() { turn_matrices<Real>(this->charts(), delta_.data(), turns_.data()); }
 

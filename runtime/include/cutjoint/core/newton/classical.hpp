@@ -5,11 +5,10 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <vector>
 
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/newton/scaled.hpp"
-#include "cutjoint/lagrangian/solver.hpp"
+#include "cutjoint/core/newton/system.hpp"
 
 namespace cutjoint {
 
@@ -26,6 +25,27 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   ClassicalNewton(S& system, Solver& solver, const NewtonSettings& settings)
       : Base(system, solver, settings), scaled_(system), probe_(x_.size()) {}
+
+  /// Close the loops of a state away from any step, by moving the masses least.  A fault names the equation that stays open.
+  Fault assemble(StateOf<S>& state) {
+    if (m_ == 0) return {};
+    constexpr int most = 20;
+    this->get_ready(state, Real(1));
+    this->constraint_residual(state);
+    for (int round = 0; round < most; ++round) {
+      this->linearise(state, Real(0), start_weights());
+      if (const Fault fault = this->factor()) return fault;
+      if (const Fault fault = close(phi_, state.q)) return fault;
+      this->constraint_residual(state);
+      if (const Fault fault = close(this->phid_, state.v)) return fault;
+      this->constraint_residual(state);
+      if (this->is_closed(state)) return {};
+    }
+    const bool open = largest(phi_) > largest(this->phid_);
+    const Equations<S>& gap = open ? phi_ : this->phid_;
+    const std::size_t worst = this->worst_of(gap);
+    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, worst, gap[worst]);
+  }
 
  private:
   friend Base;
@@ -59,7 +79,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   /// f_x (dv; .) = (0; -dt^2/4 Phid), and the same of accelerations with Phidd [eqs. 21-22].  Twice or more, since the matrix is that of
   /// the last iteration, whose pose differs from the final one.
-  Fault project_on(const StateOf<S>& state, std::vector<Real>& values, std::vector<Real>& gap) {
+  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
     Real last = std::numeric_limits<Real>::infinity();
     for (std::size_t pass = 0; pass < passes; ++pass) {
       const Real size = largest(gap);
@@ -77,13 +97,23 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on
   /// another branch without a word.
-  Fault require_small(const std::vector<Real>& values) const {
+  Fault require_small(const Speeds<S>& values) const {
     using std::abs;
     std::size_t worst = 0;
     for (std::size_t i = 0; i < n_; ++i)
       if (abs(x_[i]) > abs(x_[worst]) || x_[i] != x_[i]) worst = i;
     if (abs(x_[worst]) <= Real(10) * (Real(1) + largest(values))) return {};
     return this->fault_in_row(Cause::pose_singular, static_cast<int>(worst), x_[worst]);
+  }
+
+  /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -gap)
+  template <class Numbers>
+  Fault close(const Equations<S>& gap, Numbers& values) {
+    std::fill_n(x_.begin(), n_, Real(0));
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -gap[i];
+    if (const Fault fault = this->solve()) return fault;
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] += x_[i];
+    return {};
   }
 
   Fault examine() { return explain({}); }
@@ -100,7 +130,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   }
 
   Scaled<S> scaled_;
-  std::vector<Real> probe_;
+  Rows<S> probe_;
 };
 
 }  // namespace cutjoint
