@@ -15,6 +15,8 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.compile.folders import linearised_methods
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.errors import RunError
@@ -228,17 +230,27 @@ scenes: {turn: {end: 1, rates: {ball.wx: 1}}}
     assert not sim.is_poor
 
 
-@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system])
-def test_nothing_to_solve_for_is_told(method: str) -> None:
-    text = """
+STILL = """
 cutjoint: 1
 name: still
 gravity: [0, 0, 0]
-bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+bodies: {block: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [1, 1, 1]}}
 joints: {weld: {kind: fixed, bodies: [ground, block], at: [0, 0, 0]}}
-scenes: {rest: {end: 1}}
+outputs: [block.x]
+scenes: {rest: {end: 0.01}}
 """
-    model = read_model_text(text, "still.yaml")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_does_not_move_stands_still(method: str) -> None:
+    model = read_model_text(STILL, "still.yaml")
+    run = cutjoint.simulate(compile_scene(model, find_scene(model, None), CompileOptions(method=method)), error=False)
+    assert set(run["block.x"]) == {0.5}
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system])
+def test_nothing_to_solve_for_is_told(method: str) -> None:
+    model = read_model_text(STILL, "still.yaml")
     with pytest.raises(RunError, match=f"nothing in the model moves, so that '{method}' has no equation; use recursive"):
         load_scene(model, find_scene(model, None), method=method)
 

@@ -90,7 +90,8 @@ def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator
     speeds = free @ rng.standard_normal(free.shape[1])
     states = np.zeros(len(equations.state.states))
     placed = call(equations, "initial_coordinates", {"relative_q": pose.q, "relative_v": np.concatenate([speeds, states])})
-    return NaturalState(q=placed["q"], v=placed["v"])
+    nothing = np.zeros(0)  # of a mechanism that does not move
+    return NaturalState(q=placed.get("q", nothing), v=placed.get("v", nothing))
 
 
 def constraint_jacobian(equations: LagrangianEquations, q: Array) -> Array:

@@ -94,7 +94,7 @@ def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) ->
         symmetric=METHODS[equations.method].symmetric,
     )  # fmt: skip
     equations = equations.with_tangent(places(pattern))
-    if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point:
+    if isinstance(equations, LagrangianEquations) and METHODS[equations.method].saddle_point and equations.row_names:
         return replace(equations, plan=_plan_with_pivots(equations, pattern, states)), program
     return replace(equations, plan=plan_definite(pattern)), program
 
