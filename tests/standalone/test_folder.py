@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.folders import make_standalone, plan_delivery
+from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, generate
-from cutjoint.model.read import read_model_text
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.driven import DRIVEN
@@ -89,6 +91,17 @@ def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
 )
 def test_its_table_is_that_of_the_command_line_bit_by_bit(name: str, scene: str | None, method: str, tmp_path: Path) -> None:
     check_table(compile_model(MODELS / f"{name}.yaml", scene=scene, method=method, out=tmp_path), tmp_path)
+
+
+def test_other_number_types_leave_the_source_of_a_simulator(tmp_path: Path) -> None:
+    """Nothing of that is compiled here: tests of number types do."""
+    model = read_model(MODELS / "four_bar.yaml")
+    generated = generate(model, find_scene(model, None), (), precision="quad")
+    delivery = plan_delivery(generated, CompileOptions(precision="quad", out=tmp_path))
+    assert delivery is not None
+    assert delivery.alone is None
+    assert {"CMakeLists.txt", "report.cpp", "four_bar.hpp", "main.cpp"} <= {*delivery.files}
+    assert delivery.program == "simulator"
 
 
 @pytest.mark.heavy

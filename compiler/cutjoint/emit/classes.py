@@ -130,8 +130,8 @@ class CppClass:
         return page.render("sized.hpp.jinja", **self.layout, class_name=self.name, base=base, summary="The same, with its layout.")
 
 
-def class_of_mechanism(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
-    """The class of the mechanism by a program of it; ``header`` is the name of its file, without its ending, where it has one."""
+def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
+    """The class of the mechanism with its layout, by a program of it; ``header`` names its file, without the ending, where it has one."""
     equations = parts.mechanism
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard"}
     if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
@@ -150,7 +150,7 @@ def mechanism_class(
     return _class(page, program, equations, conditions, formulation="recursive", unused=unused, headers=[f"{header}.hpp"])
 
 
-def class_of_system(parts: SimulationCode, system: System, *, header: str = "") -> CppClass:
+def sized_system_class(parts: SimulationCode, system: System, *, header: str = "") -> CppClass:
     """The class of the system, and its factorisation; as above."""
     equations, plan = system.equations, system.plan
     layout = {
@@ -188,9 +188,8 @@ def _class(
     text = page.render(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
-        arrays=_arrays(equations),
-        records=records, lane_types=lane_types, roads=roads,
-        input_values=equations.input_values, has_members=bool(records or lane_types or roads or equations.input_values),
+        arrays=_arrays(equations), records=records, lane_types=lane_types, roads=roads, input_values=equations.input_values,
+        has_members=bool(records or lane_types or roads or equations.input_values),
     )  # fmt: skip
     runtime = {"contract": True, "inputs": equations.input_values, "lanes": lane_types, "road": roads}
     return CppClass(

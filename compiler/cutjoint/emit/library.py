@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.emit.beginning import Beginning
-from cutjoint.emit.classes import LANES, CppClass, SimulationCode, class_of_mechanism, class_of_system
+from cutjoint.emit.classes import LANES, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 
@@ -93,15 +93,15 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
 def _classes(parts: SimulationCode) -> Iterator[_Placed]:
     """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.freedoms is not None
-    mechanism = class_of_mechanism(parts, parts.program, header=name)
+    mechanism = sized_mechanism_class(parts, parts.program, header=name)
     yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([_OF_DERIVATIVES] if has_derivatives else [])])
     if parts.side_by_side is not None:
         header = f"{_SIDE}/{name}"
-        instances = class_of_mechanism(parts, parts.side_by_side, "Mask", header=header)
+        instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)
         yield _Placed(made=instances, header=header, prefix=f"{_SIDE}/", space=_SIDE, numbers=[_OF_INSTANCES])
     if parts.system is not None:
         header, more = f"{name}_system", [_OF_SYSTEM_DERIVATIVES] if has_derivatives else []
-        system = class_of_system(parts, parts.system, header=header)
+        system = sized_system_class(parts, parts.system, header=header)
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 
 

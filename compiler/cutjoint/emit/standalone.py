@@ -15,7 +15,7 @@ import sympy
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.beginning import Beginning
-from cutjoint.emit.classes import SimulationCode, System, class_of_mechanism, class_of_system, sizes_of
+from cutjoint.emit.classes import SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.inputs import guided_by
@@ -146,17 +146,17 @@ def _in_c(page: Page) -> dict[str, object]:
 
 def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, object]) -> str:
     """The one C++ file."""
-    mechanism = class_of_mechanism(parts, parts.program)
+    mechanism = sized_mechanism_class(parts, parts.program)
     code, sized = mechanism.code, [mechanism.sized(page)]
     if parts.system is not None:
-        system = class_of_system(parts, parts.system)
+        system = sized_system_class(parts, parts.system)
         assert system.factorisation is not None
         header, *functions = system.code
         code += [system.factorisation.text, header, _GATHERED[0], *functions, _GATHERED[1]]
         sized.append(system.sized(page))
     has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:
-        instances = class_of_mechanism(parts, parts.side_by_side, "Mask")
+        instances = sized_mechanism_class(parts, parts.side_by_side, "Mask")
         for texts, more in ((code, instances.code), (sized, [instances.sized(page, "side_by_side")])):
             texts += ["namespace side_by_side {\n", *more, "}  // namespace side_by_side\n"]
     core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
