@@ -182,6 +182,13 @@ def test_joints_beside_a_weld_go_with_it(kind: str) -> None:
     assert build_topology(outcome.model).cuts == ()
 
 
+def test_a_joint_beside_a_weld_that_somebody_asks_for_stays() -> None:
+    beside = "  beside: {kind: prismatic, bodies: [rod, bob], at: [1, 0, 0], axis: [1, 0, 0], cut: true"
+    asked = WELDED.replace("  weld:", f"{beside}}}\n  weld:").replace("outputs: [", "outputs: [beside.displacement, ")
+    reason = "the output 'beside.displacement' asks for it"
+    assert words(weld_bodies(*read(asked)))["weld"] == f"stays: 'beside' joins the same bodies, and {reason}"
+
+
 def test_what_is_asked_for_is_not_welded_to_the_ground() -> None:
     hinge = "revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, 1, 0]"
     assert hinge in WELDED

@@ -72,6 +72,9 @@ def _asked(outcome: Outcome, joint: Joint) -> str:
     """The reason for which the joint itself is needed, "" for none."""
     for name in (o.column for o in outcome.scene.outputs if o.element == joint.name):
         return f"the output '{name}' asks for it"
+    for entry in (*outcome.scene.positions, *outcome.scene.rates):
+        if entry.rpartition(".")[0] == joint.name:
+            return f"the scene gives '{entry}'"
     for gear in outcome.model.gears:
         if joint.name in gear.joints:
             return f"the gear '{gear.name}' couples it"
