@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.export.fmu.archive import make_fmu
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene
@@ -193,12 +194,18 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
     assert f"{POLE}: this is no FMU, which is a ZIP archive" in words_of(simulate(POLE, POLE, tmp_path / "out.csv"))
 
 
-def test_the_method_of_a_scene_is_one_that_steps(controller: Path, tmp_path: Path) -> None:
-    model = tmp_path / "pole.yaml"
-    model.write_text(POLE.read_text(encoding="utf-8").replace("{end: 5,", "{end: 5, method: classical,", 1), encoding="utf-8")
-    result = simulate(model, controller, tmp_path / "out.csv", *NAMES)
-    assert result.exit_code == 1
-    assert "method: 'classical' is not one of simulations to step, recursive, augmented, recursive-newton" in words_of(result)
+def test_all_methods_of_a_scene_balance_the_pole(controller: Path, tmp_path: Path) -> None:
+    """Forces that jump at exchanges change accelerations and multipliers of each method alike."""
+    rows = {}
+    for method in METHODS:
+        model, out = tmp_path / f"{method}.yaml", tmp_path / f"{method}.csv"
+        model.write_text(POLE.read_text(encoding="utf-8").replace("{end: 5,", f"{{end: 0.5, method: {method},", 1), encoding="utf-8")
+        result = simulate(model, controller, out, *NAMES, "--no-error")
+        assert result.exit_code == 0, result.output
+        rows[method] = read_table(out)[1]
+    for method, columns in rows.items():
+        for name, values in rows["recursive"].items():
+            assert np.allclose(columns[name], values, rtol=1e-3, atol=1e-3), (method, name)
 
 
 @pytest.mark.parametrize("rows", [1e-3, 2e-3, 0.01])

@@ -72,6 +72,10 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     for (std::size_t i = 0; i < m_; ++i) lambda_[i] += x_[n_ + i];
   }
 
+  void take_jump(StateOf<S>& state) {
+    for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += k_ * x_[n_ + i];
+  }
+
   Fault update_multipliers(StateOf<S>& state) {
     state.lambda = lambda_;
     return {};

@@ -102,9 +102,11 @@ class Newton : public Workspace<S, Solver> {
     time_ = state.t;
     lambda_ = state.lambda;
     this->dynamic_residual(state, Real(0));
+    std::fill(x_.begin(), x_.end(), Real(0));
     for (std::size_t i = 0; i < n_; ++i) x_[i] = -this->f_[i];
     if (this->solve()) return;
     for (std::size_t i = 0; i < n_; ++i) state.vdot[i] += x_[i];
+    own().take_jump(state);
     stay(state);
   }
 
@@ -196,6 +198,7 @@ class Newton : public Workspace<S, Solver> {
   bool extrapolates() const { return true; }                        ///< whether multipliers go on as in the step before
   bool may_end() const { return true; }                             ///< whether a step may end with this iteration
   void take_multipliers() {}                                        ///< those of the solution
+  void take_jump(StateOf<S>&) {}                                    ///< multipliers of a solution whose right-hand side was not scaled by k
   Fault explain(const Fault& fault) { return fault; }               ///< what more there is to say of an iteration without end
   Real negligible(const auto& values) const { return rounding(values); }  ///< the gap beside a quantity of this size that a projection may leave
 
