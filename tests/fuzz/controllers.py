@@ -98,7 +98,7 @@ def call(folder: Path, more: dict[str, str]) -> subprocess.CompletedProcess[str]
     (folder / "tmp").mkdir()
     words = [
         "couple", _EXAMPLES / "cart_pole.yaml", "bad.fmu", "--out", "run.csv", "--connect", "position=cart.x", "--connect",
-        "angle=pin.angle", "--connect", "force=push", "--end", "0.2", "--call-limit", "4", "--no-error",
+        "angle=pin.angle", "--connect", "force=push", "--end", "0.2", "--call-limit", "15", "--no-error",
     ]  # fmt: skip
     return run(words, folder, {"TMPDIR": str(folder / "tmp"), **more})
 
