@@ -125,12 +125,14 @@ def make_numbers(builder: Builder, closing: Sequence[Joint | Gear], closure: str
 
 
 def make_charts(topology: Topology) -> tuple[Chart, ...]:
-    """The places of each tree joint's coordinates and speeds in q and v; guided and fixed joints have none."""
+    """The places of each tree joint's coordinates and speeds in q and v; guided and fixed joints have none, nor have those that follow
+    a coordinate."""
     charts: list[Chart] = []
     q = v = 0
+    following = topology.model.following
     for t in topology.tree:
         element = t.joint.element
-        if t.joint.guide is not None or not element.speeds:
+        if t.joint.guide is not None or t.joint.name in following or not element.speeds:
             continue
         scalars, ball = len(element.coordinates), element.has_ball
         charts.append(

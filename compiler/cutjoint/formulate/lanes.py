@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.formulate.records import CHECKS, RecursiveEquations
+from cutjoint.formulate.records import CHECKS, Function, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
+from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.topology.records import Topology
@@ -19,8 +20,14 @@ _OFTEN = frozenset({"evaluate", "project", "guard", "events"})
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
-    folded = {f.name: fold(equations.builder, families, f.results) for f in equations.functions if f.name in _OFTEN}
+    folded = {f.name: fold(equations.builder, _used(families, f), f.results) for f in equations.functions if f.name in _OFTEN}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)
+
+
+def _used(families: list[Family], function: Function) -> list[Family]:
+    """The families with a member that a function computes."""
+    reached = set(reachable_blocks(function.results.values()))
+    return [family for family in families if not reached.isdisjoint(family)]
 
 
 def find_corresponding(quantities: Mapping[Quantity, Block], topology: Topology) -> list[Family]:

@@ -235,6 +235,60 @@ class Guard:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Series:
+    """A function of a coordinate q, and perhaps of a guided coordinate u, as a sum of basis functions.
+
+    ``coefficients`` (n, m) belong to the products of n basis functions of q and m Chebyshev polynomials of u; m is 1 without u.  ``slope``
+    is that of a part that grows with q, of functions on a full turn.
+    """
+
+    coefficients: tuple[tuple[float, ...], ...]
+    slope: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A range of values, m or rad."""
+
+    lower: float
+    upper: float
+
+    @property
+    def middle(self) -> float:
+        """The middle of the range."""
+        return (self.lower + self.upper) / 2
+
+    @property
+    def half(self) -> float:
+        """Half the length of the range."""
+        return (self.upper - self.lower) / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assembly:
+    """Loops of one degree of freedom whose joints follow a coordinate, by functions that close the loops.
+
+    The scalar coordinate of the joint ``leader`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
+    ``bodies`` move beside ``carrier``.  ``functions`` has by tree joint a series for each scalar coordinate, then three for the Rodrigues
+    parameters of a ball; ``cuts`` are the joints that hold because of them.  The functions hold on ``range`` of q and ``drive_range`` of u;
+    where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``gap`` (m, rad) is the largest
+    residual of the cut joints that was found, ``error`` the largest error of a slope beside the largest slope.
+    """
+
+    leader: str
+    drive: str | None
+    carrier: str
+    bodies: tuple[str, ...]
+    cuts: tuple[str, ...]
+    functions: Mapping[str, tuple[Series, ...]]
+    range: Interval
+    drive_range: Interval | None
+    turns: bool
+    gap: float
+    error: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Reaction:
     """A sensor: the force and moment of a joint, in the tree or cut, on its follower.
 
@@ -419,7 +473,7 @@ class Model:
     Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
     for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism; no model file
-    has any yet.
+    has any yet.  ``assemblies`` are loops that a pass has replaced by functions.
     """
 
     name: str
@@ -437,6 +491,7 @@ class Model:
     gears: tuple[Gear, ...] = ()
     derived: tuple[DerivedParameter, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
+    assemblies: tuple[Assembly, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
@@ -447,6 +502,11 @@ class Model:
         """The places of all elements that may have equations: bodies, joints, gears and states by their names."""
         elements: tuple[Body | Joint | Gear | FirstOrderState, ...] = (*self.bodies, *self.joints, *self.gears, *self.states)
         return {element.name: element.span for element in elements}
+
+    @property
+    def following(self) -> Mapping[str, Assembly]:
+        """The assembly of each tree joint that follows a coordinate, by the joint's name."""
+        return {joint: assembly for assembly in self.assemblies for joint in assembly.functions}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

@@ -17,12 +17,15 @@ def build_topology(model: Model) -> Topology:
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
     """
-    tree, cuts = span(model).parts
+    tree, closing = span(model).parts
+    closed = {name for assembly in model.assemblies for name in assembly.cuts}
+    cuts = tuple(joint for joint in closing if joint.name not in closed)
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
-    graph = BodyGraph(tree, cuts, model.gears)
     return Topology(
-        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(graph), classes=find_classes(model, graph)
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(BodyGraph(tree, cuts, model.gears)),
+        classes=find_classes(model, BodyGraph(tree, closing, model.gears)),
+        held=tuple(joint for joint in closing if joint.name in closed),
     )  # fmt: skip
 
 

@@ -204,7 +204,7 @@ class BranchSystem:
         self.system.add_mass(carrier, b.neg(b.gram(self._Y, self._inverse)))
         self.system.add_force(carrier, b.neg(b.mul(b.transpose(self._Y), b.weigh(self._inverse, self._g))))
 
-    def solve(self, Zdd: Mapping[str, Block]) -> dict[str, Block]:
+    def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The unknowns of its joints by body."""
         b, right = self.k.builder, self._g
         first = self.k.motions[self.branch.bodies[0]].tree_joint.joint

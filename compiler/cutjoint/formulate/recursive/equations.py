@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.inputs import (
     column_slots,
@@ -14,6 +16,7 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
+from cutjoint.formulate.recursive.assemblies import close_held
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -69,8 +72,11 @@ def formulate_recursive(
     reactions = Reactions(
         kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
+    if topology.held:
+        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, system.joint_forces)
+        reactions = replace(reactions, loops=(*closing.loops, *held))
     reporter = Reporter(
-        model=model, kinematics=k, forces=forces, loops=closing.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
+        model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=closing.gears, Zdd=Zdd, reactions=reactions
     )  # fmt: skip
     layout = relative_layout(charts, _closures(loops), model.states)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}

@@ -238,14 +238,14 @@ class WrenchMechanics(Laws):
         motion = tree_motion(self.k, joint)
         if motion is None:
             add_to(b, self.system.cut_joint_wrenches, joint, self._push_cut_joint(force))
-        elif motion.chart is not None:
+        elif motion.chart is not None or motion.slope is not None:
             index = COORDINATES[motion.tree_joint.joint.kind].index(coordinate)
-            column = b.column([force if i == index else b.zero(1) for i in range(len(motion.chart.speed_names))])
+            column = b.column([force if i == index else b.zero(1) for i in range(len(motion.rate))])
             add_to(b, self.system.joint_forces, motion.tree_joint.child, column)
 
     def _push_cut_joint(self, value: Block) -> Block:
         """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
-        k, cut = self.k, next(c for c in self.k.topology.cuts if c.name == self.force.joint_of)
+        k, cut = self.k, next(c for c in (*self.k.topology.cuts, *self.k.topology.held) if c.name == self.force.joint_of)
         ends = cut.base, cut.follower
         if self.force.coordinate_of in cut.element.angles:
             return self._twist(ends, self.b.scale(value, k.direction(cut.base, cut.axes[0])))

@@ -16,6 +16,7 @@ import sympy
 
 from cutjoint.formulate.inputs import derive_scene_inputs, guide_rates, make_charts, make_translator, open_parameters, reference_point
 from cutjoint.formulate.layout import Chart
+from cutjoint.formulate.recursive.following import Following, follow
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
 from cutjoint.model.records import GROUND, Model, Parameter, Scalar, Scene, Vector
@@ -46,6 +47,8 @@ class JointMotion:
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.
     ``position``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
+    Of a joint that follows the coordinate of an assembly, ``slope`` (k, 1) has its speeds by that coordinate's, ``own`` (6, k) the
+    motion subspace, and ``follows`` (6, 1) the motion by that coordinate.
     """
 
     tree_joint: TreeJoint
@@ -57,6 +60,9 @@ class JointMotion:
     position: tuple[Block, ...]
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
+    slope: Block | None = None
+    own: Block | None = None
+    follows: Block | None = None
 
     @property
     def speed_names(self) -> tuple[str, ...]:
@@ -152,7 +158,8 @@ def derive_kinematics(
 def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -> None:
     b = k.builder
     kernel = derive_joint(t)
-    position, quaternion, rate, acceleration = _coordinates(k, t, kernel, model, chart)
+    following = _following(k, t, model)
+    position, quaternion, rate, acceleration = following.motion if following else _coordinates(k, t, kernel, model, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
     local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
     turn = b.name(local.matrix(kernel.rotation), "R", t.joint.name)
@@ -165,14 +172,25 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
         if block is not None:
             b.name(block, symbol, t.child, columns=chart.speed_names if chart is not None and symbol == "b" else ())
     subspace, drift, centre = motion
-    if t.joint.guide is not None and subspace is not None:
+    own = subspace if following else None
+    follows = b.name(b.mul(own, following.slope), "follows", t.child) if following and own is not None else None
+    if acceleration and subspace is not None:
         drift, subspace = b.add(drift, b.mul(subspace, b.column(acceleration))), None
     k.frames[t.child] = frame
     k.motions[t.child] = JointMotion(
         tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
         columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and chart else None,
-        position=position, rate=rate, acceleration=acceleration,
+        position=position, rate=rate, acceleration=acceleration, slope=following.slope if following else None, own=own, follows=follows,
     )  # fmt: skip
+
+
+def _following(k: Kinematics, t: TreeJoint, model: Model) -> Following | None:
+    """The motion of a joint that follows the coordinate of an assembly."""
+    assembly = model.following.get(t.joint.name)
+    if assembly is None:
+        return None
+    drive = next((m for m in k.motions.values() if m.tree_joint.joint.name == assembly.drive), None)
+    return follow(k.builder, t.joint, assembly, (drive.position[0], drive.rate[0], drive.acceleration[0]) if drive else None)
 
 
 def _coordinates(

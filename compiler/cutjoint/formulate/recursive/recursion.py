@@ -118,20 +118,19 @@ class Branched(Protocol):
         """Pass on to the carrier what is left of them."""
         ...
 
-    def solve(self, Zdd: Mapping[str, Block]) -> dict[str, Block]:
-        """The unknowns by body, from the carrier's acceleration."""
+    def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
+        """The unknowns by body, from the carrier's acceleration; of bodies that carry others their own join ``Zdd``."""
         ...
 
 
 def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, Branched]) -> dict[str, Pivot]:
     """Eliminate all joints, leaves first; the pivots are in the order of elimination.  ``branches`` by their bodies go at once."""
     pivots: dict[str, Pivot] = {}
-    b, gone = system.builder, set()
+    b, last = system.builder, _first_bodies(kinematics, branches)
     for body, motion in reversed(kinematics.motions.items()):
         if body in branches:
-            if id(branches[body]) not in gone:
+            if body in last:
                 branches[body].eliminate()
-                gone.add(id(branches[body]))
             continue
         joint = motion.tree_joint.joint
         system.source = body
@@ -148,6 +147,15 @@ def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, 
             _name_pivot(b, pivots.get(body), body, motion)
         system.release(body)
     return pivots
+
+
+def _first_bodies(kinematics: Kinematics, branches: Mapping[str, Branched]) -> set[str]:
+    """The first body of each branch in the order of the tree: all that its bodies carry stands behind it."""
+    first: dict[int, str] = {}
+    for body in kinematics.motions:
+        if body in branches:
+            first.setdefault(id(branches[body]), body)
+    return set(first.values())
 
 
 def _name_pivot(builder: Builder, pivot: Pivot | None, body: str, motion: JointMotion) -> None:
@@ -263,9 +271,10 @@ def expand(
     b = builder
     Zdd: dict[str, Block] = {GROUND: b.zero(6)}
     zdd: dict[str, Block] = {}
+    first = _first_bodies(kinematics, branches)
     for body, motion in kinematics.motions.items():
         if body in branches:
-            if body not in zdd:
+            if body in first:
                 zdd |= branches[body].solve(Zdd)
             continue
         joint = motion.tree_joint.joint

@@ -9,11 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.recursive.assemblies import assembly_systems
 from cutjoint.formulate.recursive.branches import BranchSystem
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, add_loops, loop_errors
-from cutjoint.formulate.recursive.recursion import BodySystem, condense, expand
+from cutjoint.formulate.recursive.recursion import BodySystem, Branched, condense, expand
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -56,7 +57,8 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: Closin
         )
         for branch in topology.branches
     ]  # fmt: skip
-    of_body = {body: branch for branch in branches for body in branch.branch.bodies}
+    of_body: dict[str, Branched] = {body: branch for branch in branches for body in branch.branch.bodies}
+    of_body |= assembly_systems(system, k)
     coupling = tuple(x for x in closing.loops if x.joint.name not in inside)
     add_loops(system, k, coupling, numbers)
     Zdd, zdd = expand(k, condense(system, k, of_body), k.builder, of_body)

@@ -1,0 +1,187 @@
+"""Assemblies are eliminated at once: all their bodies move by one coordinate q.
+
+With the carrier's acceleration Zdd_P, a_i that of body i beside it by the known motions, and B_i the motion of body i by q'::
+
+    Zdd_i = Zdd_P + a_i + B_i qdd
+    H = sum of B_i^T M_i B_i        G = sum of M_i B_i        F_i = Q_i - M_i a_i        h = sum of B_i^T F_i + slope . tau
+    M_P += sum of M_i - G H^-1 G^T      Q_P += sum of F_i - G H^-1 h
+    qdd = H^-1 (h - G^T Zdd_P)
+
+The joints that functions close have no equations here.  Their multipliers follow from the forces that the joints' own motions S_j leave, with
+the wrenches W_j that they would carry alone and J = A S::
+
+    J^T lambda = tau_j - S_j^T W_j
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from cutjoint.formulate.recursive.kinematics import Kinematics
+from cutjoint.formulate.recursive.loops import LoopClosure, transport
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.model.records import GROUND, Assembly
+from cutjoint.program.blocks import Block, is_zero
+
+
+@dataclass(kw_only=True)
+class AssemblySystem:
+    """The equation of an assembly in its coordinate."""
+
+    assembly: Assembly
+    system: BodySystem
+    k: Kinematics
+    _columns: dict[str, Block] = field(default_factory=dict)
+    _known: dict[str, Block] = field(default_factory=dict)
+
+    @property
+    def leader(self) -> str:
+        """The body that the leading joint carries."""
+        return next(body for body, m in self.k.motions.items() if m.tree_joint.joint.name == self.assembly.leader)
+
+    def column(self, body: str) -> Block:
+        """B of a body, (6, 1)."""
+        if body in (GROUND, self.assembly.carrier):
+            return self.k.builder.zero(6)
+        if body not in self._columns:
+            motion = self.k.motions[body]
+            own = motion.b if motion.b is not None else motion.follows
+            inner = self.column(motion.tree_joint.parent)
+            whole = inner if own is None else self.k.builder.add(inner, own)
+            self._columns[body] = self.k.builder.name(whole, "B", body)
+        return self._columns[body]
+
+    def known(self, body: str) -> Block:
+        """a of a body, (6, 1)."""
+        b = self.k.builder
+        if body in (GROUND, self.assembly.carrier):
+            return b.zero(6)
+        if body not in self._known:
+            motion = self.k.motions[body]
+            self._known[body] = b.name(b.add(self.known(motion.tree_joint.parent), motion.d), "a", body)
+        return self._known[body]
+
+    def eliminate(self) -> None:
+        """Pass on to the carrier what is left of the bodies."""
+        b, system, carrier = self.k.builder, self.system, self.assembly.carrier
+        joint = self.k.motions[self.leader].tree_joint.joint
+        system.source = self.leader
+        with b.section("condensation", joint.name, _EQUATION, joint.span.place):
+            zero = b.zero(1)
+            heavy = [body for body in self.assembly.bodies if not (is_zero(system.M[body]) and is_zero(system.Q[body]))]
+            forces, moments = {}, {}
+            for body in heavy:
+                forces[body] = b.name(b.sub(system.Q[body], b.mul(system.M[body], self.known(body))), "F", body)
+                moments[body] = b.name(b.mul(system.M[body], self.column(body)), "G", body)
+            H = b.total([zero, *(b.dot(self.column(body), moments[body]) for body in heavy)])
+            h = b.total([zero, *(b.dot(self.column(body), forces[body]) for body in heavy), *self._joint_forces()])
+            self._inverse = b.name(b.call("div", b.number(1.0), b.name(H, "H", self.leader)), "Dinv", self.leader)
+            self._h = b.name(h, "h", self.leader)
+            if carrier != GROUND:
+                self._G = b.name(b.total([b.zero(6), *moments.values()]), "G", "assembly", self.leader)
+                for body in heavy:
+                    system.add_mass(carrier, system.M[body])
+                    system.add_force(carrier, forces[body])
+                system.add_mass(carrier, b.neg(b.gram(b.transpose(self._G), self._inverse)))
+                system.add_force(carrier, b.neg(b.scale(b.mul(self._inverse, self._h), self._G)))
+        for body in self.assembly.bodies:
+            system.release(body)
+
+    def _joint_forces(self) -> list[Block]:
+        b, found = self.k.builder, []
+        for body in self.assembly.bodies:
+            if body in self.system.joint_forces:
+                slope, force = self.k.motions[body].slope, self.system.joint_forces[body]
+                found.append(force if slope is None else b.dot(slope, force))
+        return found
+
+    def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
+        """The acceleration of the coordinate by the leading body; the bodies' own join ``Zdd``."""
+        b, carrier = self.k.builder, self.assembly.carrier
+        joint = self.k.motions[self.leader].tree_joint.joint
+        with b.section("accelerations", joint.name, "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd", joint.span.place):
+            right = self._h if carrier == GROUND else b.sub(self._h, b.dot(self._G, Zdd[carrier]))
+            unknown = b.name(b.mul(self._inverse, right), "vdot", joint.name)
+            for body in self.assembly.bodies:
+                moved = b.add(self.known(body), b.scale(unknown, self.column(body)))
+                Zdd[body] = b.name(b.add(Zdd[carrier], moved), "Zdd", body)
+        return {self.leader: unknown}
+
+
+_EQUATION = "H = sum B^T M B,  M_P += sum M - G H^-1 G^T,  Q_P += sum F - G H^-1 h"
+
+
+def assembly_systems(system: BodySystem, k: Kinematics) -> Mapping[str, AssemblySystem]:
+    """The systems of a model's assemblies by all their bodies."""
+    found = [AssemblySystem(assembly=assembly, system=system, k=k) for assembly in k.topology.model.assemblies]
+    return {body: one for one in found for body in one.assembly.bodies}
+
+
+def close_held(
+    k: Kinematics, held: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
+) -> tuple[LoopClosure, ...]:  # fmt: skip
+    """The joints that functions close, with their multipliers; ``carried`` are the wrenches of the tree's joints without them."""
+    found: dict[str, LoopClosure] = {}
+    for assembly in k.topology.model.assemblies:
+        loops = [loop for loop in held if loop.joint.name in assembly.cuts]
+        first = 0
+        multipliers = _multipliers(k, assembly, loops, carried, joint_forces)
+        for loop in loops:
+            found[loop.joint.name] = replace(loop, multipliers=k.builder.take(multipliers, (first, first + len(loop.names))))
+            first += len(loop.names)
+    return tuple(found[loop.joint.name] for loop in held)
+
+
+#: Equations that follow from others keep this share of a multiplier's square; corrections take it away from the others.
+_SHARE, _CORRECTIONS = 1e-9, 2
+
+
+def _multipliers(
+    k: Kinematics, assembly: Assembly, loops: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
+) -> Block:  # fmt: skip
+    """The shortest lambda with J^T lambda = tau - S^T W."""
+    b = k.builder
+    joint = next(m.tree_joint.joint for m in k.motions.values() if m.tree_joint.joint.name == assembly.leader)
+    with b.section("multipliers", joint.name, "J^T lambda = tau - S^T W", joint.span.place):
+        rows, left = [], []
+        for body in assembly.bodies:
+            motion = k.motions[body]
+            S = motion.b if motion.b is not None else motion.own
+            if S is None:
+                continue
+            rows.append([b.transpose(_column(k, loop, body, S)) for loop in loops])
+            pulled = b.mul(b.transpose(S), carried[body])
+            left.append([b.sub(joint_forces[body], pulled) if body in joint_forces else b.neg(pulled)])
+        transposed, right = b.stack(rows), b.stack(left)
+        size = transposed.shape[1]
+        ones = b.const([[1.0]] * transposed.shape[0])
+        gram = b.gram(transposed, ones)
+        lower, inverse = b.ldl(b.add(gram, b.scale(b.number(_SHARE), b.identity(size))))
+        projected = b.mul(b.transpose(transposed), right)
+
+        def solved(values: Block) -> Block:
+            return b.backward(lower, b.weigh(inverse, b.forward(lower, values)))
+
+        found = solved(projected)
+        for _ in range(_CORRECTIONS):
+            found = b.add(found, solved(b.sub(projected, b.mul(gram, found))))
+        return found
+
+
+def _column(k: Kinematics, loop: LoopClosure, body: str, S: Block) -> Block:
+    """The rates of a cut joint's residual by a tree joint's speeds."""
+    b, joint = k.builder, loop.joint
+    step = transport(b, k.pole_step(joint.base, joint.follower))
+    on_follower, on_base = (body in _carriers(k, end) for end in (joint.follower, joint.base))
+    if on_follower == on_base:
+        return b.zero(len(loop.names), S.shape[1])
+    return b.mul(loop.A, S) if on_follower else b.neg(b.mul(loop.A, b.mul(step, S)))
+
+
+def _carriers(k: Kinematics, body: str) -> list[str]:
+    found = []
+    while body != GROUND:
+        found.append(body)
+        body = k.motions[body].tree_joint.parent
+    return found

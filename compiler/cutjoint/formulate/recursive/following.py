@@ -1,0 +1,133 @@
+"""Joints that follow the coordinate q of an assembly, and perhaps a guided coordinate u, by series::
+
+    s = sum of c_ij f_i(q) T_j(u)      s' = s_q q' + s_u u'      s'' = s_q q'' + s_qq q'^2 + 2 s_qu q' u' + s_uu u'^2 + s_u u''
+
+f_i are Chebyshev polynomials on the range of q or, where q makes full turns, the cosines and sines of its multiples.  Each derivative is the
+exact one of the same series, so that the mechanism stays one of Lagrange's whatever the error of the series.
+
+A ball follows by its Rodrigues parameters g, the tangent of half its angle times its axis: quaternion (1, g)/sqrt(1 + g^2), angular velocity
+2/(1 + g^2) (g' + g x g').
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from cutjoint.model.records import Assembly, Interval, Joint, Series
+from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.series import Array, derivative, fourier_derivative
+
+#: A guided coordinate with its rate and acceleration.
+Drive: TypeAlias = tuple[Block, Block, Block]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Following:
+    """The motion of a joint that follows: its coordinates, quaternion, speeds and the accelerations that q'' has no part in, as
+    `JointMotion` has them; ``slope`` (k, 1) are the speeds by q'."""
+
+    motion: tuple[tuple[Block, ...], tuple[Block, ...], tuple[Block, ...], tuple[Block, ...]]
+    slope: Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Value:
+    """A function of q and u: its value, its slope by q, its rate, and the part of its second rate without q''."""
+
+    place: Block
+    slope: Block
+    rate: Block
+    bend: Block
+
+
+def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) -> Following:
+    """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
+    values = [_evaluate(b, assembly, series, drive) for series in assembly.functions[joint.name]]
+    scalars = values[: len(joint.element.coordinates)]
+    place, slope = [x.place for x in scalars], [x.slope for x in scalars]
+    rate, bend = [x.rate for x in scalars], [x.bend for x in scalars]
+    quaternion: tuple[Block, ...] = ()
+    if joint.element.has_ball:
+        quaternion, turned = _turn(b, values[len(scalars) :])
+        for whole, part in zip((slope, rate, bend), turned, strict=True):
+            whole += [b.element(part, i) for i in range(3)]
+    which = joint.element.speeds if len(joint.element.speeds) > 1 else ("",)
+    for blocks, symbol in ((rate, "v"), (slope, "slope"), (bend, "bend")):
+        for block, name in zip(blocks, which, strict=True):
+            b.name(block, symbol, joint.name, which=(name,) if name else ())
+    return Following(motion=(tuple(place), quaternion, tuple(rate), tuple(bend)), slope=b.column(slope))
+
+
+def _turn(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
+    """The quaternion of a ball; its angular velocity by q', the whole one, and the angular acceleration without q''."""
+    g, slope, rate, bend = (b.column([getattr(x, name) for x in values]) for name in ("place", "slope", "rate", "bend"))
+    one = b.number(1.0)
+    share = b.call("div", b.number(2.0), b.add(one, b.dot(g, g)))
+    root = b.call("sqrt", b.mul(b.number(0.5), share))
+    turned = [b.scale(share, b.add(x, b.cross(g, x))) for x in (slope, rate, bend)]
+    slowed = b.scale(b.mul(share, b.dot(g, rate)), turned[1])
+    quaternion = (root, *(b.mul(root, b.element(g, i)) for i in range(3)))
+    return quaternion, (turned[0], turned[1], b.sub(turned[2], slowed))
+
+
+def _evaluate(b: Builder, assembly: Assembly, series: Series, drive: Drive | None) -> _Value:
+    q, rate = leading(b, assembly)
+    c = np.array(series.coefficients)
+    basis = _turning_basis(b, q, len(c)) if assembly.turns else _basis(b, q, assembly.range, len(c))
+    place, slope, bend = (_value(b, c, assembly, basis, drive, (order, 0)) for order in range(3))
+    if series.slope:
+        growth = b.number(series.slope)
+        place, slope = b.add(place, b.mul(growth, q)), b.add(slope, growth)
+    speed, bent = b.mul(slope, rate), b.mul(bend, b.mul(rate, rate))
+    if drive is not None:
+        _, ud, udd = drive
+        pushed, mixed, across = (_value(b, c, assembly, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
+        crossed = b.mul(b.number(2.0), b.mul(mixed, b.mul(rate, ud)))
+        speed = b.add(speed, b.mul(pushed, ud))
+        bent = b.total([bent, crossed, b.mul(across, b.mul(ud, ud)), b.mul(pushed, udd)])
+    return _Value(place=place, slope=slope, rate=speed, bend=bent)
+
+
+def _value(b: Builder, c: Array, assembly: Assembly, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
+    """A derivative of given orders by q and u."""
+    for _ in range(orders[0]):
+        c = fourier_derivative(c) if assembly.turns else derivative(c, assembly.range.half)
+    if drive is None or assembly.drive_range is None:
+        return b.mul(b.const([list(c[:, 0])]), basis)
+    for _ in range(orders[1]):
+        c = derivative(c.T, assembly.drive_range.half).T
+    across = _basis(b, drive[0], assembly.drive_range, c.shape[1])
+    return b.mul(b.transpose(b.mul(b.const([list(row) for row in c]), across)), basis)
+
+
+def leading(b: Builder, assembly: Assembly) -> tuple[Block, Block]:
+    """The coordinate of an assembly and its rate."""
+    q, v = (b.symbol(f"{name}:{assembly.leader}", 1, BindingTime.ITERATION) for name in ("q", "v"))
+    return q, v
+
+
+def _basis(b: Builder, q: Block, interval: Interval, size: int) -> Block:
+    """Chebyshev polynomials on an interval as a column."""
+    x = b.mul(b.number(1 / interval.half), b.sub(q, b.number(interval.middle)))
+    twice = b.mul(b.number(2.0), x)
+    found = [b.number(1.0), x]
+    while len(found) < size:
+        found.append(b.sub(b.mul(twice, found[-1]), found[-2]))
+    return b.column(found[:size])
+
+
+def _turning_basis(b: Builder, q: Block, size: int) -> Block:
+    """1, cos q, sin q, cos 2q, sin 2q, ... as a column of odd length."""
+    cosine, sine = b.call("cos", q), b.call("sin", q)
+    twice = b.mul(b.number(2.0), cosine)
+    found = [b.number(1.0), cosine, sine]
+    before = b.number(1.0), b.number(0.0)
+    while len(found) < size:
+        now = found[-2], found[-1]
+        found += [b.sub(b.mul(twice, x), old) for x, old in zip(now, before, strict=True)]
+        before = now
+    return b.column(found[:size])

@@ -1,0 +1,117 @@
+"""Blocks: the largest parts of the body graph in which every joint is in a loop, and the body that carries each.
+
+Bodies that guided and fixed joints connect count as one, since their motion beside each other is known.  A block hangs on one of these; none
+of its loops goes through another body of known motion, so that only motions beside the carrier are in its equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from cutjoint.model.records import GROUND, Joint, Model
+from cutjoint.topology.records import Topology, degrees
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """A block: its ``joints``, the ``bodies`` that move beside the ``carrier``, and the guided joints that move ends of its joints beside
+    each other, the ``drives``."""
+
+    carrier: str
+    bodies: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    drives: tuple[Joint, ...]
+
+
+def find_blocks(topology: Topology) -> tuple[Block, ...]:
+    """The blocks of a model, in the order of its joints."""
+    model = topology.model
+    known = _known_together(model)
+    edges = [(joint, known[joint.base], known[joint.follower]) for joint in model.joints if degrees(joint)]
+    place = {joint.name: i for i, joint in enumerate(model.joints)}
+    parts = [part for part in _biconnected(edges, known[GROUND]) if len(part) > 1]
+    return tuple(_block(topology, known, part) for part in sorted(parts, key=lambda part: min(place[j.name] for j in part)))
+
+
+def _known_together(model: Model) -> Mapping[str, str]:
+    """A representative of the bodies whose motion beside each other is known, by body."""
+    known = {GROUND: GROUND, **{b.name: b.name for b in model.bodies}}
+    for joint in model.joints:
+        if not degrees(joint):
+            old, new = known[joint.follower], known[joint.base]
+            if old == known[GROUND]:
+                old, new = new, old
+            known = {body: new if one == old else one for body, one in known.items()}
+    return known
+
+
+def _biconnected(edges: Sequence[tuple[Joint, str, str]], root: str) -> Iterator[list[Joint]]:
+    """The biconnected components of a graph as lists of joints (Hopcroft, Tarjan, Communications of the ACM 16, 1973), without recursion."""
+    at: dict[str, list[tuple[Joint, str]]] = {}
+    for joint, one, other in edges:
+        at.setdefault(one, []).append((joint, other))
+        at.setdefault(other, []).append((joint, one))
+    depth, low, path = {root: 0}, {root: 0}, [(root, "", iter(at.get(root, ())))]
+    joints: list[Joint] = []
+    seen: set[str] = set()
+    while path:
+        body, arrived, left = path[-1]
+        for joint, other in left:
+            if joint.name in seen:
+                continue
+            seen.add(joint.name)
+            joints.append(joint)
+            if other in depth:
+                low[body] = min(low[body], depth[other])
+            else:
+                depth[other] = low[other] = len(path)
+                path.append((other, joint.name, iter(at.get(other, ()))))
+                break
+        else:
+            path.pop()
+            if path:
+                inner = path[-1][0]
+                low[inner] = min(low[inner], low[body])
+                if low[body] >= depth[inner]:
+                    first = next(i for i, joint in enumerate(joints) if joint.name == arrived)
+                    yield joints[first:]
+                    del joints[first:]
+
+
+def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]) -> Block:
+    """A block of joints; bodies of known motion beside the carrier are not among its own."""
+    above = {t.child: t for t in topology.tree}
+    parts = {known[body] for joint in joints for body in (joint.base, joint.follower)}
+    base = min(parts, key=lambda part: min(_depth(above, b) for b, p in known.items() if p == part))
+    touched = sorted({body for joint in joints for body in (joint.base, joint.follower) if known[body] == base})
+    carrier = _common(above, touched)
+    ways = [t.joint for body in touched for t in _way(above, body, carrier)]
+    inner = [b for b, part in known.items() if part in parts - {base}]
+    ways += [j for j in topology.model.joints if not degrees(j) and j.base in inner and j.follower in inner]
+    drives = tuple(dict.fromkeys(joint for joint in ways if joint.guide is not None))
+    return Block(
+        carrier=carrier, bodies=tuple(t.child for t in topology.tree if t.child in inner),
+        joints=tuple(j for j in topology.model.joints if j in joints), drives=drives,
+    )  # fmt: skip
+
+
+def _depth(above: Mapping[str, object], body: str) -> int:
+    return len(_bodies_in(above, body))
+
+
+def _bodies_in(above: Mapping[str, object], body: str) -> list[str]:
+    found = [body]
+    while found[-1] != GROUND:
+        found.append(above[found[-1]].parent)  # type: ignore[attr-defined]
+    return found
+
+
+def _common(above: Mapping[str, object], bodies: Sequence[str]) -> str:
+    """The outermost body that carries all."""
+    shared = set.intersection(*(set(_bodies_in(above, body)) for body in bodies))
+    return next(body for body in _bodies_in(above, bodies[0]) if body in shared)
+
+
+def _way(above: Mapping[str, object], body: str, carrier: str) -> list[object]:
+    return [above[one] for one in _bodies_in(above, body)[: _bodies_in(above, body).index(carrier)]]
