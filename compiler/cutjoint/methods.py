@@ -46,6 +46,13 @@ class Implementation(StrEnum):
         return self is Implementation.GENERIC
 
 
+class Loops(StrEnum):
+    """The way in which loops with one degree of freedom are closed."""
+
+    EXACT = "exact"  #: by their equations
+    COMPILED = "compiled"  #: by functions of one coordinate, where they hold to a tolerance
+
+
 @dataclass(frozen=True, kw_only=True)
 class Method:
     """A formulation with its way to solve a step.

@@ -1,406 +1,35 @@
-"""The functions of an assembly: its loops closed at nodes of a coordinate, and series through what its joints do there.
+"""The functions of an assembly: series through what its joints do over a range of the coordinate that leads.
 
-A block with one degree of freedom is followed along each coordinate that may lead it, both ways from where the scene has it, until the equations
-of the others come near to depending on each other.  The coordinate that gets farthest leads.  Slopes of all joints at Chebyshev nodes (or
-equidistant ones on a full turn) become series, which are integrated: this keeps the digits that differentiating twice would lose.
+Loops are closed at Chebyshev nodes, or at equidistant ones on a full turn.  The slopes of all joints there become series, which are
+integrated: that keeps the digits which differentiating twice would lose.  The range is as long as the number of terms allows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import sympy
 from numpy.polynomial import chebyshev
 
-from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
+from cutjoint.analysis.leads import STEP, Lead
+from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.recursive.loops import derive_loops
-from cutjoint.methods import PLAIN_CLOSURE
-from cutjoint.model.records import GROUND, Assembly, Interval, Joint, Model, Series
-from cutjoint.program.blocks import Builder
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.records import Interval, Joint, Model, Scalar, Series
+from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.program.series import Array
-from cutjoint.topology.blocks import Block
-from cutjoint.topology.records import Topology, degrees
+from cutjoint.program.series import Array, derivative, fourier_derivative
 
 #: The default of the largest error of a function, m or rad.
 TOLERANCE = 1e-10
-#: The most basis functions of q, and of u.
-MOST, MOST_ACROSS = 20, 20
+#: The most terms of a function by q and by u, and the most harmonics on a full turn.
+MOST, MOST_ACROSS, MOST_HARMONICS = 20, 20, 16
 #: Nodes at which loops are closed, along q and across it.
-NODES, NODES_ACROSS = 48, 24
-#: The step along a motion: the largest turn, or slide beside the block's size; and the most steps one way.
-_STEP, _STEPS = 0.15, 150
-#: The largest condition of the equations beside that of the start.
-_WORSE, _WORST = 10.0, 1e3
-
-
-class NoAssemblyError(Exception):
-    """A block that functions cannot close; the text is the reason."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Poses:
-    """Closed poses of a block: coordinates ``q`` (n, coordinates) of the tree, its Jacobian by all the block's speeds (n, m, speeds), and the
-    residual (n, m)."""
-
-    q: Array
-    jacobian: Array
-    residual: Array
-
-
-@dataclass(frozen=True)
-class BlockLoops:
-    """The loops of a block as numbers; its drive is moved by a value u in place of its guide."""
-
-    topology: Topology
-    block: Block
-
-    @cached_property
-    def charts(self) -> tuple[Chart, ...]:
-        """The charts of the whole tree."""
-        return make_charts(self.topology)
-
-    @cached_property
-    def own(self) -> tuple[Chart, ...]:
-        """The charts of the block's joints."""
-        names = {joint.name for joint in self.block.joints}
-        return tuple(chart for chart in self.charts if chart.joint in names)
-
-    @cached_property
-    def speeds(self) -> dict[str, int]:
-        """The place of each own chart's first speed among the block's."""
-        places, n = {}, 0
-        for chart in self.own:
-            places[chart.joint] = n
-            n += len(chart.speed_names)
-        return places
-
-    @property
-    def size(self) -> int:
-        """The number of the block's speeds."""
-        return sum(len(chart.speed_names) for chart in self.own)
-
-    @cached_property
-    def turning(self) -> Array:
-        """Whether each speed of the block is one of a turn."""
-        joints = {joint.name: joint for joint in self.block.joints}
-        elements = [joints[c.joint].element for c in self.own]
-        return np.array([name in e.angles for e in elements for name in (*e.coordinates, *([None] * 3 * e.has_ball))]) | np.array(
-            [name is None for e in elements for name in (*e.coordinates, *([None] * 3 * e.has_ball))]
-        )
-
-    @cached_property
-    def scales(self) -> Array:
-        """A scale of each speed of the block: 1 of turns, the block's size of slides."""
-        return np.where(self.turning, 1.0, size_of(self.block))
-
-    @cached_property
-    def cuts(self) -> tuple[Joint, ...]:
-        """The cut joints of the block."""
-        names = {joint.name for joint in self.block.joints}
-        return tuple(joint for joint in self.topology.cuts if joint.name in names)
-
-    @cached_property
-    def _blocks(self):  # type: ignore[no-untyped-def]
-        model, b = self.topology.model, Builder()
-        above = {t.child: t for t in self.topology.tree}
-        needed = {GROUND}
-        for body in {end for joint in self.block.joints for end in (joint.base, joint.follower)}:
-            while body not in needed:
-                needed.add(body)
-                body = above[body].parent
-        part = replace(self.topology, tree=tuple(t for t in self.topology.tree if t.child in needed))
-        k = derive_kinematics(b, make_translator(b, model), part, {c.joint: c for c in self.charts})
-        loops = derive_loops(k, self.cuts, make_numbers(b, self.cuts, PLAIN_CLOSURE))
-        return [loop.residual for loop in loops], [loop.rate for loop in loops]
-
-    def design(self, count: int = 1) -> Array:
-        """q of the design position, (count, coordinates)."""
-        q = np.zeros((count, sum(len(c.coordinate_names) for c in self.charts)))
-        for chart in self.charts:
-            if chart.ball:
-                q[:, chart.q + chart.scalars] = 1.0
-        return q
-
-    def evaluate(self, q: Array, u: Array) -> tuple[Array, Array]:
-        """Residual (n, m) and Jacobian (n, m, speeds) at coordinates (n, coordinates) and values of the drive (n,)."""
-        residuals, rates = self._blocks
-        inputs = {
-            "t": u[:, np.newaxis, np.newaxis], "motion": np.zeros(1), "numerics": np.ones(3),
-            "parameters": np.array([p.value for p in open_parameters(self.topology.model)]),
-        }
-        unit = np.eye(self.size)
-        for chart in self.charts:
-            inputs[f"q:{chart.joint}"] = q[:, np.newaxis, chart.q : chart.q + len(chart.coordinate_names)]
-            first, n = self.speeds.get(chart.joint), len(chart.speed_names)
-            inputs[f"v:{chart.joint}"] = np.zeros(n) if first is None else unit[np.newaxis, :, first : first + n]
-        values = interpret_blocks([*residuals, *rates], inputs, {})
-        count = len(q)
-        residual = [np.broadcast_to(values[x][..., 0], (count, 1, x.shape[0]))[:, 0] for x in residuals]
-        jacobian = [np.broadcast_to(values[x][..., 0], (count, self.size, x.shape[0])).swapaxes(1, 2) for x in rates]
-        return np.concatenate(residual, axis=1), np.concatenate(jacobian, axis=1)
-
-    def moved(self, q: Array, step: Array) -> Array:
-        """Coordinates after steps (n, speeds) of the block."""
-        q = q.copy()
-        for chart in self.own:
-            first, ball = self.speeds[chart.joint], chart.q + chart.scalars
-            q[:, chart.q : ball] += step[:, first : first + chart.scalars]
-            if chart.ball:
-                x, y, z = (step[:, first + chart.scalars + i] / 2 for i in range(3))
-                e = q[:, ball : ball + 4].T
-                turned = np.array([
-                    e[0] - x * e[1] - y * e[2] - z * e[3], e[1] + x * e[0] - z * e[2] + y * e[3],
-                    e[2] + y * e[0] + z * e[1] - x * e[3], e[3] + z * e[0] - y * e[1] + x * e[2],
-                ])  # fmt: skip
-                q[:, ball : ball + 4] = (turned / np.linalg.norm(turned, axis=0)).T
-        return q
-
-    def close(self, q: Array, u: Array, held: int | None, across: Array | None = None, enough: float = 0.0) -> Poses | None:
-        """Poses near coordinates that close the loops with the speed of the number ``held`` not moved, or by steps ``across`` a direction of
-        speeds, until no gap is larger than ``enough`` or it is rounding; None where one does not close."""
-        best = np.inf
-        for _ in range(25):
-            residual, jacobian = self.evaluate(q, u)
-            error = float(np.abs(residual).max(initial=0.0))
-            if not np.isfinite(error):
-                return None
-            if error < enough or (error < 1e-12 and error >= best / 2):
-                return Poses(q=q, jacobian=jacobian, residual=residual)
-            residual = residual.copy()
-            best = min(best, error)
-            free = _without(jacobian, held)
-            if across is not None:
-                free = np.concatenate([free, np.broadcast_to(across / np.linalg.norm(across), (len(q), 1, self.size))], axis=1)
-                residual = np.concatenate([residual, np.zeros((len(q), 1))], axis=1)
-            step = -(np.linalg.pinv(free, rcond=_RANK) @ residual[:, :, np.newaxis])[:, :, 0]
-            if np.abs(step).max(initial=0.0) > 3.0:
-                return None
-            q = self.moved(q, _with_zero(step, held))
-        return None
-
-    def slopes(self, poses: Poses, leader: int) -> Array:
-        """The block's speeds by that of the number ``leader``, (n, speeds)."""
-        free = _without(poses.jacobian, leader)
-        found = -(np.linalg.pinv(free, rcond=_RANK) @ poses.jacobian[:, :, leader, np.newaxis])[:, :, 0]
-        return _with_zero(found, leader, 1.0)
-
-    def driven(self, poses: Poses, u: Array, leader: int) -> Array:
-        """The block's speeds by the rate of the drive, the leader at rest, (n, speeds)."""
-        h = 1e-6
-        change = (self.evaluate(poses.q, u + h)[0] - self.evaluate(poses.q, u - h)[0]) / (2 * h)
-        free = _without(poses.jacobian, leader)
-        return _with_zero(-(np.linalg.pinv(free, rcond=_RANK) @ change[:, :, np.newaxis])[:, :, 0], leader)
-
-    def rank(self, jacobian: Array) -> int:
-        """The number of independent equations of one pose."""
-        values = np.linalg.svd(jacobian, compute_uv=False)
-        return int(np.sum(values > 1e-7 * values.max(initial=0.0)))
-
-
-#: Singular values below this share of the largest belong to equations that follow from others.
-_RANK = 1e-8
-
-
-def _without(jacobian: Array, column: int | None) -> Array:
-    return jacobian if column is None else np.delete(jacobian, column, axis=2)
-
-
-def _with_zero(step: Array, column: int | None, value: float = 0.0) -> Array:
-    return step if column is None else np.insert(step, column, value, axis=1)
-
-
-def driven_by_time(topology: Topology, drive: Joint | None) -> Topology:
-    """The topology whose drive is at the time, so that numbers for the time move it."""
-    if drive is None:
-        return topology
-    moved = replace(drive, guide=(TIME,))
-    return replace(topology, tree=tuple(replace(t, joint=moved) if t.joint.name == drive.name else t for t in topology.tree))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Curve:
-    """Closed poses of a block in the order in which it moves: ``q`` (n, coordinates), tangents ``speeds`` (n, speeds), the largest 1 beside
-    the scale of each.  ``start`` is the place of the scene's pose.  A curve that ``closes`` ends at the pose with which it begins."""
-
-    q: Array
-    speeds: Array
-    start: int
-    closes: bool
-
-
-def follow(loops: BlockLoops, u: float) -> Curve:
-    """Follow a block from where the scene has it, both ways, until its equations come near to depending on each other.
-
-    Raises:
-        NoAssemblyError: the block does not close, or has another number of degrees of freedom than one.
-    """
-    start, rank = _start(loops, u)
-    tangent, condition = _tangent(loops, start, rank, None)
-    limit = min(_WORST, _WORSE * max(condition, 3.0))
-    forth, closes = _march(loops, start, rank, tangent, u, limit)
-    back = [] if closes else _march(loops, start, rank, -tangent, u, limit)[0]
-    whole = [*((pose, -speed) for pose, speed in reversed(back)), (start, tangent), *forth]
-    return Curve(
-        q=np.concatenate([pose.q for pose, _ in whole]), speeds=np.array([speed for _, speed in whole]), start=len(back), closes=closes
-    )  # fmt: skip
-
-
-def fastest_joints(loops: BlockLoops, u: float) -> list[Joint]:
-    """The joints with one coordinate, the fastest where the scene has the block first; errors as of `follow`."""
-    start, rank = _start(loops, u)
-    tangent = np.abs(_tangent(loops, start, rank, None)[0] / loops.scales)
-    joints = {joint.name: joint for joint in loops.block.joints}
-    single = [chart.joint for chart in loops.own if len(chart.speed_names) == 1]
-    if not single:
-        raise NoAssemblyError("no joint with one coordinate leads it")
-    return [joints[name] for name in sorted(single, key=lambda name: -float(f"{tangent[loops.speeds[name]]:.2g}"))]
-
-
-def _start(loops: BlockLoops, u: float) -> tuple[Poses, int]:
-    """The pose in which the scene has a block, and the rank of its equations there."""
-    start = loops.close(loops.design(), np.full(1, u), None)
-    if start is None:
-        raise NoAssemblyError("it does not close where the scene has it")
-    rank = loops.rank(start.jacobian[0])
-    freedom = loops.size - rank
-    if freedom != 1:
-        raise NoAssemblyError(f"it has {freedom} degrees of freedom beside '{loops.block.carrier}', and one is wanted")
-    return start, rank
-
-
-def _march(loops: BlockLoops, start: Poses, rank: int, tangent: Array, u: float, limit: float) -> tuple[list[tuple[Poses, Array]], bool]:
-    """Poses one way from the start, with their tangents; and whether they come back to it."""
-    found: list[tuple[Poses, Array]] = []
-    poses, before = start, None
-    while len(found) < _STEPS:
-        closed = None
-        ahead = tangent if before is None else 1.5 * tangent - 0.5 * before
-        for part in (1.0, 0.25):
-            closed = closed or loops.close(loops.moved(poses.q, part * _STEP * ahead[np.newaxis]), np.full(1, u), None, tangent, 1e-8)
-        if closed is None:
-            return found, False
-        turned, condition = _tangent(loops, closed, rank, tangent)
-        if condition > limit or turned @ tangent < 0.5 * (tangent @ tangent):
-            return found, False
-        found.append((closed, turned))
-        if len(found) > 3 and _is_near(loops, closed, start, turned):
-            return found, True
-        poses, tangent, before = closed, turned, tangent
-    return found, False
-
-
-def _tangent(loops: BlockLoops, poses: Poses, rank: int, like: Array | None) -> tuple[Array, float]:
-    """The motion that the equations leave free, turned like another one, and the condition of the equations."""
-    scales = loops.scales
-    _, values, rows = np.linalg.svd(poses.jacobian[0] * scales)
-    free = rows[-1] / np.abs(rows[-1]).max()
-    if like is not None and free @ (like / scales) < 0:
-        free = -free
-    return free * scales, float(values[0] / max(values[rank - 1], 1e-300))
-
-
-def _is_near(loops: BlockLoops, pose: Poses, start: Poses, tangent: Array) -> bool:
-    """Return whether a pose is within a step of another one, but for full turns."""
-    del tangent
-    return _apart(loops, pose.q[0], start.q[0]) < _STEP
-
-
-def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
-    """The largest distance of two poses, full turns left out, beside the scales."""
-    found = 0.0
-    for chart in loops.own:
-        a, b = one[chart.q : chart.q + len(chart.coordinate_names)], other[chart.q : chart.q + len(chart.coordinate_names)]
-        first = loops.speeds[chart.joint]
-        ways = a[: chart.scalars] - b[: chart.scalars]
-        turning = loops.turning[first : first + chart.scalars]
-        ways = np.where(turning, np.abs(np.exp(1j * ways) - 1), np.abs(ways) / loops.scales[first : first + chart.scalars])
-        found = max(found, float(ways.max(initial=0.0)))
-        if chart.ball:
-            found = max(found, 2 * float(np.sqrt(max(0.0, 1 - (a[-4:] @ b[-4:]) ** 2))))
-    return found
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lead:
-    """A coordinate that can lead a block: its range, with ``value`` where the scene has it, and whether it makes full turns there.
-    ``travel`` is the way of the block over the range, ``curve`` its poses there in the order of the coordinate."""
-
-    joint: Joint
-    place: int
-    value: float
-    lower: float
-    upper: float
-    turns: bool
-    travel: float
-    curve: Array
-
-
-def find_leads(loops: BlockLoops, curve: Curve) -> list[Lead]:
-    """The coordinates that can lead a block, the one that gets farthest first.
-
-    Raises:
-        NoAssemblyError: there is none.
-    """
-    leads = []
-    joints = {joint.name: joint for joint in loops.block.joints}
-    for chart in loops.own:
-        if len(chart.speed_names) == 1:
-            lead = _lead(loops, joints[chart.joint], chart, curve)
-            if lead is not None:
-                leads.append(lead)
-    if not leads:
-        raise NoAssemblyError("no joint with one coordinate leads it")
-    return sorted(leads, key=lambda lead: -lead.travel)
-
-
-#: The least speed of a leading coordinate beside the fastest of all.
-_SLOWEST = 0.08
-
-
-def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Lead | None:
-    place = loops.speeds[chart.joint]
-    speed = curve.speeds[:, place] / loops.scales[place]
-    sign = np.sign(speed[curve.start])
-    good = sign * speed > _SLOWEST
-    if not good[curve.start]:
-        return None
-    first = last = curve.start
-    while first > 0 and good[first - 1]:
-        first -= 1
-    while last < len(good) - 1 and good[last + 1]:
-        last += 1
-    values = curve.q[first : last + 1, chart.q]
-    turns = bool(curve.closes and good.all() and loops.turning[place])
-    value = float(curve.q[curve.start, chart.q])
-    if turns:
-        lower, upper = value - np.pi, value + np.pi
-        if abs(abs(values[-1] - values[0]) - 2 * np.pi) > 2 * _STEP:
-            return None
-    else:
-        lower, upper = float(values.min()), float(values.max())
-    if min(upper - value, value - lower) < _STEP / 8 * loops.scales[place]:
-        return None
-    poses = curve.q[first : last + 1]
-    return Lead(
-        joint=joint, place=place, value=value, lower=lower, upper=upper, turns=turns, travel=_STEP * (last - first),
-        curve=poses if sign > 0 else poses[::-1],
-    )  # fmt: skip
-
-
-def size_of(block: Block) -> float:
-    """The largest distance of two joints of a block in the design position, m; 1 where parameters give it."""
-    points = [joint.at for joint in block.joints]
-    try:
-        numbers = np.array([[float(x) for x in point] for point in points])
-    except TypeError:
-        return 1.0
-    return float(np.linalg.norm(numbers[:, np.newaxis] - numbers[np.newaxis], axis=2).max()) or 1.0
+NODES, NODES_ACROSS = 40, 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -423,19 +52,30 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float = TOLERANCE
     """
     whole = Interval(lower=lead.lower, upper=lead.upper)
     if lead.turns:
-        return _fit(loops, lead, whole, u, tolerance)
+        with suppress(NoAssemblyError):
+            return _fit(loops, lead, whole, u, tolerance)
+        lead = replace(lead, turns=False)
     middle = Interval(lower=u.middle, upper=u.middle)
     length = _terms(loops, lead, whole, middle, tolerance)
     while length > MOST:
-        if whole.half < 0.5 * _STEP * loops.scales[lead.place]:
+        if whole.half < 0.5 * STEP * loops.scales[lead.place]:
             raise NoAssemblyError(f"a function would need more than {MOST} terms")
         parts = ((_SHORTER, 1.0), (1.0, _SHORTER)) if length < np.inf else ((_SHORTER, _SHORTER),)
         shorter = [
             Interval(lower=lead.value + part * (whole.lower - lead.value), upper=lead.value + other * (whole.upper - lead.value))
             for part, other in parts
         ]
-        length, whole = min(((_terms(loops, lead, one, middle, tolerance), one) for one in shorter), key=lambda pair: pair[0])
-    return _fit(loops, lead, whole, u, tolerance)
+        lengths = [_terms(loops, lead, one, middle, tolerance) for one in shorter]
+        length = min(lengths)
+        whole = shorter[lengths.index(length)]
+    while True:
+        try:
+            return _fit(loops, lead, whole, u, tolerance)
+        except NoAssemblyError:
+            lower, upper = (lead.value + _SHORTER * (end - lead.value) for end in (whole.lower, whole.upper))
+            whole = Interval(lower=lower, upper=upper)
+            if u.half == 0 or whole.half < 0.5 * STEP * loops.scales[lead.place]:
+                raise
 
 
 #: The part of a side of the range that is left where functions would need too many terms.
@@ -452,7 +92,7 @@ def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, toler
     for _, rates in slopes.values():
         for i in range(rates.shape[-1]):
             c = np.abs(_chebyshev(rates[:, i, np.newaxis])[:, 0]) / max(1.0, float(np.abs(rates).max()))
-            left = 1e-3 * float(np.log10(c[MOST:].sum() + 1e-16))
+            left = 1e-3 * float(np.log10(float(c[MOST:].sum()) + 1e-16))
             longest = max(longest, _length(_integral(rates[:, i, np.newaxis], interval), interval.half, tolerance) + left)
     return longest
 
@@ -463,9 +103,8 @@ def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, toleran
     functions = {}
     for joint, (places, slopes) in samples.items():
         shape = (len(nodes), across, places.shape[-1])
-        functions[joint] = tuple(
-            _series(places.reshape(shape)[:, :, i], slopes.reshape(shape)[:, :, i], interval, u, lead, nodes, tolerance) for i in range(shape[2])
-        )  # fmt: skip
+        place, slope = places.reshape(shape), slopes.reshape(shape)
+        functions[joint] = tuple(_series(place[:, :, i], slope[:, :, i], interval, u, lead, nodes, tolerance) for i in range(shape[2]))
     found = Fit(functions=functions, range=interval, drive_range=u if across > 1 else None, turns=lead.turns, gap=0.0, error=0.0)
     gap, error = _check(loops, lead, found, interval, u)
     if not gap < 1e3 * tolerance:
@@ -507,7 +146,7 @@ def _guess(loops: BlockLoops, lead: Lead, chart: Chart, nodes: Array) -> Array:
     """Poses near those at nodes of the leading coordinate: between those of the curve."""
     curve = lead.curve
     along = curve[:, chart.q]
-    if lead.turns:  # on with the turn before and the one after, for nodes beyond the ends of the curve
+    if lead.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
         growth = curve[-1] - curve[0]
         turned = np.where(np.abs(growth) > np.pi, np.sign(growth) * 2 * np.pi, 0.0)
         curve = np.concatenate([curve[:-1] - turned, curve, curve[1:] + turned])
@@ -568,7 +207,7 @@ def _across(whole: Array, u: Interval, tolerance: float) -> Array:
     if whole.shape[1] == 1:
         return whole
     found = _chebyshev(whole.T)
-    size = _length(found, u.half, tolerance)
+    size = _length(found, 1.0, tolerance)  # slopes by the drive beside half of its range: in a second it moves about so far
     if size > MOST_ACROSS:
         raise NoAssemblyError(f"a function would need more than {MOST_ACROSS} terms of the drive")
     return found[:size].T
@@ -611,15 +250,13 @@ def _turning_series(places: Array, slopes: Array, nodes: Array, u: Interval, tol
     growth = float(np.round(slopes.mean(), 9))
     whole = np.zeros((2 * len(order) + 1, 1))
     whole[1::2], whole[2::2] = -sine / order[:, np.newaxis], cosine / order[:, np.newaxis]
-    basis = np.ones((n, len(whole)))
-    basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(nodes, order)), np.sin(np.outer(nodes, order))
-    whole[0] = np.mean(places - growth * nodes[:, np.newaxis] - basis @ whole)
+    whole[0] = np.mean(places - growth * nodes[:, np.newaxis] - _harmonics(nodes, len(whole)) @ whole)
     amplitude = np.abs(whole[1::2]) + np.abs(whole[2::2])
     bent = (np.concatenate([[1.0], order**2])[:, np.newaxis] * np.concatenate([np.abs(whole[:1]), amplitude]))[:, 0]
     tail = np.cumsum(bent[::-1])[::-1]
     small = tail <= 10 * tolerance * max(1.0, float(bent[1:].max(initial=0.0)))
     harmonics = int(np.argmax(small)) if small.any() else len(small)
-    if harmonics > MOST // 2 + 4:
+    if harmonics > MOST_HARMONICS:
         raise NoAssemblyError("a function would need too many harmonics")
     return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1]), slope=growth)
 
@@ -628,20 +265,23 @@ def _rows(c: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(x) for x in row) for row in c)
 
 
+def _harmonics(q: Array, size: int) -> Array:
+    """1, cos q, sin q, cos 2q, sin 2q, ... as columns (n, size)."""
+    order = np.arange(1, size // 2 + 1)
+    basis = np.ones((len(q), size))
+    basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(q, order)), np.sin(np.outer(q, order))
+    return basis
+
+
 def evaluate(series: Series, q: Array, u: Array, range_: Interval, drive: Interval | None, *, turns: bool) -> Array:
     """A series at coordinates (n,) and values of the drive (n,)."""
     c = np.array(series.coefficients)
-    if turns:
-        order = np.arange(1, len(c) // 2 + 1)
-        basis = np.ones((len(q), len(c)))
-        basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(q, order)), np.sin(np.outer(q, order))
-    else:
-        basis = chebyshev.chebvander((q - range_.middle) / range_.half, len(c) - 1)
+    basis = _harmonics(q, len(c)) if turns else np.asarray(chebyshev.chebvander((q - range_.middle) / range_.half, len(c) - 1))
     across = chebyshev.chebvander((u - drive.middle) / drive.half, c.shape[1] - 1) if drive is not None else np.ones((len(q), 1))
-    return np.einsum("ni,ij,nj->n", basis, c, across) + series.slope * q
+    return np.asarray(np.einsum("ni,ij,nj->n", basis, c, across) + series.slope * q)
 
 
-def placed(loops: BlockLoops, lead_joint: str, found: Fit | Assembly, q: Array, u: Array) -> Array:
+def placed(loops: BlockLoops, lead_joint: str, found: Fit, q: Array, u: Array) -> Array:
     """The tree's coordinates (n, coordinates) by the functions of a block."""
     whole = loops.design(len(q))
     for chart in loops.own:
@@ -679,48 +319,20 @@ def _check(loops: BlockLoops, lead: Lead, found: Fit, interval: Interval, u: Int
 
 
 def _slope(series: Series, q: Array, u: Array, found: Fit) -> Array:
-    from cutjoint.program.series import derivative, fourier_derivative
-
     c = np.array(series.coefficients)
     c = fourier_derivative(c) if found.turns else derivative(c, found.range.half)
     flat = Series(coefficients=_rows(c), slope=0.0)
     return evaluate(flat, q, u, found.range, found.drive_range, turns=found.turns) + series.slope
 
 
-def spanning_cuts(block: Block, leader: Joint, used: Sequence[str]) -> frozenset[str]:
-    """The joints of a block that are not in the tree whose bodies need the fewest functions; ``used`` are joints on whose coordinates forces
-    act."""
-    weight = {j.name: 0.0 if j is leader else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
-    distance: dict[str, float] = {}
-    ends = {body for joint in block.joints for body in (joint.base, joint.follower)}
-    distance = {body: 0.0 for body in ends if body not in block.bodies}
-    chosen: set[str] = set()
-    while len(distance) < len(ends):
-        ways = [
-            (distance[a] + weight[j.name], 0 if j.element.closes else -1, n, j.name, c)
-            for n, j in enumerate(block.joints)
-            for a, c in ((j.base, j.follower), (j.follower, j.base))
-            if a in distance and c not in distance
-        ]
-        length, _, _, name, body = min(ways)
-        distance[body] = length
-        chosen.add(name)
-    return frozenset(j.name for j in block.joints if j.name not in chosen)
-
-
-def guide_range(model: Model, drive: Joint, end: float, laws: Mapping[object, object]) -> Interval:
-    """The range of a guide in a scene, a tenth wider on both sides; one value where it stays."""
+def guide_range(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, Scalar]) -> Interval:
+    """The range of a guide until ``end`` (s) with the ``laws`` of inputs, a tenth wider on both sides; one value where it stands still."""
     assert drive.guide is not None
-    law = sympy.sympify(drive.guide[0]).subs(laws)
-    known = {p.symbol: p.value for p in model.parameters}
-    law = law.subs(known)
-    if not law.has(TIME):
-        value = float(law)
-        return Interval(lower=value, upper=value)
-    times = np.linspace(0.0, end, 2001)
-    values = np.array([float(law.subs(TIME, float(t))) for t in times])
-    lower, upper = float(values.min()), float(values.max())
-    if upper - lower == 0.0:
-        return Interval(lower=lower, upper=upper)
+    b = Builder()
+    values = {p.symbol: b.number(p.value) for p in model.parameters}
+    times = np.linspace(0.0, end, 2001)[:, np.newaxis]
+    law = Translator(b, {**values, TIME: b.symbol("t", 1, BindingTime.STEP)}).scalar(sympy.sympify(drive.guide[0]).subs(laws))
+    found = interpret_blocks([law], {"t": times}, {})[law]
+    lower, upper = float(found.min()), float(found.max())
     wider = 0.1 * (upper - lower)
     return Interval(lower=lower - wider, upper=upper + wider)

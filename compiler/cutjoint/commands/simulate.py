@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
-from cutjoint.methods import AUTO
+from cutjoint.methods import AUTO, Loops
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.failures import describe_failure, describe_rest
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @table.command("simulate")
 def command(
     model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
-    integrator: str | None, events: str | None, precision: str, closure: str | None, dt: float | None, end: float | None,
+    integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None, end: float | None,
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None, error: bool,
     plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
@@ -40,7 +40,7 @@ def command(
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
-        options=asked,
+        loops=loops, options=asked,
     )  # fmt: skip
     if view is not None or over is not None:
         from cutjoint.commands.replaying import require_replay
@@ -57,9 +57,9 @@ def command(
             return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, go_over=method is None, advise=True)
 
     prepared = find_cached_run(request, parameters)
-    if prepared is not None:
-        run, played = play(prepared), None
-    else:
+    run = None if prepared is None else play(prepared)
+    played: FinishedRun | None = None
+    if prepared is None or run is None or (run.failure is not None and run.failure.guards):
         prepared, run, played = _derive_and_play(request, parameters, play)
     console = options.console_beside(out, steps)
     console.print(tables.facts(f"model {prepared.model}", prepared.counts))
@@ -90,6 +90,10 @@ def _derive_and_play(
     from cutjoint.commands.preparing import FinishedRun, prepare_and_play, read_request
 
     model, scene, method = read_request(request)
+    if request.loops == Loops.COMPILED:
+        from cutjoint.commands.assembling import assemble_and_play
+
+        return assemble_and_play(request, model, scene, method, parameters, play)
     if method != AUTO:
         return *prepare_and_play(request, model, scene, method, parameters, play), FinishedRun(model, scene, method, parameters)
     from cutjoint.commands.picking import pick_and_play

@@ -26,6 +26,7 @@ from cutjoint.formulate.records import CHECKS, RecursiveEquations, SystemEquatio
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Output
 from cutjoint.program.fold import fold
+from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.errors import RunError
@@ -48,6 +49,8 @@ def schedule_system(
         RunError, MissingLibraryError: as of `plan_system`.
     """
     # Topology -> Equations
+    if start.topology.model.assemblies:
+        raise EquationsError(f"the method {method} has no loops that functions close; use the method recursive, or the loops' equations")
     equations, states = formulate_system(start, method, outputs)
     # Equations -> Program, Plan
     return plan_system(equations, states, lanes=lanes)

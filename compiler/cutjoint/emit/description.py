@@ -8,7 +8,7 @@ from cutjoint.emit.source import Page, Piece, quotable, switches_of
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.records import RecursiveEquations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.model.records import Parameter
+from cutjoint.model.records import Assembly, Parameter
 
 
 def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
@@ -27,7 +27,10 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "cuts": [c.first for c in equations.closures] if isinstance(equations, RecursiveEquations) else [],
         "driven": any(joint.guide is not None for joint in model.joints),
         "guides_jump": guides_jump(model, scene),
-        "guards": [{"name": guard.force.name, "place": quotable(guard.force.span.place)} for guard in guards_of(model, scene)],
+        "guards": [
+            {"name": guard.name, "place": quotable(guard.span.place), **({"ends": 1} if isinstance(guard, Assembly) else {})}
+            for guard in guards_of(model, scene)
+        ],
         "columns": equations.columns,
         "domains": [
             {"function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict} for d in equations.domains

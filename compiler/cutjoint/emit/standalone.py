@@ -267,13 +267,13 @@ def _truth(value: object) -> str:
 
 def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
-    guards = [guard.force for guard in guards_of(equations.topology.model, equations.scene)]
+    guards = guards_of(equations.topology.model, equations.scene)
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
         "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
-        "guard_names": [force.name for force in guards], "guard_places": [quotable(f.span.place) for f in guards],
+        "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]

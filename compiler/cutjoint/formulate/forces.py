@@ -11,7 +11,7 @@ import sympy
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Force, Guard, Model, Scalar, Scene
+from cutjoint.model.records import Assembly, Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -25,7 +25,12 @@ def is_active(force: Force, scene: Scene) -> bool:
     return scene.switches.get(force.name, force.active)
 
 
-def guards_of(model: Model, scene: Scene) -> tuple[Guard, ...]:
+def guards_of(model: Model, scene: Scene) -> tuple[Guard | Assembly, ...]:
+    """The guards of forces that the scene has switched on, and assemblies, whose functions have ranges."""
+    return *forces_guarded(model, scene), *(assembly for assembly in model.assemblies if not assembly.turns or assembly.drive_range)
+
+
+def forces_guarded(model: Model, scene: Scene) -> tuple[Guard, ...]:
     """The guards of forces that the scene has switched on."""
     return tuple(guard for guard in model.guards if is_active(guard.force, scene))
 
@@ -37,7 +42,7 @@ def smallest_margin(laws: Laws, guard: Guard, values: Mapping[str, Block]) -> Bl
 
 
 def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
-    """The function ``guard``: q, v -> the smallest margin of each guarded force, by name; none if there is no guard."""
+    """The function ``guard``: q, v -> the smallest margin of each guarded force and assembly, by name; none if there is no guard."""
     arguments = ("const Real* q", "const Real* v", "Real* margin")
     results = {f"margin:{name}": margin for name, margin in margins.items()}
     return (Function(name="guard", arguments=arguments, results=results),) if margins else ()
@@ -45,7 +50,7 @@ def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
 
 def margin_slots(model: Model, scene: Scene) -> dict[str, Slot]:
     """The places of the guards' margins."""
-    names = [guard.force.name for guard in guards_of(model, scene)]
+    names = [guard.name for guard in guards_of(model, scene)]
     return {f"margin:{name}": Slot(array="margin", offset=i, names=("margin",)) for i, name in enumerate(names)}
 
 

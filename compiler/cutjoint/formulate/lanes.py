@@ -16,11 +16,15 @@ from cutjoint.topology.records import Topology
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
 _OFTEN = frozenset({"evaluate", "project", "guard", "events"})
 
+#: Functions that find the multipliers of loops that functions close, which takes long without lanes.
+_WITH_MULTIPLIERS = frozenset({"report", "energy"})
+
 
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
-    folded = {f.name: fold(equations.builder, _used(families, f), f.results) for f in equations.functions if f.name in _OFTEN}
+    often = _OFTEN | (_WITH_MULTIPLIERS if equations.topology.held else frozenset())
+    folded = {f.name: fold(equations.builder, _used(families, f), f.results) for f in equations.functions if f.name in often}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)
 
 

@@ -233,6 +233,16 @@ class Guard:
     margins: tuple[Scalar, ...]
     index: int | None
 
+    @property
+    def name(self) -> str:
+        """The name of the force."""
+        return self.force.name
+
+    @property
+    def span(self) -> Span:
+        """The place of the force."""
+        return self.force.span
+
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
@@ -286,6 +296,12 @@ class Assembly:
     turns: bool
     gap: float
     error: float
+    span: Span
+
+    @property
+    def name(self) -> str:
+        """The name of the joint that leads, by which a guard of the ranges is named."""
+        return self.leader
 
 
 @dataclass(frozen=True, kw_only=True)

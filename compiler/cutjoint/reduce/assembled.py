@@ -5,20 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cutjoint.analysis.assemblies import (
-    TOLERANCE,
-    BlockLoops,
-    Lead,
-    NoAssemblyError,
-    driven_by_time,
-    fastest_joints,
-    find_leads,
-    fit,
-    follow,
-    guide_range,
-    spanning_cuts,
-)
+from cutjoint.analysis.assemblies import TOLERANCE, fit, guide_range
+from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
+from cutjoint.analysis.leads import Lead, fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
+from cutjoint.methods import join_and
 from cutjoint.model.records import Assembly, Interval, Joint, Model, Scene
 from cutjoint.reduce.records import Note, Outcome
 from cutjoint.topology.blocks import Block, find_blocks
@@ -48,6 +39,8 @@ def assemble_loops(model: Model, scene: Scene, tolerance: float = TOLERANCE) -> 
 def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tolerance: float) -> Model:
     """The model with a block as an assembly."""
     _require_simple(model, block)
+    if len(given := sorted(_given(block, scene))) > 1:
+        raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may lead")
     laws = input_functions(model, scene)
     drive = block.drives[0] if block.drives else None
     u = guide_range(model, drive, scene.end, laws) if drive is not None else Interval(lower=0.0, upper=0.0)
@@ -72,9 +65,10 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tole
     found = fit(loops, lead, u, tolerance)
     changed = replace(model, joints=tuple(replace(j, cut=j.name in cuts) if j.name in names else j for j in model.joints))
     assembly = Assembly(
-        leader=lead.joint.name, drive=drive.name if drive is not None and found.drive_range is not None else None, carrier=block.carrier,
+        leader=lead.joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
-        functions=found.functions, range=found.range, drive_range=found.drive_range, turns=found.turns, gap=found.gap, error=found.error,
+        functions=found.functions, range=found.range, drive_range=u if drive is not None else None, turns=found.turns, gap=found.gap,
+        error=found.error, span=lead.joint.span,
     )  # fmt: skip
     return replace(changed, assemblies=(*changed.assemblies, assembly))
 
@@ -97,8 +91,8 @@ def _lead(leads: Sequence[Lead], block: Block, scene: Scene) -> Lead:
     if not given:
         return leads[0]
     found = [lead for lead in leads if lead.joint.name in given]
-    if len(given) > 1 or not found:
-        raise NoAssemblyError(f"the scene gives {', '.join(sorted(given))}, and one coordinate that can lead is wanted")
+    if not found:
+        raise NoAssemblyError(f"the scene gives {', '.join(given)}, which cannot lead")
     return found[0]
 
 

@@ -46,6 +46,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
         *([("gears", str(len(model.gears)))] if model.gears else []),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
+        *([("assemblies", _assemblies(model))] if model.assemblies else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
         ("coordinates", f"{mobility.speeds} relative"),
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
@@ -53,6 +54,15 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
         *([("warning", warning)] if warning else []),
     )  # fmt: skip
+
+
+def _assemblies(model: Model) -> str:
+    """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
+    gap = max(assembly.gap for assembly in model.assemblies)
+    ranges = "; ".join(
+        f"{a.leader} {'turns' if a.turns else f'from {a.range.lower:.4g} to {a.range.upper:.4g}'}" for a in model.assemblies
+    )  # fmt: skip
+    return f"{len(model.assemblies)}, whose loops functions close to {gap:.1g} m or rad: {ranges}"
 
 
 def _design_position(mobility: Mobility) -> str:

@@ -1,7 +1,7 @@
 """Blocks: the largest parts of the body graph in which every joint is in a loop, and the body that carries each.
 
-Bodies that guided and fixed joints connect count as one, since their motion beside each other is known.  A block hangs on one of these; none
-of its loops goes through another body of known motion, so that only motions beside the carrier are in its equations.
+Bodies that guided and fixed joints connect count as one, since their motion beside each other is known.  A block hangs on one of these;
+none of its loops goes through another body of known motion, so that only motions beside the carrier are in its equations.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.records import Topology, degrees
+from cutjoint.topology.records import Topology, TreeJoint, degrees
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ def _known_together(model: Model) -> Mapping[str, str]:
 
 
 def _biconnected(edges: Sequence[tuple[Joint, str, str]], root: str) -> Iterator[list[Joint]]:
-    """The biconnected components of a graph as lists of joints (Hopcroft, Tarjan, Communications of the ACM 16, 1973), without recursion."""
+    """The biconnected components of a graph as lists of joints (Hopcroft, Tarjan, Communications of the ACM 16, 1973)."""
     at: dict[str, list[tuple[Joint, str]]] = {}
     for joint, one, other in edges:
         at.setdefault(one, []).append((joint, other))
@@ -96,22 +96,23 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     )  # fmt: skip
 
 
-def _depth(above: Mapping[str, object], body: str) -> int:
+def _depth(above: Mapping[str, TreeJoint], body: str) -> int:
     return len(_bodies_in(above, body))
 
 
-def _bodies_in(above: Mapping[str, object], body: str) -> list[str]:
+def _bodies_in(above: Mapping[str, TreeJoint], body: str) -> list[str]:
     found = [body]
     while found[-1] != GROUND:
-        found.append(above[found[-1]].parent)  # type: ignore[attr-defined]
+        found.append(above[found[-1]].parent)
     return found
 
 
-def _common(above: Mapping[str, object], bodies: Sequence[str]) -> str:
+def _common(above: Mapping[str, TreeJoint], bodies: Sequence[str]) -> str:
     """The outermost body that carries all."""
     shared = set.intersection(*(set(_bodies_in(above, body)) for body in bodies))
     return next(body for body in _bodies_in(above, bodies[0]) if body in shared)
 
 
-def _way(above: Mapping[str, object], body: str, carrier: str) -> list[object]:
-    return [above[one] for one in _bodies_in(above, body)[: _bodies_in(above, body).index(carrier)]]
+def _way(above: Mapping[str, TreeJoint], body: str, carrier: str) -> list[TreeJoint]:
+    way = _bodies_in(above, body)
+    return [above[one] for one in way[: way.index(carrier)]]

@@ -20,8 +20,10 @@ Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Re
     if (!(margins[i] >= Real(0))) violated.emplace_back(guards[i].force);
   }
   const std::string name(guards[worst].force), place(guards[worst].place);
-  Failure failure("the guard of '" + name + "' (" + place + ") is violated: the force would act", t, number, name,
-                  static_cast<double>(-margins[worst]), "run the full model, or with on_violation: restart");
+  const bool ends = guards[worst].ends;
+  Failure failure("the guard of '" + name + "' (" + place + ") is violated: " + (ends ? "the functions of its loops end there" : "the force would act"),
+                  t, number, name, static_cast<double>(-margins[worst]),
+                  ends ? "run with --loops exact, or with on_violation: restart" : "run the full model, or with on_violation: restart");
   failure.guards = violated;
   return failure;
 }

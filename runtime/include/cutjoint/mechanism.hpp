@@ -16,10 +16,12 @@ struct Named {
   double value = 0.0;
 };
 
-/// A force that was left out of the model because it does not act, and the line of the model's file where it stands.
+/// A force that was left out of the model because it does not act, or with `ends` a joint whose loops functions close on a range; and the line of
+/// the model's file where it stands.
 struct Guard {
   std::string_view force;
   std::string_view place;
+  bool ends = false;
 };
 
 /// A value at whose change of sign a force, a guide or a drive goes over to another formula, or a tyre at a break of its road; the element that it

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import sympy
 
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Place, Point
-from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, guards_of, is_active, reported_variables, smallest_margin
+from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, forces_guarded, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
@@ -98,7 +98,7 @@ class ForceMaker:
     def guarded(self) -> tuple[list[Element], dict[str, Block]]:
         """The forces that guards stand for, as elements that only report where their parts are; and their smallest margins."""
         elements, margins = [], {}
-        for guard in guards_of(self._model, self._scene):
+        for guard in forces_guarded(self._model, self._scene):
             force, name = guard.force, guard.force.name
             with self._b.section("guard", name, "the law is zero while the margin is not negative", force.span.place):
                 mechanics = self._mechanics(force, Element(name=name))

@@ -7,7 +7,8 @@ With the carrier's acceleration Zdd_P, a_i that of body i beside it by the known
     M_P += sum of M_i - G H^-1 G^T      Q_P += sum of F_i - G H^-1 h
     qdd = H^-1 (h - G^T Zdd_P)
 
-The joints that functions close have no equations here.  Their multipliers follow from the forces that the joints' own motions S_j leave, with
+The joints that functions close have no equations here.  Their multipliers follow from the forces that the joints' own motions S_j leave,
+with
 the wrenches W_j that they would carry alone and J = A S::
 
     J^T lambda = tau_j - S_j^T W_j
@@ -18,7 +19,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from cutjoint.formulate.recursive.kinematics import Kinematics
+from cutjoint.formulate.recursive.following import leading
+from cutjoint.formulate.recursive.kinematics import Kinematics, drive_of
 from cutjoint.formulate.recursive.loops import LoopClosure, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.model.records import GROUND, Assembly
@@ -118,6 +120,30 @@ def assembly_systems(system: BodySystem, k: Kinematics) -> Mapping[str, Assembly
     return {body: one for one in found for body in one.assembly.bodies}
 
 
+def range_margins(k: Kinematics) -> dict[str, Block]:
+    """By assembly a number that is negative outside of the ranges of its functions, 1 in their middle."""
+    b, margins = k.builder, {}
+    for assembly in k.topology.model.assemblies:
+        sides = []
+        if not assembly.turns:
+            sides.append((leading(b, assembly)[0], assembly.range))
+        if assembly.drive_range is not None:
+            sides.append((drive_of(k, assembly)[0], assembly.drive_range))
+        with b.section("guard", assembly.leader, "the functions of its loops hold while the margin is not negative", assembly.span.place):
+            found = []
+            for place, side in sides:
+                x = b.mul(b.number(1 / max(side.half, STILL)), b.sub(place, b.number(side.middle)))
+                found.append(b.sub(b.number(1.0), b.mul(x, x)))
+            if found:
+                smallest = found[0] if len(found) == 1 else b.call("where", b.call("lt", *found), *found)
+                margins[assembly.leader] = b.name(smallest, "margin", assembly.leader)
+    return margins
+
+
+#: A guide that moves by less, m or rad, stands still.
+STILL = 1e-9
+
+
 def close_held(
     k: Kinematics, held: Sequence[LoopClosure], carried: Mapping[str, Block], joint_forces: Mapping[str, Block]
 ) -> tuple[LoopClosure, ...]:  # fmt: skip
@@ -159,6 +185,8 @@ def _multipliers(
         gram = b.gram(transposed, ones)
         lower, inverse = b.ldl(b.add(gram, b.scale(b.number(_SHARE), b.identity(size))))
         projected = b.mul(b.transpose(transposed), right)
+        for block, symbol in ((transposed, "J"), (lower, "L"), (inverse, "Dinv"), (projected, "right")):
+            b.name(block, symbol, assembly.leader)
 
         def solved(values: Block) -> Block:
             return b.backward(lower, b.weigh(inverse, b.forward(lower, values)))
@@ -166,7 +194,7 @@ def _multipliers(
         found = solved(projected)
         for _ in range(_CORRECTIONS):
             found = b.add(found, solved(b.sub(projected, b.mul(gram, found))))
-        return found
+        return b.name(found, "multipliers", assembly.leader)
 
 
 def _column(k: Kinematics, loop: LoopClosure, body: str, S: Block) -> Block:

@@ -14,7 +14,7 @@ Walker and Orin (1982).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.inputs import Numbers

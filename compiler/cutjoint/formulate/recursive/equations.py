@@ -16,7 +16,7 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
-from cutjoint.formulate.recursive.assemblies import close_held
+from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -58,7 +58,7 @@ def formulate_recursive(
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
-    margins = add_guards(system, forces, k, model, scene)
+    margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
     masses, pushed = dict(system.M), dict(system.Q)

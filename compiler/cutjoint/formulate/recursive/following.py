@@ -2,11 +2,11 @@
 
     s = sum of c_ij f_i(q) T_j(u)      s' = s_q q' + s_u u'      s'' = s_q q'' + s_qq q'^2 + 2 s_qu q' u' + s_uu u'^2 + s_u u''
 
-f_i are Chebyshev polynomials on the range of q or, where q makes full turns, the cosines and sines of its multiples.  Each derivative is the
-exact one of the same series, so that the mechanism stays one of Lagrange's whatever the error of the series.
+f_i are Chebyshev polynomials on the range of q or, where q makes full turns, the cosines and sines of its multiples.  Each derivative is
+the exact one of the same series, so that the mechanism stays one of Lagrange's whatever the error of the series.
 
-A ball follows by its Rodrigues parameters g, the tangent of half its angle times its axis: quaternion (1, g)/sqrt(1 + g^2), angular velocity
-2/(1 + g^2) (g' + g x g').
+A ball follows by its Rodrigues parameters g, the tangent of half its angle times its axis: quaternion (1, g)/sqrt(1 + g^2), angular
+velocity 2/(1 + g^2) (g' + g x g').
 """
 
 from __future__ import annotations
@@ -94,14 +94,27 @@ def _evaluate(b: Builder, assembly: Assembly, series: Series, drive: Drive | Non
 
 def _value(b: Builder, c: Array, assembly: Assembly, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
     """A derivative of given orders by q and u."""
-    for _ in range(orders[0]):
-        c = fourier_derivative(c) if assembly.turns else derivative(c, assembly.range.half)
     if drive is None or assembly.drive_range is None:
+        for _ in range(orders[0]):
+            c = fourier_derivative(c) if assembly.turns else derivative(c, assembly.range.half)
         return b.mul(b.const([list(c[:, 0])]), basis)
     for _ in range(orders[1]):
         c = derivative(c.T, assembly.drive_range.half).T
-    across = _basis(b, drive[0], assembly.drive_range, c.shape[1])
-    return b.mul(b.transpose(b.mul(b.const([list(row) for row in c]), across)), basis)
+    column = b.mul(b.const([list(row) for row in c]), _basis(b, drive[0], assembly.drive_range, c.shape[1]))
+    for _ in range(orders[0]):
+        column = _slopes(b, column, assembly.range.half)
+    return b.dot(column, basis)
+
+
+def _slopes(b: Builder, column: Block, half: float) -> Block:
+    """The derivative of a Chebyshev series on an interval of half the length ``half``: d_(k-1) = d_(k+1) + 2 k c_k."""
+    n = column.shape[0]
+    found = [b.zero(1)] * (n + 1)
+    for k in range(n - 1, 0, -1):
+        found[k - 1] = b.add(found[k + 1], b.mul(b.number((1 if k == 1 else 2) * k / half), b.element(column, k)))
+        if k == 1:
+            found[0] = b.add(b.mul(b.number(0.5), found[2]), b.mul(b.number(1 / half), b.element(column, 1)))
+    return b.column(found[:n])
 
 
 def leading(b: Builder, assembly: Assembly) -> tuple[Block, Block]:

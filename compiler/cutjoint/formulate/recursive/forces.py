@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import sympy
 
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
-from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, guards_of, is_active, reported_variables, smallest_margin
+from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, forces_guarded, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
@@ -80,7 +80,7 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
 def add_guards(system: BodySystem, forces: Forces, k: Kinematics, model: Model, scene: Scene) -> dict[str, Block]:
     """The smallest margin of each guarded force; where its parts are joins the reported quantities."""
     margins = {}
-    for guard in guards_of(model, scene):
+    for guard in forces_guarded(model, scene):
         force, b = guard.force, k.builder
         with b.section("guard", force.name, "the law is zero while the margin is not negative", force.span.place):
             mechanics = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force)

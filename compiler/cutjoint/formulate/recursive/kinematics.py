@@ -19,7 +19,7 @@ from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.recursive.following import Following, follow
 from cutjoint.formulate.translate import Translator
 from cutjoint.kernels.joints import QUATERNION, JointKernel, derive_joint, inner_point
-from cutjoint.model.records import GROUND, Model, Parameter, Scalar, Scene, Vector
+from cutjoint.model.records import GROUND, Assembly, Model, Parameter, Scalar, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.topology.records import Topology, TreeJoint
 
@@ -189,8 +189,15 @@ def _following(k: Kinematics, t: TreeJoint, model: Model) -> Following | None:
     assembly = model.following.get(t.joint.name)
     if assembly is None:
         return None
-    drive = next((m for m in k.motions.values() if m.tree_joint.joint.name == assembly.drive), None)
-    return follow(k.builder, t.joint, assembly, (drive.position[0], drive.rate[0], drive.acceleration[0]) if drive else None)
+    moves = assembly.drive_range is not None and assembly.drive_range.half > 0
+    return follow(k.builder, t.joint, assembly, drive_of(k, assembly) if moves else None)
+
+
+def drive_of(k: Kinematics, assembly: Assembly) -> tuple[Block, Block, Block]:
+    """The guided coordinate of an assembly with its rate and acceleration."""
+    joint = next(joint for joint in k.topology.model.joints if joint.name == assembly.drive)
+    assert joint.guide is not None
+    return _guided(k, joint.guide[0], k.topology.model)
 
 
 def _coordinates(

@@ -1,0 +1,211 @@
+"""The loops of a block as numbers: residuals, Jacobians and closed poses at many coordinates at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.layout import Chart
+from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.recursive.loops import derive_loops
+from cutjoint.methods import PLAIN_CLOSURE
+from cutjoint.model.records import GROUND, Joint
+from cutjoint.program import blocks
+from cutjoint.program.blocks import Builder
+from cutjoint.program.interpret import interpret_blocks
+from cutjoint.program.lower import reachable_blocks
+from cutjoint.program.series import Array
+from cutjoint.topology.blocks import Block
+from cutjoint.topology.records import Topology
+
+
+class NoAssemblyError(Exception):
+    """A block that functions cannot close; the text is the reason."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Poses:
+    """Closed poses of a block: coordinates ``q`` (n, coordinates) of the tree, its Jacobian by all the block's speeds (n, m, speeds), and
+    the residual (n, m)."""
+
+    q: Array
+    jacobian: Array
+    residual: Array
+
+
+@dataclass(frozen=True)
+class BlockLoops:
+    """The loops of a block as numbers; its drive, which is at the time in ``topology``, is moved by numbers u."""
+
+    topology: Topology
+    block: Block
+
+    @cached_property
+    def charts(self) -> tuple[Chart, ...]:
+        """The charts of the whole tree."""
+        return make_charts(self.topology)
+
+    @cached_property
+    def own(self) -> tuple[Chart, ...]:
+        """The charts of the block's joints."""
+        names = {joint.name for joint in self.block.joints}
+        return tuple(chart for chart in self.charts if chart.joint in names)
+
+    @cached_property
+    def speeds(self) -> dict[str, int]:
+        """The place of each own chart's first speed among the block's."""
+        places, n = {}, 0
+        for chart in self.own:
+            places[chart.joint] = n
+            n += len(chart.speed_names)
+        return places
+
+    @property
+    def size(self) -> int:
+        """The number of the block's speeds."""
+        return sum(len(chart.speed_names) for chart in self.own)
+
+    @cached_property
+    def turning(self) -> Array:
+        """Whether each speed of the block is one of a turn."""
+        joints = {joint.name: joint for joint in self.block.joints}
+        elements = [joints[c.joint].element for c in self.own]
+        return np.array([flag for e in elements for flag in (*(name in e.angles for name in e.coordinates), *([True] * 3 * e.has_ball))])
+
+    @cached_property
+    def scales(self) -> Array:
+        """A scale of each speed of the block: 1 of turns, the block's size of slides."""
+        return np.asarray(np.where(self.turning, 1.0, size_of(self.block)))
+
+    @cached_property
+    def cuts(self) -> tuple[Joint, ...]:
+        """The cut joints of the block."""
+        names = {joint.name for joint in self.block.joints}
+        return tuple(joint for joint in self.topology.cuts if joint.name in names)
+
+    @cached_property
+    def _blocks(self) -> tuple[list[blocks.Block], list[blocks.Block]]:
+        """The residuals of the cut joints, and their rates."""
+        model, b = self.topology.model, Builder()
+        above = {t.child: t for t in self.topology.tree}
+        needed = {GROUND}
+        for body in {end for joint in self.block.joints for end in (joint.base, joint.follower)}:
+            while body not in needed:
+                needed.add(body)
+                body = above[body].parent
+        part = replace(self.topology, tree=tuple(t for t in self.topology.tree if t.child in needed))
+        k = derive_kinematics(b, make_translator(b, model), part, {c.joint: c for c in self.charts})
+        loops = derive_loops(k, self.cuts, make_numbers(b, self.cuts, PLAIN_CLOSURE))
+        residuals, rates = [loop.residual for loop in loops], [loop.rate for loop in loops]
+        if any(x.op == "symbol" and x.data == "parameters" for x in reachable_blocks([*residuals, *rates])):
+            raise NoAssemblyError("its geometry has open parameters")
+        return residuals, rates
+
+    def design(self, count: int = 1) -> Array:
+        """q of the design position, (count, coordinates)."""
+        q = np.zeros((count, sum(len(c.coordinate_names) for c in self.charts)))
+        for chart in self.charts:
+            if chart.ball:
+                q[:, chart.q + chart.scalars] = 1.0
+        return q
+
+    def evaluate(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Residual (n, m) and Jacobian (n, m, speeds) at coordinates (n, coordinates) and values of the drive (n,)."""
+        residuals, rates = self._blocks
+        inputs = {
+            "t": u[:, np.newaxis, np.newaxis], "motion": np.zeros(1), "numerics": np.ones(3),
+            "parameters": np.array([p.value for p in open_parameters(self.topology.model)]),
+        }
+        unit = np.eye(self.size)
+        for chart in self.charts:
+            inputs[f"q:{chart.joint}"] = q[:, np.newaxis, chart.q : chart.q + len(chart.coordinate_names)]
+            first, n = self.speeds.get(chart.joint), len(chart.speed_names)
+            inputs[f"v:{chart.joint}"] = np.zeros(n) if first is None else unit[np.newaxis, :, first : first + n]
+        values = interpret_blocks([*residuals, *rates], inputs, {})
+        count = len(q)
+        residual = [np.broadcast_to(values[x][..., 0], (count, 1, x.shape[0]))[:, 0] for x in residuals]
+        jacobian = [np.broadcast_to(values[x][..., 0], (count, self.size, x.shape[0])).swapaxes(1, 2) for x in rates]
+        return np.concatenate(residual, axis=1), np.concatenate(jacobian, axis=1)
+
+    def moved(self, q: Array, step: Array) -> Array:
+        """Coordinates after steps (n, speeds) of the block."""
+        q = q.copy()
+        for chart in self.own:
+            first, ball = self.speeds[chart.joint], chart.q + chart.scalars
+            q[:, chart.q : ball] += step[:, first : first + chart.scalars]
+            if chart.ball:
+                x, y, z = (step[:, first + chart.scalars + i] / 2 for i in range(3))
+                e = q[:, ball : ball + 4].T
+                turned = np.array([
+                    e[0] - x * e[1] - y * e[2] - z * e[3], e[1] + x * e[0] - z * e[2] + y * e[3],
+                    e[2] + y * e[0] + z * e[1] - x * e[3], e[3] + z * e[0] - y * e[1] + x * e[2],
+                ])  # fmt: skip
+                q[:, ball : ball + 4] = (turned / np.linalg.norm(turned, axis=0)).T
+        return q
+
+    def close(self, q: Array, u: Array, held: int | None, across: Array | None = None, enough: float = 0.0) -> Poses | None:
+        """Poses near coordinates that close the loops with the speed of the number ``held`` not moved, or by steps ``across`` a direction
+        of speeds, until no gap is larger than ``enough`` or it is rounding; None where one does not close."""
+        best = np.inf
+        for _ in range(25):
+            residual, jacobian = self.evaluate(q, u)
+            error = float(np.abs(residual).max(initial=0.0))
+            if not np.isfinite(error):
+                return None
+            if error < enough or (error < 1e-12 and error >= best / 2):
+                return Poses(q=q, jacobian=jacobian, residual=residual)
+            best = min(best, error)
+            free = _without(jacobian, held)
+            if across is not None:
+                free = np.concatenate([free, np.broadcast_to(across / np.linalg.norm(across), (len(q), 1, self.size))], axis=1)
+                residual = np.concatenate([residual, np.zeros((len(q), 1))], axis=1)
+            step = -(np.linalg.pinv(free, rcond=_RANK) @ residual[:, :, np.newaxis])[:, :, 0]
+            if np.abs(step).max(initial=0.0) > 3.0:
+                return None
+            q = self.moved(q, _with_zero(step, held))
+        return None
+
+    def slopes(self, poses: Poses, leader: int) -> Array:
+        """The block's speeds by that of the number ``leader``, (n, speeds)."""
+        free = _without(poses.jacobian, leader)
+        found = -(np.linalg.pinv(free, rcond=_RANK) @ poses.jacobian[:, :, leader, np.newaxis])[:, :, 0]
+        return _with_zero(found, leader, 1.0)
+
+
+def rank_of(jacobian: Array) -> int:
+    """The number of independent equations of one pose."""
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int(np.sum(values > 1e-7 * values.max(initial=0.0)))
+
+
+#: Singular values below this share of the largest belong to equations that follow from others.
+_RANK = 1e-8
+
+
+def _without(jacobian: Array, column: int | None) -> Array:
+    return jacobian if column is None else np.delete(jacobian, column, axis=2)
+
+
+def _with_zero(step: Array, column: int | None, value: float = 0.0) -> Array:
+    return step if column is None else np.insert(step, column, value, axis=1)
+
+
+def driven_by_time(topology: Topology, drive: Joint | None) -> Topology:
+    """The topology whose drive is at the time, so that numbers for the time move it."""
+    if drive is None:
+        return topology
+    moved = replace(drive, guide=(TIME,))
+    return replace(topology, tree=tuple(replace(t, joint=moved) if t.joint.name == drive.name else t for t in topology.tree))
+
+
+def size_of(block: Block) -> float:
+    """The largest distance of two joints of a block in the design position, m; 1 where parameters give it."""
+    points = [joint.at for joint in block.joints]
+    try:
+        numbers = np.array([[float(x) for x in point] for point in points])
+    except TypeError:
+        return 1.0
+    return float(np.linalg.norm(numbers[:, np.newaxis] - numbers[np.newaxis], axis=2).max()) or 1.0

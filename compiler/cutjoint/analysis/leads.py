@@ -1,0 +1,210 @@
+"""The motion of a block with one degree of freedom, and the coordinates that can lead it.
+
+A block is followed both ways from where the scene has it, until its equations come near to depending on each other.  A coordinate leads on
+the part of this curve around the start on which it moves one way, and not much slower than the fastest one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses, rank_of
+from cutjoint.formulate.layout import Chart
+from cutjoint.model.records import Joint
+from cutjoint.program.series import Array
+from cutjoint.topology.blocks import Block
+from cutjoint.topology.records import degrees
+
+#: The step along a motion: the largest turn, or slide beside the block's size; and the most steps one way.
+STEP, STEPS = 0.15, 150
+#: The largest condition of the equations beside that of the start, and of all.
+_WORSE, _WORST = 10.0, 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """Closed poses of a block in the order in which it moves: ``q`` (n, coordinates), tangents ``speeds`` (n, speeds), the largest 1 beside
+    the scale of each.  ``start`` is the place of the scene's pose.  A curve that ``closes`` ends at the pose with which it begins."""
+
+    q: Array
+    speeds: Array
+    start: int
+    closes: bool
+
+
+def follow(loops: BlockLoops, u: float) -> Curve:
+    """Follow a block from where the scene has it, both ways, until its equations come near to depending on each other.
+
+    Raises:
+        NoAssemblyError: the block does not close, or has another number of degrees of freedom than one.
+    """
+    start, rank = _start(loops, u)
+    tangent, condition = _tangent(loops, start, rank, None)
+    limit = min(_WORST, _WORSE * max(condition, 3.0))
+    forth, closes = _march(loops, start, rank, tangent, u, limit)
+    back = [] if closes else _march(loops, start, rank, -tangent, u, limit)[0]
+    whole = [*((pose, -speed) for pose, speed in reversed(back)), (start, tangent), *forth]
+    return Curve(
+        q=np.concatenate([pose.q for pose, _ in whole]), speeds=np.array([speed for _, speed in whole]), start=len(back), closes=closes
+    )  # fmt: skip
+
+
+def fastest_joints(loops: BlockLoops, u: float) -> list[Joint]:
+    """The joints with one coordinate, the fastest where the scene has the block first; errors as of `follow`."""
+    start, rank = _start(loops, u)
+    tangent = np.abs(_tangent(loops, start, rank, None)[0] / loops.scales)
+    joints = {joint.name: joint for joint in loops.block.joints}
+    single = [chart.joint for chart in loops.own if len(chart.speed_names) == 1]
+    if not single:
+        raise NoAssemblyError("no joint with one coordinate leads it")
+    return [joints[name] for name in sorted(single, key=lambda name: -float(f"{tangent[loops.speeds[name]]:.2g}"))]
+
+
+def _start(loops: BlockLoops, u: float) -> tuple[Poses, int]:
+    """The pose in which the scene has a block, and the rank of its equations there."""
+    start = loops.close(loops.design(), np.full(1, u), None)
+    if start is None:
+        raise NoAssemblyError("it does not close where the scene has it")
+    rank = rank_of(start.jacobian[0])
+    freedom = loops.size - rank
+    if freedom != 1:
+        raise NoAssemblyError(f"it has {freedom} degrees of freedom beside '{loops.block.carrier}', and one is wanted")
+    return start, rank
+
+
+def _march(loops: BlockLoops, start: Poses, rank: int, tangent: Array, u: float, limit: float) -> tuple[list[tuple[Poses, Array]], bool]:
+    """Poses one way from the start, with their tangents; and whether they come back to it."""
+    found: list[tuple[Poses, Array]] = []
+    poses, before = start, None
+    while len(found) < STEPS:
+        closed = None
+        ahead = tangent if before is None else 1.5 * tangent - 0.5 * before
+        for part in (1.0, 0.25):
+            closed = closed or loops.close(loops.moved(poses.q, part * STEP * ahead[np.newaxis]), np.full(1, u), None, tangent, 1e-8)
+        if closed is None:
+            return found, False
+        turned, condition = _tangent(loops, closed, rank, tangent)
+        if condition > limit or turned @ tangent < 0.5 * (tangent @ tangent):
+            return found, False
+        found.append((closed, turned))
+        if len(found) > 3 and _apart(loops, closed.q[0], start.q[0]) < STEP:
+            return found, True
+        poses, tangent, before = closed, turned, tangent
+    return found, False
+
+
+def _tangent(loops: BlockLoops, poses: Poses, rank: int, like: Array | None) -> tuple[Array, float]:
+    """The motion that the equations leave free, turned like another one, and the condition of the equations."""
+    scales = loops.scales
+    _, values, rows = np.linalg.svd(poses.jacobian[0] * scales)
+    free = rows[-1] / np.abs(rows[-1]).max()
+    if like is not None and free @ (like / scales) < 0:
+        free = -free
+    return free * scales, float(values[0] / max(values[rank - 1], 1e-300))
+
+
+def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
+    """The largest distance of two poses, full turns left out, beside the scales."""
+    found = 0.0
+    for chart in loops.own:
+        a, b = one[chart.q : chart.q + len(chart.coordinate_names)], other[chart.q : chart.q + len(chart.coordinate_names)]
+        first = loops.speeds[chart.joint]
+        ways = a[: chart.scalars] - b[: chart.scalars]
+        turning = loops.turning[first : first + chart.scalars]
+        ways = np.where(turning, np.abs(np.exp(1j * ways) - 1), np.abs(ways) / loops.scales[first : first + chart.scalars])
+        found = max(found, float(ways.max(initial=0.0)))
+        if chart.ball:
+            found = max(found, 2 * max(0.0, 1 - float(a[-4:] @ b[-4:]) ** 2) ** 0.5)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lead:
+    """A coordinate that can lead a block: its range, with ``value`` where the scene has it, and whether it makes full turns there.
+    ``travel`` is the way of the block over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a turn."""
+
+    joint: Joint
+    place: int
+    value: float
+    lower: float
+    upper: float
+    turns: bool
+    travel: float
+    curve: Array
+    closes: bool
+
+
+def find_leads(loops: BlockLoops, curve: Curve) -> list[Lead]:
+    """The coordinates that can lead a block, the one that gets farthest first.
+
+    Raises:
+        NoAssemblyError: there is none.
+    """
+    leads = []
+    joints = {joint.name: joint for joint in loops.block.joints}
+    for chart in loops.own:
+        if len(chart.speed_names) == 1:
+            lead = _lead(loops, joints[chart.joint], chart, curve)
+            if lead is not None:
+                leads.append(lead)
+    if not leads:
+        raise NoAssemblyError("no joint with one coordinate leads it")
+    return sorted(leads, key=lambda lead: -lead.travel)
+
+
+#: The least speed of a leading coordinate beside the fastest of all.
+_SLOWEST = 0.08
+
+
+def _lead(loops: BlockLoops, joint: Joint, chart: Chart, curve: Curve) -> Lead | None:
+    place = loops.speeds[chart.joint]
+    speed = curve.speeds[:, place] / loops.scales[place]
+    sign = np.sign(speed[curve.start])
+    good = sign * speed > _SLOWEST
+    if not good[curve.start]:
+        return None
+    first = last = curve.start
+    while first > 0 and good[first - 1]:
+        first -= 1
+    while last < len(good) - 1 and good[last + 1]:
+        last += 1
+    values = curve.q[first : last + 1, chart.q]
+    turns = bool(curve.closes and good.all() and loops.turning[place])
+    value = float(curve.q[curve.start, chart.q])
+    if turns:
+        lower, upper = value - np.pi, value + np.pi
+        if abs(abs(values[-1] - values[0]) - 2 * np.pi) > 2 * STEP:
+            return None
+    else:
+        lower, upper = float(values.min()), float(values.max())
+    if min(upper - value, value - lower) < STEP / 8 * loops.scales[place]:
+        return None
+    poses = curve.q[first : last + 1]
+    return Lead(
+        joint=joint, place=place, value=value, lower=lower, upper=upper, turns=turns, travel=STEP * (last - first),
+        curve=poses if sign > 0 else poses[::-1], closes=turns,
+    )  # fmt: skip
+
+
+def spanning_cuts(block: Block, leader: Joint, used: Sequence[str]) -> frozenset[str]:
+    """The joints of a block that are not in the tree whose bodies need the fewest functions; ``used`` are joints on whose coordinates
+    forces act."""
+    weight = {j.name: 0.0 if j is leader else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
+    distance: dict[str, float] = {}
+    ends = {body for joint in block.joints for body in (joint.base, joint.follower)}
+    distance = {body: 0.0 for body in ends if body not in block.bodies}
+    chosen: set[str] = set()
+    while len(distance) < len(ends):
+        ways = [
+            (distance[a] + weight[j.name], 0 if j.element.closes else -1, n, j.name, c)
+            for n, j in enumerate(block.joints)
+            for a, c in ((j.base, j.follower), (j.follower, j.base))
+            if a in distance and c not in distance
+        ]
+        length, _, _, name, body = min(ways)
+        distance[body] = length
+        chosen.add(name)
+    return frozenset(j.name for j in block.joints if j.name not in chosen)

@@ -1,0 +1,220 @@
+"""Loops as functions of one coordinate, beside the loops' equations and beside equations that are derived by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.model.records import Model, Scene
+from cutjoint.reduce.assembled import assemble_loops
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+from tests.conftest import ROOT, needs_cpp
+from tests.mechanisms.one_degree import four_bar, spatial
+
+pytestmark = needs_cpp
+
+
+def run(model: Model, scene: Scene, tolerance: float = 1e-11) -> Trajectory:
+    artifact = compile_interpreted(model, scene, method="recursive")
+    return simulate(artifact, integrator="dormand-prince", tolerance=tolerance, error=False, check=False)
+
+
+def apart(model: Model, scene: Scene, *, joints: int = 1) -> dict[str, float]:
+    """The largest differences of the columns beside their sizes, between both ways to close the loops."""
+    outcome = assemble_loops(model, scene)
+    assert len(outcome.model.assemblies) == joints, [note.words for note in outcome.left]
+    exact, compiled = run(model, scene), run(outcome.model, scene)
+    assert exact.failure is None
+    assert compiled.failure is None, compiled.failure.message
+    return {
+        name: float(np.abs(exact[name] - compiled[name]).max() / max(1.0, np.abs(exact[name]).max())) for name in exact.columns
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("make", [four_bar, spatial])
+@pytest.mark.parametrize("seed", range(4))
+def test_random_mechanisms_move_as_by_their_loops_equations(make, seed: int) -> None:  # type: ignore[no-untyped-def]
+    """Bodies that hang on a body of the block, a free carrier, a force inside, and reactions of a joint that functions close."""
+    model = read_model_text(make(seed), "random.yaml")
+    for name, difference in apart(model, model.scenes["fall"]).items():
+        # accelerations and reactions feel the bends of functions whose slopes are good to 1e-10
+        assert difference < (1e-6 if name.startswith(("pin", "rod.ax")) else 1e-8), (name, difference)
+
+
+def test_a_slider_crank_is_one_equation() -> None:
+    """The press turns as the equation of its crank's angle by SciPy, with the rod's motion in closed form."""
+    model = read_model(ROOT / "models" / "press.yaml")
+    scene = model.scenes["turn"]
+    outcome = assemble_loops(model, scene)
+    assembly = outcome.model.assemblies[0]
+    assert assembly.turns
+    assert assembly.gap < 1e-10
+    made = run(outcome.model, replace(scene, end=1.0, numerics=scene.numerics))
+    r, length = 0.1, np.hypot(0.3, 0.1)
+
+    def places(angle: float) -> np.ndarray:
+        """x of the crank's end, of the rod's middle and of the slider, with z of these, and the rod's angle."""
+        x, z = r * np.sin(angle), r * np.cos(angle)
+        slide = x + np.sqrt(length**2 - z**2)
+        return np.array([x / 2, z / 2, (x + slide) / 2, z / 2, slide, 0.0, np.arcsin(z / length), angle])
+
+    weights = np.array([2, 2, 1, 1, 3, 3, 0.008, 0.002])
+
+    def rates(_: float, state: np.ndarray) -> np.ndarray:
+        angle, speed = state
+        h = 1e-4
+        steps = np.array([places(angle + k * h) for k in (-2, -1, 0, 1, 2)])
+        slope = (steps[0] - 8 * steps[1] + 8 * steps[3] - steps[4]) / (12 * h)
+        bend = (-steps[0] + 16 * steps[1] - 30 * steps[2] + 16 * steps[3] - steps[4]) / (12 * h * h)
+        slide, rate = steps[2][4], slope[4] * speed
+        spring = 2000 * (0.8 - slide - 0.48) - 20 * rate
+        weight = -9.81 * (2 * slope[1] + slope[3])
+        force = weight + spring * slope[4] - (weights * slope * bend).sum() * speed**2
+        return np.array([speed, force / (weights * slope * slope).sum()])
+
+    truth = solve_ivp(rates, (0, 1), [0.0, 10.0], rtol=1e-10, atol=1e-10, t_eval=made.t, method="DOP853")
+    assert np.abs(made["pin.angle"] - truth.y[0]).max() < 2e-6  # differences of the second order divide rounding by h^2 = 1e-8
+
+
+def test_coarse_functions_keep_the_energy() -> None:
+    """Every derivative is that of the same function, so that work and energy agree however coarse it is."""
+    model = read_model_text(four_bar(2), "random.yaml")
+    scene = model.scenes["fall"]
+    energies = {}
+    for tolerance in (1e-10, 1e-3):
+        artifact = compile_interpreted(assemble_loops(model, scene, tolerance).model, scene, method="recursive")
+        made = simulate(artifact, integrator="dormand-prince", tolerance=1e-11, error=False)
+        assert made.energy is not None
+        energies[tolerance] = made.energy
+        assert made.energy.gap < 1e-6 * made.energy.size
+    fine, coarse = (run(assemble_loops(model, scene, tolerance).model, scene) for tolerance in (1e-10, 1e-3))
+    assert np.abs(fine["rod.x"] - coarse["rod.x"]).max() > 1e-7  # the functions do differ
+
+
+STEERED = """
+cutjoint: 1
+name: corner
+gravity: [0, 0, -9.81]
+parameters: {steer: {value: 0, unit: m, binding: input}}
+bodies:
+  chassis: {mass: 300, centre_of_mass: [0, 0, 0.5], inertia: [50, 50, 50]}
+  rack: {massless: true}
+  arm: {mass: 6, centre_of_mass: [0, 0.4, 0.3], inertia: [0.1, 0.05, 0.1]}
+  hub: {mass: 40, centre_of_mass: [0, 0.62, 0.35], inertia: [1, 1.5, 1]}
+  link: {massless: true}
+  rod: {massless: true}
+joints:
+  free: {kind: free, bodies: [ground, chassis], at: [0, 0, 0.5]}
+  slide: {kind: prismatic, bodies: [chassis, rack], at: [-0.15, 0.1, 0.45], axis: [0, 1, 0], guide: steer}
+  hinge: {kind: revolute, bodies: [chassis, arm], at: [0, 0.25, 0.3], axis: [1, 0, 0]}
+  ball: {kind: spherical, bodies: [arm, hub], at: [0, 0.57, 0.23]}
+  top: {kind: revolute, bodies: [chassis, link], at: [0, 0.2, 0.6], axis: [1, 0, 0]}
+  top_ball: {kind: spherical, bodies: [link, hub], at: [0, 0.5, 0.53]}
+  inner: {kind: spherical, bodies: [rack, rod], at: [-0.15, 0.1, 0.45]}
+  outer: {kind: universal, bodies: [hub, rod], at: [-0.15, 0.45, 0.45], axis: [1, 0, 0], axis_2: [0, 0, 1]}
+forces:
+  spring: {kind: point_spring, bodies: [chassis, arm], from: [0, 0.3, 0.65], to: [0, 0.5, 0.25], law: {stiffness: 3.0e+4, damping: 900, free_length: 0.45}}
+  tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1], law: {stiffness: 4000, damping: 50, free_length: 0.6}}
+outputs: [chassis.z, chassis.roll, hub.x, hub.yaw, hub.ax, spring.force, slide.displacement]
+scenes:
+  steer: {end: 0.5, output_step: 25 ms, inputs: {steer: "0.03*sin(7*t)"}}
+  straight: {end: 0.2, output_step: 25 ms}
+"""
+
+
+def test_a_guided_coordinate_moves_an_assembly() -> None:
+    model = read_model_text(STEERED, "corner.yaml")
+    differences = apart(model, model.scenes["steer"])
+    for name, difference in differences.items():
+        assert difference < (1e-6 if name == "hub.ax" else 1e-8), (name, difference)
+
+
+def test_a_guide_that_stands_still_is_watched() -> None:
+    """Functions for one place of the guide do not serve another: the run says so."""
+    model = read_model_text(STEERED, "corner.yaml")
+    scene = model.scenes["straight"]
+    outcome = assemble_loops(model, scene)
+    moved = replace(scene, inputs=model.scenes["steer"].inputs)
+    made = run(outcome.model, moved)
+    assert made.failure is not None
+    assert "the functions of its loops end there" in made.failure.message
+
+
+SWING = """
+cutjoint: 1
+name: swing
+gravity: [0, 0, -9.81]
+bodies:
+  left: {mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}
+  bar: {mass: 1, centre_of_mass: [0.5, 0, 1.1], inertia: [0.1, 0.1, 0.1]}
+  right: {mass: 1, centre_of_mass: [1, 0, 0.6], inertia: [0.1, 0.1, 0.1]}
+joints:
+  a: {kind: revolute, bodies: [ground, left], at: [0, 0, 0], axis: [0, 1, 0]}
+  b: {kind: revolute, bodies: [left, bar], at: [0, 0, 1], axis: [0, 1, 0]}
+  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: [0, 1, 0]}
+  d: {kind: revolute, bodies: [ground, right], at: [1, 0, 0], axis: [0, 1, 0]}
+outputs: [a.angle, bar.x]
+scenes:
+  fall: {end: 3, output_step: 50 ms, rates: {a.angle_rate: 1.5}%s}
+"""
+
+
+def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> None:
+    """The swing falls towards a pose that the functions do not reach."""
+    ways = {"stop": "", "restart": ", on_violation: restart"}
+    for way, words in ways.items():
+        file = tmp_path / f"{way}.yaml"
+        file.write_text(SWING % words, encoding="utf-8")
+        rows = {}
+        for loops in ("exact", "compiled"):
+            out = tmp_path / f"{way}_{loops}.csv"
+            asked = ["simulate", str(file), "--loops", loops, "--implementation", "interpreted", "--no-error", "--out", str(out)]
+            result = CliRunner().invoke(main, asked)
+            rows[loops] = out.read_text(encoding="utf-8") if out.exists() else ""
+        if way == "stop":
+            assert result.exit_code == 1
+            assert "the functions of its loops end there; run with --loops exact, or with on_violation: restart" in result.output.replace("\n", " ")
+        else:
+            assert result.exit_code == 0, result.output
+            assert "again with the loops' equations" in result.output.replace("\n", " ")
+            assert rows["compiled"] == rows["exact"]
+
+
+FIVE_BAR = SWING.replace("  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: [0, 1, 0]}", """
+  c: {kind: revolute, bodies: [bar, more], at: [1, 0, 1.2], axis: [0, 1, 0]}
+  e: {kind: revolute, bodies: [more, right], at: [1.2, 0, 0.8], axis: [0, 1, 0]}""").replace(
+    "joints:", "  more: {mass: 1, centre_of_mass: [1.1, 0, 1], inertia: [0.1, 0.1, 0.1]}\njoints:")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
+        (SWING.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace("bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)
+         % "", "its geometry has open parameters"),
+        (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
+        (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may lead"),
+    ],
+)  # fmt: skip
+def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
+    model = read_model_text(text, "swing.yaml")
+    outcome = assemble_loops(model, model.scenes["fall"])
+    assert not outcome.model.assemblies
+    assert [note.words for note in outcome.left] == [f"stays in a loop: {reason}"]
+
+
+def test_only_the_recursive_method_has_functions(tmp_path: Path) -> None:
+    file = tmp_path / "swing.yaml"
+    file.write_text(SWING % "", encoding="utf-8")
+    result = CliRunner().invoke(main, ["simulate", str(file), "--loops", "compiled", "--method", "augmented", "--out", str(tmp_path / "x.csv")])
+    assert result.exit_code == 1
+    assert "--loops compiled: only generated and interpreted code of the method recursive has it" in result.output.replace("\n", " ")
