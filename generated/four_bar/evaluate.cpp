@@ -283,7 +283,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       L_crank_0_bar_crank_1_pin_crank_2_pin*zdd_crank_0_bar_crank_1_pin);
 
   // multipliers: closure_1
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   A Zdd + s  (eq. 42)
   //   four_bar.yaml:30
   const Real rdrift_closure_1_x = drift_closure_1_x + (R_crank_1_pin_xx*zdd_crank_0_bar_crank_0_pin -
       (R_crank_1_pin_xx*zdd_crank_0_bar_crank_1_pin +
@@ -293,7 +293,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       J_closure_1_y_crank_0_pin_negated*zdd_crank_0_bar_crank_0_pin);
 
   // multipliers: closure_2
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  //   A Zdd + s  (eq. 42)
   //   four_bar.yaml:31
   const Real rdrift_closure_2_x = drift_closure_2_x + (R_crank_2_pin_xx*zdd_crank_0_bar_crank_1_pin -
       (R_crank_2_pin_xx*zdd_crank_0_bar_crank_2_pin +
@@ -302,7 +302,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       J_closure_2_y_coupler_2_pin_negated*zdd_crank_0_bar_coupler_2_pin +
       J_closure_2_y_crank_1_pin_negated*zdd_crank_0_bar_crank_1_pin);
 
-  // condensation: crank_0.pin
+  // condensation: crank_0.pin, pass 2: errors of pass 1
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
   const Real rpush_closure_1_x = loaded_.penalty_closure_1*rdrift_closure_1_x;
@@ -324,7 +324,7 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
   const Real rg_crank_0_bar_crank_0_pin_negated = rh_crank_0_bar_crank_0_pin_negated + (L_crank_0_bar_crank_0_pin_crank_1_pin*rg_crank_0_bar_crank_1_pin +
       L_crank_0_bar_crank_0_pin_coupler_1_pin*rg_crank_0_bar_coupler_1_pin);
 
-  // accelerations: crank_0.pin
+  // accelerations: crank_0.pin, pass 2: errors of pass 1
   //   zdd = H^-1 (h - G^T Zdd_P)
   //   four_bar.yaml:20
   const Real rzdd_crank_0_bar_crank_0_pin_negated = Dinv_crank_0_bar_crank_0_pin*rg_crank_0_bar_crank_0_pin_negated;
@@ -339,8 +339,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       (L_crank_0_bar_coupler_2_pin_crank_2_pin*rzdd_crank_0_bar_coupler_2_pin +
       L_crank_0_bar_crank_1_pin_crank_2_pin*rzdd_crank_0_bar_crank_1_pin);
 
-  // multipliers: closure_1
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  // multipliers: closure_1, pass 2: errors of pass 1
+  //   A Zdd + s  (eq. 42)
   //   four_bar.yaml:30
   const Real closure_1_1 = J_closure_1_y_crank_0_pin_negated*rzdd_crank_0_bar_crank_0_pin_negated -
       (R_crank_1_pin_yx*rzdd_crank_0_bar_crank_1_pin +
@@ -349,8 +349,8 @@ void FourBar<Real>::evaluate(const Real* q, const Real* v, const Real* lambda, R
       J_closure_1_x_coupler_1_pin_negated*rzdd_crank_0_bar_coupler_1_pin +
       R_crank_1_pin_xx*rzdd_crank_0_bar_crank_0_pin_negated);
 
-  // multipliers: closure_2
-  //   lambda <- lambda + a (A Zdd + s)  (eq. 42)
+  // multipliers: closure_2, pass 2: errors of pass 1
+  //   A Zdd + s  (eq. 42)
   //   four_bar.yaml:31
   const Real closure_2_1 = rdrift_closure_2_x + (R_crank_2_pin_xx*rzdd_crank_0_bar_crank_1_pin -
       (R_crank_2_pin_xx*rzdd_crank_0_bar_crank_2_pin +

@@ -181,7 +181,7 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
       (H_crank_0_bar_crank_1_pin_crank_0_pin*L_crank_0_bar_crank_0_pin_crank_1_pin +
       crank_0_pin_12*L_crank_0_bar_crank_0_pin_coupler_1_pin));
 
-  // condensation: crank_0.pin
+  // condensation: crank_0.pin, of gaps alone
   //   H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h
   //   four_bar.yaml:20
   const Real ppush_closure_1_x = loaded_.penalty_closure_1*gap_closure_1_x;
@@ -203,7 +203,7 @@ void FourBar<Real>::project(const Real* q, const Real* gap, Real* dz) const {
   const Real pg_crank_0_bar_crank_0_pin_negated = ph_crank_0_bar_crank_0_pin_negated + (L_crank_0_bar_crank_0_pin_crank_1_pin*pg_crank_0_bar_crank_1_pin +
       L_crank_0_bar_crank_0_pin_coupler_1_pin*pg_crank_0_bar_coupler_1_pin);
 
-  // accelerations: crank_0.pin
+  // accelerations: crank_0.pin, of gaps alone
   //   zdd = H^-1 (h - G^T Zdd_P)
   //   four_bar.yaml:20
   const Real pzdd_crank_0_bar_crank_0_pin_negated = Dinv_crank_0_bar_crank_0_pin*pg_crank_0_bar_crank_0_pin_negated;

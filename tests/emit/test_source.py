@@ -49,6 +49,16 @@ def test_no_folder_and_no_date_in_the_source() -> None:
         assert not re.search(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2}\b", text), name
 
 
+def test_no_two_sections_of_a_function_have_one_heading() -> None:
+    """A second pass over the bodies says what it is for."""
+    for name, text in source("four_bar", "swing").files.items():
+        headings = re.findall(r"^  // \w+: .*\n(?:  //   .*\n)*", text, re.MULTILINE)
+        assert len(headings) == len(set(headings)), name
+    evaluate = source("four_bar", "swing").files["evaluate.cpp"]
+    assert evaluate.index("// accelerations: crank_0.pin\n") < evaluate.index("// accelerations: crank_0.pin, pass 2: errors of pass 1\n")
+    assert "// accelerations: crank_0.pin, of gaps alone\n" in source("four_bar", "swing").files["project.cpp"]
+
+
 @pytest.mark.cpp  # its name is in the keys of objects
 def test_a_banner_has_the_digest_of_the_model_file_and_its_code_is_that_of_a_file_with_another_comment() -> None:
     text = (MODELS / "four_bar.yaml").read_text()
