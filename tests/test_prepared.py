@@ -51,7 +51,7 @@ scenes:
 
 #: Modules that a compiled run does without: other commands' packages, and measuring.
 LATER = (
-    "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
+    "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.tasks",
     "cutjoint_bench",
 )  # fmt: skip
 
