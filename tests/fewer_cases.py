@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
-#: Rules of steps that have code of their own: explicit ones, Newton's iteration of a tree, natural coordinates.
-_WAYS = ("recursive-trapezoidal-", "recursive-newton-sdirk4-", "augmented-trapezoidal-")
+#: Rules of steps that have code of their own: explicit ones, Newton's iteration of a tree, and with impacts natural coordinates.
+_WAYS = ("recursive-trapezoidal-", "recursive-newton-sdirk4-")
 _IMPACTS = ("*recursive-trapezoidal-crossed", "*recursive-newton-sdirk4-located", "*augmented-trapezoidal-crossed")
 _EVENTS = ("recursive-dormand-prince", "recursive-newton-sdirk4-fixed")
 _METHODS = ("recursive", "augmented")
@@ -128,7 +128,7 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "test_a_law_that_is_held_step_by_step_is_followed", "test_a_jump_is_made_in_two_steps_without_going_beyond",
             "test_a_ramp_to_where_the_loop_cannot_close_tears_it", "test_a_jump_in_short_steps_ends_where_it_was_to_end",
         ), _WAYS),
-        **dict.fromkeys(("test_another_fault_blames_no_loop", "test_a_reset_forgets_derivatives"), _METHODS),
+        **dict.fromkeys(("test_another_fault_blames_no_loop", "test_a_reset_forgets_derivatives"), ("recursive",)),
     },
     "tests/sweeps/test_as_simulated.py": {"*": ("stopped",), "test_an_fmu_has_them_too": ("3-stopped",), "test_what_decides": ("*",)},
     "tests/sweeps/test_lanes.py": {"test_runs_of_a_press": ("proximal",), "test_other_ways_to_run_have_no_lanes": ("*rk4*",)},
