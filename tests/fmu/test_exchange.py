@@ -87,7 +87,9 @@ def test_cvode_crosses_poses_with_several_ways_on(tmp_path: Path) -> None:
 def test_cvode_finds_contacts_and_leaves_them(tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy")
     file = write(fmu_of("bounce", 2, kind="both"), tmp_path)
-    table = fmpy.simulate_fmu(str(file), stop_time=1.5, output_interval=0.01, relative_tolerance=1e-10, record_events=False)
+    table = fmpy.simulate_fmu(
+        str(file), fmi_type="ModelExchange", stop_time=1.5, output_interval=0.01, relative_tolerance=1e-10, record_events=False
+    )
     heights, switched = exact_bounces(table["time"], 5.0, 0.3)
     assert switched > 3
     assert np.abs(table["mass.z"] - heights).max() < 1e-7
