@@ -62,8 +62,7 @@ _COMPILING = tuple(
 
 #: Tests of measuring, peers' programs and other platforms: the first case of each stands for all in `make test`.
 _ONE_CASE = (
-    "tests/bench/", "tests/export/", "tests/runtime/test_generic", "tests/fmu/test_platforms", "tests/fmu/test_targets",
-    "tests/standalone/test_other",
+    "tests/bench/", "tests/export/", "tests/fmu/test_platforms", "tests/fmu/test_targets", "tests/standalone/test_other",
 )  # fmt: skip
 
 

@@ -51,7 +51,7 @@ scenes:
 
 #: Modules that a compiled run does without: other commands' packages, and measuring.
 LATER = (
-    "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.reductions",
+    "cutjoint.reduce", "cutjoint.export", "cutjoint.view", "cutjoint.report.explain", "cutjoint.report.tasks",
     "cutjoint_bench",
 )  # fmt: skip
 
@@ -150,7 +150,9 @@ def test_a_kept_run_imports_nothing_of_what_derives(model: Path) -> None:
     assert table(model) == first
 
 
-@pytest.mark.parametrize("arguments", [(), ("--method", "augmented", "--implementation", "generic"), ("--dt", "0.005", "--end", "0.05")])
+@pytest.mark.parametrize("arguments", [
+    (), pytest.param(("--method", "augmented", "--implementation", "generic"), marks=pytest.mark.heavy), ("--dt", "0.005", "--end", "0.05")
+])  # fmt: skip
 def test_a_kept_run_is_what_it_was(arguments: tuple[str, ...], model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = anew(monkeypatch)
     first = simulate(model, *arguments, "--steps", model.parent / "steps.csv")

@@ -127,7 +127,7 @@ def test_such_an_error_comes_back_from_another_process() -> None:
         lambda path, out: cutjoint.find_equilibrium(path),
         lambda path, out: cutjoint.find_initial_state(path),
         lambda path, out: cutjoint.find_modes(path, at=0.0),
-        lambda path, out: compile_generic_model(path),
+        pytest.param(lambda path, out: compile_generic_model(path), marks=pytest.mark.heavy),
     ],
 )  # fmt: skip
 def test_paths_are_texts_or_paths(call: Callable[[Any, Any], Any], tmp_path: Path) -> None:

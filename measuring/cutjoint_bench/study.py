@@ -13,7 +13,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.toolchain.errors import ToolchainError
-from cutjoint.toolchain.machine import machine
+from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.cases import falling_steps
 from cutjoint_bench.cutjoint_contenders import OwnRunner
 from cutjoint_bench.drift import compile_for_drift, measure_drift

@@ -244,6 +244,7 @@ def test_contenders_have_the_events_of_their_names_whatever_the_scene_says(monke
     assert asked == 2 * [("trapezoidal", "crossed"), ("trapezoidal", "located"), ("rk4", "located")]
 
 
+@pytest.mark.heavy
 def test_a_bench_and_its_page(tmp_path: Path) -> None:
     arguments = [str(MODELS / "pendulum.yaml"), "--methods", "generated", "--end", "0.5", "--steps", "0.01,0.005,0.002",
                  "--repetitions", "2", "--no-limits", "--drift", "--out", str(tmp_path)]  # fmt: skip

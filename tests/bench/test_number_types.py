@@ -12,6 +12,7 @@ from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import completed
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("precision", ["single", "extended", "quad"])
 def test_motions_in_two_number_types_agree_to_the_digits_of_the_shorter(precision: str, tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"

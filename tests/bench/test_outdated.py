@@ -37,6 +37,7 @@ def test_what_is_of_other_code_or_missing_is_named(tmp_path: Path) -> None:
     assert find_outdated(more, data) == ["pendulum/swing, classical (not measured)"]
 
 
+@pytest.mark.heavy
 def test_studies_that_are_not_measured_stay_on_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(report, "MEASUREMENTS", tmp_path / "store.jsonl")
     monkeypatch.setattr(report, "STUDIES", {"short": lambda: swing("recursive"), "shorter": lambda: swing("recursive", end=0.1)})

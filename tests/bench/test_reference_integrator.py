@@ -18,6 +18,7 @@ from tests.reduce import test_guards as guards
 ADDED = ("reference",)
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("method", ["recursive", "classical"])
 def test_it_checks_guards_at_its_rows(method: str) -> None:
     model, scene = guards.without(*guards.OUT), guards.hammer().scenes["turn"]

@@ -81,6 +81,7 @@ def test_two_routes_agree_on_the_stiff_governor() -> None:
     assert reference.columns["slider.z"] == pytest.approx(published["s"][:rows], abs=1e-12)
 
 
+@pytest.mark.heavy
 def test_a_reference_is_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     case = make_case(MODELS / "pendulum.yaml", end=1.0, row=0.1)
     made = find_reference(case)
@@ -115,6 +116,7 @@ def test_factors_in_double_do_for_a_longer_balance() -> None:
         assert runs[0][name] == pytest.approx(runs[1][name], abs=1e-13)
 
 
+@pytest.mark.heavy
 def test_errors_of_a_run_fall_with_the_square_of_its_step() -> None:
     case = make_case(MODELS / "pendulum.yaml", end=2.0, row=0.1)
     reference = find_reference(case)

@@ -194,6 +194,7 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
     assert f"{POLE}: this is no FMU, which is a ZIP archive" in words_of(simulate(POLE, POLE, tmp_path / "out.csv"))
 
 
+@pytest.mark.heavy
 def test_all_methods_of_a_scene_balance_the_pole(controller: Path, tmp_path: Path) -> None:
     """Forces that jump at exchanges change accelerations and multipliers of each method alike."""
     rows = {}

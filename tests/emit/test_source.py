@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 
 import pytest
 
@@ -13,8 +14,11 @@ from cutjoint.emit.simulator import emit
 from cutjoint.emit.source import Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import CHECKS
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.scenes import find_scene
+from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.drivers import Kind
+from cutjoint.toolchain.objects import find_objects
 from tests.conftest import MODELS, ROOT
 from tests.hash_seeds import outputs
 
@@ -43,6 +47,32 @@ def test_no_folder_and_no_date_in_the_source() -> None:
     for name, text in source("iltis", "simul1").files.items():
         assert str(ROOT) not in text, name
         assert not re.search(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2}\b", text), name
+
+
+def test_no_two_sections_of_a_function_have_one_heading() -> None:
+    """A second pass over the bodies says what it is for."""
+    for name, text in source("four_bar", "swing").files.items():
+        headings = re.findall(r"^  // \w+: .*\n(?:  //   .*\n)*", text, re.MULTILINE)
+        assert len(headings) == len(set(headings)), name
+    evaluate = source("four_bar", "swing").files["evaluate.cpp"]
+    assert evaluate.index("// accelerations: crank_0.pin\n") < evaluate.index("// accelerations: crank_0.pin, pass 2: errors of pass 1\n")
+    assert "// accelerations: crank_0.pin, of gaps alone\n" in source("four_bar", "swing").files["project.cpp"]
+
+
+@pytest.mark.cpp  # its name is in the keys of objects
+def test_a_banner_has_the_digest_of_the_model_file_and_its_code_is_that_of_a_file_with_another_comment() -> None:
+    text = (MODELS / "four_bar.yaml").read_text()
+    made = []
+    for written in (text, f"{text}# a comment\n"):
+        read = read_model_text(written, str(MODELS / "four_bar.yaml"))
+        scene = find_scene(read, "swing")
+        made.append(generate(read, scene, scene.outputs)[2])
+        digest = sha256(written.encode()).hexdigest()[:12]
+        assert all(f"from model 'four_bar' (sha256 {digest}), " in code.partition("\n")[0] for code in made[-1].files.values())
+    one, other = made
+    assert [name for name in one.files if one.files[name].partition("\n")[2] != other.files[name].partition("\n")[2]] == []
+    assert one.digest == other.digest
+    assert find_objects(one, find_compiler(), (), Kind()) == find_objects(other, find_compiler(), (), Kind())
 
 
 def test_scenes_that_differ_in_road_only_share_their_source() -> None:

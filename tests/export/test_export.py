@@ -61,6 +61,7 @@ for peer in PEERS.values():
 """
 
 
+@pytest.mark.heavy
 def test_the_same_bytes_under_any_hash_seed() -> None:
     first, second = outputs(SEEDED, "1", "2")
     assert first == second

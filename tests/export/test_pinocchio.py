@@ -29,6 +29,7 @@ def test_runge_kutta_is_of_fourth_order(tmp_path: Path) -> None:
     assert 12 < coarse / fine < 20
 
 
+@pytest.mark.heavy
 @needs("pinocchio")
 def test_balls_are_integrated_in_fourth_order(tmp_path: Path) -> None:
     """A free body that tumbles, whose quaternion the stages carry."""

@@ -17,8 +17,10 @@ from click.testing import CliRunner, Result
 
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_model
+from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import Unit, describe_unit
-from cutjoint.model.read import read_model
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.package.version import without_mark
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy
@@ -44,6 +46,18 @@ versions = pytest.mark.parametrize("version", [2, 3])
 def test_fmpy_finds_nothing_wrong(version: int, name: str, scene: str | None, integrator: str | None, tmp_path: Path) -> None:
     validation = pytest.importorskip("fmpy.validation")
     assert validation.validate_fmu(str(write(fmu_of(name, version, scene, integrator), tmp_path, sources=True, binary=False))) == []
+
+
+def test_a_comment_more_in_the_model_file_changes_the_banners_alone() -> None:
+    """Token and binaries stay: a host takes the FMU for the same, and nothing is compiled again."""
+    text, made = (MODELS / "four_bar.yaml").read_text(), []
+    for written in (text, f"{text}# a comment\n"):
+        model = read_model_text(written, "four_bar.yaml")
+        made.append(make_fmu(model, find_scene(model, None), version=3))
+    one, other = made
+    assert one.sources != other.sources
+    assert {n: without_mark(s) for n, s in one.sources.items()} == {n: without_mark(s) for n, s in other.sources.items()}
+    assert one.subject.token == other.subject.token
 
 
 @needs_cpp

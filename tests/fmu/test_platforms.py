@@ -56,6 +56,7 @@ def test_arm_has_the_numbers_of_this_machine(tmp_path: Path) -> None:
     require_equal(table(ARM, tmp_path, "qemu-aarch64", "-L", f"/usr/{PLATFORMS[ARM].tools}"), table(None, tmp_path))
 
 
+@pytest.mark.heavy
 @needs(WINDOWS)
 def test_windows_has_the_numbers_of_this_machine(tmp_path: Path, wine: dict[str, str]) -> None:
     require_equal(table(WINDOWS, tmp_path, "wine", environment=wine), table(None, tmp_path))
@@ -78,6 +79,7 @@ def test_a_dll_shows_the_standards_functions_alone_and_needs_windows_alone(versi
     assert "Time/Date stamp \t\t0" in text  # the same bytes each time
 
 
+@pytest.mark.heavy
 @needs(ARM)
 def test_a_binary_for_arm_needs_the_c_library_alone() -> None:
     made = fmu_of("press", 3).build(platform=ARM)
@@ -85,6 +87,7 @@ def test_a_binary_for_arm_needs_the_c_library_alone() -> None:
     assert {line.split()[1] for line in text.splitlines() if "NEEDED" in line} <= {"libm.so.6", "libc.so.6", "ld-linux-aarch64.so.1"}
 
 
+@pytest.mark.heavy
 @needs(ARM)
 @needs(WINDOWS)
 def test_an_archive_has_several(tmp_path: Path) -> None:

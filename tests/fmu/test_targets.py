@@ -47,6 +47,7 @@ def table(target: str, *call: str, flags: Sequence[str] = FLAGS) -> np.ndarray:
 
 
 @needs_avx2
+@pytest.mark.heavy
 def test_a_processor_with_avx2_runs_the_folder_compiled_for_it_bit_by_bit(program: str) -> None:
     found, sim = table("both", program), cutjoint.load(MODELS / "press.yaml", integrator="trapezoidal", flags=(*FLAGS, *AVX2)).reset()
     for i, row in enumerate(found):
@@ -80,6 +81,7 @@ def test_states_go_on_in_the_other_code(program: str, tmp_path: Path) -> None:
 
 
 @needs_qemu
+@pytest.mark.heavy
 def test_a_processor_without_avx2_is_told_what_it_lacks(program: str) -> None:
     fmu = fmu_of("press", 3, integrator="trapezoidal")
     done = hosted(fmu, fmu.build(FLAGS, target="avx2"), [*OLD, program])
@@ -92,6 +94,7 @@ _FUNCTION, _AVX = re.compile(r"^[0-9a-f]+ <(.+)>:$"), re.compile(r"^\s+[0-9a-f]+
 
 
 @needs_avx2
+@pytest.mark.heavy
 @pytest.mark.parametrize(("compiler", "kind"), [("g++", "cs"), ("clang++", "both")])
 def test_no_function_of_avx2_is_taken_for_other_processors(compiler: str, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without optimisation templates of the C++ library are functions, which both compilations have and the linker takes from one."""

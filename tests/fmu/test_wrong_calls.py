@@ -145,16 +145,19 @@ def test_there_are_no_clocks(function: str) -> None:
     assert slave.log == [f"fmi3{function}: the FMU has no clocks"]
 
 
+SANITIZERS = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 RANDOM = [("press", 2, "cs", None), ("press", 3, "both", None), ("spinning", 3, "both", None), ("bounce", 3, "both", "rk4")]
 
 
 @pytest.mark.parametrize(("name", "version", "kind", "integrator"), with_heavy(RANDOM, *(case for case in RANDOM if case[0] != "bounce")))
-def test_random_calls_under_sanitizers(name: str, version: int, kind: str, integrator: str | None, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sanitizers", [[], pytest.param(SANITIZERS, marks=pytest.mark.heavy)], ids=["plain", "sanitized"])
+def test_random_calls(
+    name: str, version: int, kind: str, integrator: str | None, sanitizers: list[str], tmp_path: Path
+) -> None:  # fmt: skip
     fmu = fmu_of(name, version, kind=kind, integrator=integrator)
     for file, text in fmu.sources.items():
         (tmp_path / file).write_text(text)
-    flags = ["-std=c++20", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-D_GLIBCXX_ASSERTIONS", "-I.",
-             f"-DSTOPS={int(fmu.subject.stops_at_events)}"]  # fmt: skip
+    flags = ["-std=c++20", "-O1", *sanitizers, "-D_GLIBCXX_ASSERTIONS", "-I.", f"-DSTOPS={int(fmu.subject.stops_at_events)}"]
     program = Path(__file__).with_name("random_calls.cpp" if version == 2 else "random_calls_3.cpp")
     subprocess.run(["g++", *flags, program, f"{fmu.standalone.name}.cpp", "-o", "random"], cwd=tmp_path, check=True)
     calls, good = subprocess.run([tmp_path / "random", "50000"], capture_output=True, text=True, check=True).stdout.split()

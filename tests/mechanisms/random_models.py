@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from cutjoint.elements.joint import PERPENDICULAR
+from cutjoint.elements.joint import Fault
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model.records import (
     COORDINATES,
@@ -130,11 +130,11 @@ class Workshop:
 
     def axes(self, kind: str) -> tuple[tuple[Any, ...], ...]:
         """The directions of a joint."""
-        fields = [field.name for field in JOINTS[kind].fields]
-        if "axis" not in fields:
+        checks = {field.name: field.check for field in JOINTS[kind].fields}
+        if "axis" not in checks:
             return ()
-        first = self.axis()
-        if PERPENDICULAR not in JOINTS[kind].conditions:
+        first, second = self.axis(), checks.get("axis_2")
+        if second is None or second.fault is not Fault.NOT_PERPENDICULAR:
             return (first,)
         return first, _unit(np.cross(np.array(first, dtype=float), self.rng.standard_normal(3)))
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import pytest
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
+from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic
-from tests.conftest import needs_cpp
+from tests.conftest import needs_cpp, with_heavy
 
 #: A pinion drives a rack with a plate on it and a rocker, whose end a massless rod holds to the rack; the pinion drives a flywheel, which
 #: nobody asks about, as nobody does about the pendulum.
@@ -70,10 +73,11 @@ def test_passes_that_know_gears() -> None:
 
 
 @needs_cpp
-def test_motion_stays() -> None:
+@pytest.mark.parametrize("made", with_heavy([compile_interpreted, compile_generic], compile_generic))
+def test_motion_stays(made: Callable[..., Artifact]) -> None:
     """By a method that holds all equations at the end of every step; its steps end within a tolerance of 1e-10."""
     runs = [
-        simulate(compile_generic(variant.model, variant.scene, method="classical"), solver="eigen-lu")
+        simulate(made(variant.model, variant.scene, method="classical"), solver="eigen-lu")
         for variant in (sequence()[0], sequence()[-1])
     ]
     assert all(run.failure is None for run in runs)

@@ -146,6 +146,7 @@ def has_wide_vectors() -> bool:
     return described.exists() and "avx512f" in described.read_text(encoding="utf-8").split()
 
 
+@pytest.mark.heavy
 @pytest.mark.skipif(not has_wide_vectors(), reason="needs a machine with AVX-512")
 def test_each_run_is_that_of_its_parameters_alone_in_wide_registers() -> None:
     """Instructions of this very machine, as users have them by default; the runs alone have the plain ones of all tests."""

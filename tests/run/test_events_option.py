@@ -20,7 +20,7 @@ from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model
-from tests.conftest import MODELS, needs_cpp
+from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import with_numerics
 
@@ -53,7 +53,7 @@ def test_steps_end_at_events_as_is_usual_or_as_asked(method: str) -> None:
             assert told(scene, integrator=integrator, events=other) is (other == "located")
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", with_heavy(OTHERS, "generic"))
 def test_a_scenes_events_are_not_meant_for_other_methods_and_twins(name: str) -> None:
     artifact = OTHERS[name](PENDULUM)
     assert told(artifact) is told(artifact, events="crossed") is told(with_numerics(artifact, events="located")) is None

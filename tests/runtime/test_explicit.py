@@ -18,7 +18,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic_model
-from tests.conftest import MODELS
+from tests.conftest import MODELS, with_heavy
 from tests.mechanisms.bouncing import bouncing_text
 from tests.physics.simulation import compile_model, compile_text, completed
 
@@ -55,7 +55,7 @@ def test_runs_repeat_themselves_to_the_bit(integrator: str, model: str, scene: s
     assert (one.steps, one.evaluations, one.effort) == (other.steps, other.evaluations, other.effort)
 
 
-@pytest.mark.parametrize("compiled", [partial(compile_model, method="augmented"), compile_generic_model])
+@pytest.mark.parametrize("compiled", with_heavy([partial(compile_model, method="augmented"), compile_generic_model], compile_generic_model))
 def test_what_explicit_integrators_take(compiled: Callable[[Path], Artifact]) -> None:
     artifact = compiled(MODELS / "pendulum.yaml")
     with pytest.raises(RunError, match=r"the integrator rk4 takes generated code of the method recursive"):
@@ -68,7 +68,7 @@ def test_an_unknown_integrator() -> None:
 
 
 def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
-    """With its tolerances; other methods and the generic twin keep the trapezoidal rule."""
+    """With its tolerances."""
     numerics = "numerics: {dt: 0.01, integrator: dormand-prince, tolerance: 1e-7, absolute_tolerance: 1e-9}"
     path = tmp_path / "bounce.yaml"
     path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
@@ -78,6 +78,13 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
     assert cells(completed(simulate(artifact))) == cells(completed(asked))
     file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate")
     assert (file.settings.tolerance, file.settings.absolute_tolerance, file.settings.dt) == (1e-7, 1e-9, 0.05)
+
+
+@pytest.mark.heavy
+def test_the_generic_twin_keeps_the_trapezoidal_rule(tmp_path: Path) -> None:
+    path = tmp_path / "bounce.yaml"
+    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, tolerance: 1e-7, absolute_tolerance: 1e-9}"
+    path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
     assert completed(simulate(compile_generic_model(path))).effort.events == 0
 
 

@@ -45,7 +45,10 @@ from tests.oracles.reports import reported
 
 from .test_generic_twin import FLAT, STEPPED, WAVY, Road
 
-pytestmark = pytest.mark.skipif(shutil.which("g++") is None and shutil.which("clang++") is None, reason="needs a C++ compiler")
+pytestmark = [
+    pytest.mark.skipif(shutil.which("g++") is None and shutil.which("clang++") is None, reason="needs a C++ compiler"),
+    pytest.mark.heavy,  # compiling the twin takes minutes
+]
 
 METHODS = ("augmented", "classical")
 

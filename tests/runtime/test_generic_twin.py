@@ -34,7 +34,7 @@ from tests.mechanisms.joint_examples import EXAMPLES
 from tests.mechanisms.random_models import CUT_KINDS, GUIDABLE
 from tests.runtime.points import NUMERICS
 
-pytestmark = needs_cpp
+pytestmark = [needs_cpp, pytest.mark.heavy]  # compiling the twin takes minutes
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 

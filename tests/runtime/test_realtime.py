@@ -93,6 +93,7 @@ def test_steps_up_to_a_failure_are_told(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+@pytest.mark.heavy
 def test_the_twin_does_not_run_against_the_clock() -> None:
     with pytest.raises(RunError, match="runs against the wall clock take generated code"):
         run_in_real_time(compile_generic_model(MODELS / "pendulum.yaml"))

@@ -19,7 +19,7 @@ from cutjoint.toolchain.compiler import find_compiler
 
 Array = NDArray[np.float64]
 
-PAGE = Page(stem="vehicle", class_name="Vehicle", formulation="classical")
+PAGE = Page(stem="vehicle", class_name="Vehicle", formulation="classical", text="")
 
 _WARNINGS = ("-Wall", "-Wextra", "-Werror", "-Wno-psabi")
 

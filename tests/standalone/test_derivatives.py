@@ -60,11 +60,14 @@ def test_derivatives_are_those_of_differences_in_113_bits(
         assert max(errors) < 1e-10  # rounding, times the conditions of penalties and of what dependent coordinates follow from
 
 
-def test_calls_right_and_wrong(tmp_path: Path) -> None:
+SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+@pytest.mark.parametrize("flags", [(), pytest.param(SANITIZE, marks=pytest.mark.heavy)], ids=["plain", "sanitized"])
+def test_calls_right_and_wrong(flags: tuple[str, ...], tmp_path: Path) -> None:
     place = write(folder_of(text_of("press"), "press.yaml", linearise=True), tmp_path)
-    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    compile_object(place, "press", flags=sanitize)
-    assert run(link(place, "calls", ["-I.", HERE / "derivative_calls.c", "press.o"], flags=sanitize)) == ""
+    compile_object(place, "press", flags=flags)
+    assert run(link(place, "calls", ["-I.", HERE / "derivative_calls.c", "press.o"], flags=flags)) == ""
 
 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
@@ -126,7 +129,7 @@ def _where(condition: sympy.Basic, yes: sympy.Expr, no: sympy.Expr) -> sympy.Exp
     return sympy.Piecewise((yes, condition), (no, True))
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [*LAWS, pytest.param(" + ".join(f"({law})" for law in LAWS), id="all")])
 def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
     text = re.sub(r"\bv\b", "rate", re.sub(r"\bx\b", "position", law))
     start = {"coordinates": {"slide.displacement": 0.3}, "speeds": {"slide.displacement_rate": -0.8}}
@@ -175,6 +178,7 @@ def test_natural_coordinates_are_not_linearised() -> None:
         cutjoint.load(CART_POLE, method="augmented", linearise=True)
 
 
+@pytest.mark.heavy
 def test_methods_have_the_same_derivatives() -> None:
     text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, body: ground}}\noutputs: [hold.Fx, hold.Fz, ")
     first, second = (loaded(text, "spinning", method=method).reset() for method in RELATIVE)

@@ -68,10 +68,11 @@ def test_steps_end_at_events(method: str, integrator: str, tmp_path: Path) -> No
     assert sim.outputs["mass.z"] == pytest.approx(heights[-1], abs=1e-4)
 
 
-def test_a_time_that_rounding_parts_from_the_end_of_a_step_is_reached(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("method", "integrator"), EQUAL)
+def test_a_time_that_rounding_parts_from_the_end_of_a_step_is_reached(method: str, integrator: str, tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"
     path.write_text(bouncing_text(2.0, 0.5), encoding="utf-8")
-    sim = cutjoint.load(path, integrator="rk4").reset(dt=5e-3)
+    sim = cutjoint.load(path, method=method, integrator=integrator).reset(dt=5e-3)
     assert sim.advance_to_event(np.nextafter(5e-3, 1.0)) is None
     assert sim.time == pytest.approx(5e-3, rel=1e-15)
 
@@ -146,6 +147,7 @@ def test_the_code_calls_mathematics_and_nothing_else(compiler: str, method: str,
     assert not foreign_symbols(compile_object(place, "press", compiler=compiler), "press")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize(("method", "integrator"), RULES)
 def test_random_calls_under_sanitizers(method: str, integrator: str, tmp_path: Path) -> None:
     place = write(standalone_of("press", integrator=integrator, method=method), tmp_path)

@@ -130,6 +130,7 @@ def _call(path: Path, out: Path, address: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
 
 
+@pytest.mark.heavy
 def test_a_worker_that_is_killed(tmp_path: Path, processes: Processes, whole: bytes) -> None:
     processes.start_scheduler()
     first, _ = processes.start_worker(), processes.start_worker()

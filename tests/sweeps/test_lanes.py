@@ -88,6 +88,7 @@ def test_a_run_that_fails_leaves_the_others_alone(tmp_path: Path) -> None:
     _check_alone(many, asked.values, rows)
 
 
+@pytest.mark.heavy
 def test_runs_through_singular_poses() -> None:
     """Four-bars that come to their singular poses at other times: there the projection of one takes more than that of the others."""
     rows = [{f"crank_{i}.pin.angle_rate": -0.6 - 0.1 * k for i in range(3)} for k in range(9)]
@@ -135,6 +136,7 @@ def test_laws_that_end_in_no_number(tmp_path: Path) -> None:
     _check_alone(many, asked.values, found)
 
 
+@pytest.mark.heavy
 def test_guards_stop_the_runs_whose_forces_would_act(tmp_path: Path) -> None:
     asked = _ride(tmp_path, parameters=None, design={"list": [{"speed": speed} for speed in (0.5, 5.0, 4.0, 0.6)]})
     scene = replace(asked.scenes[0], switches={"rail": True}, pose="design")

@@ -31,7 +31,7 @@ from cutjoint.sweeps.parts import missing
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.work import Chunk, Rows, Threads, Work
 from cutjoint.topology.reading import read_model
-from tests.conftest import MODELS, needs_cpp
+from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.listening import listen
 
 from .studies import PRESS, study
@@ -63,18 +63,23 @@ def test_rows_are_those_of_single_runs(tmp_path: Path) -> None:
     assert done.failures == [None] * 4
 
 
-def test_integrators_and_methods(tmp_path: Path) -> None:
+WAYS: list[dict[str, Any]] = [
+    {"integrator": "rk4"}, {"method": "augmented"}, {"method": "recursive-newton"}, {"integrator": "dormand-prince", "tolerance": 1e-8},
+    {"method": "recursive-newton", "integrator": "sdirk4", "tolerance": 1e-8},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("how", with_heavy(WAYS, *WAYS[2:]), ids=str)
+def test_integrators_and_methods(how: dict[str, Any], tmp_path: Path) -> None:
     scene = read_model(MODELS / "press.yaml").scenes["turn"]
-    for how in ({"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-8}, {"method": "augmented"},
-                {"method": "recursive-newton"}, {"method": "recursive-newton", "integrator": "sdirk4", "tolerance": 1e-8}):  # fmt: skip
-        asked = {"parameters": {"stiffness": [3000]}, "rates": None, "design": "grid", "trajectories": None, "dt": 1e-3}
-        done = cutjoint.sweep(study(tmp_path, **asked, **how), tmp_path / "out.parquet")
-        options = {"dt": 1e-3, "end": 0.2, **how}
-        method = str(options.pop("method", "recursive"))
-        artifact = compile_scene(read_model(MODELS / "press.yaml"), scene, CompileOptions(method=method))
-        alone = simulate(artifact, parameters={"stiffness": 3000.0}, error=False, **options)  # type: ignore[arg-type]
-        error = 1e-13 if "tolerance" not in how else 1e-7  # its steps end at rows here, and are interpolated there
-        assert done["top"][0] == pytest.approx(max(alone["slider.x"][10:]), rel=error), how
+    asked = {"parameters": {"stiffness": [3000]}, "rates": None, "design": "grid", "trajectories": None, "dt": 1e-3}
+    done = cutjoint.sweep(study(tmp_path, **asked, **how), tmp_path / "out.parquet")
+    options = {"dt": 1e-3, "end": 0.2, **how}
+    method = str(options.pop("method", "recursive"))
+    artifact = compile_scene(read_model(MODELS / "press.yaml"), scene, CompileOptions(method=method))
+    alone = simulate(artifact, parameters={"stiffness": 3000.0}, error=False, **options)
+    error = 1e-13 if "tolerance" not in how else 1e-7  # its steps end at rows here, and are interpolated there
+    assert done["top"][0] == pytest.approx(max(alone["slider.x"][10:]), rel=error)
 
 
 def test_workers_and_parts_do_not_matter(tmp_path: Path) -> None:
@@ -179,7 +184,7 @@ def _killed(path: Path, out: Path, number: int) -> int:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_a_call_that_was_stopped_goes_on(number: int, tmp_path: Path) -> None:
-    path = study(tmp_path, end=10.0, design={"sobol": 1024})
+    path = study(tmp_path, end=4.0, design={"sobol": 1024})
     cutjoint.sweep(path, tmp_path / "whole.parquet")
     out = tmp_path / "out.parquet"
     assert _killed(path, out, number) >= 1
@@ -191,13 +196,13 @@ def test_a_call_that_was_stopped_goes_on(number: int, tmp_path: Path) -> None:
 
 def test_rows_of_another_study_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "out.parquet"
-    _killed(study(tmp_path, end=10.0, design={"sobol": 1024}), out, signal.SIGKILL)
+    _killed(study(tmp_path, end=4.0, design={"sobol": 1024}), out, signal.SIGKILL)
     with pytest.raises(OutputError, match=r"out\.parquet\.parts has rows of another sweep: study, design differ; remove it, or write else"):
-        cutjoint.sweep(study(tmp_path, end=10.0, design={"sobol": 1024, "seed": 9}), out)
+        cutjoint.sweep(study(tmp_path, end=4.0, design={"sobol": 1024, "seed": 9}), out)
 
 
 def test_a_damaged_part_is_made_anew(tmp_path: Path) -> None:
-    path, out = study(tmp_path, end=10.0, design={"sobol": 1024}), tmp_path / "out.parquet"
+    path, out = study(tmp_path, end=4.0, design={"sobol": 1024}), tmp_path / "out.parquet"
     _killed(path, out, signal.SIGKILL)
     first = min(out.with_name("out.parquet.parts").glob("0*.parquet"))
     first.write_bytes(first.read_bytes()[:-20])

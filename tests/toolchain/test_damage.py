@@ -55,7 +55,7 @@ def test_two_processes_that_meet_a_damaged_simulator(damage: str, site: Site) ->
 def test_a_damaged_part_of_the_driver_is_built_again(damage: str, site: Site) -> None:
     site.open_gate()
     site.build("one")
-    (part,) = (site.folder / "cache").glob("driver-*/libdriver.a")
+    (part,) = (site.folder / "cache").glob("integrators-*/libintegrators.a")
     DAMAGE[damage](part)
     assert output(site.build("other")) == "other\n"
     assert output(site.build("third")) == "third\n"

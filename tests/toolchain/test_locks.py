@@ -28,16 +28,19 @@ file(APPEND "{log}" "simulator {stem}\\n")
 if(NOT DEFINED CUTJOINT_INITIAL_STATE)
   add_library(initial_state STATIC part.cpp)
 endif()
-if(DEFINED CUTJOINT_DRIVER)
-  add_library(driver STATIC IMPORTED)
-  set_target_properties(driver PROPERTIES IMPORTED_LOCATION ${{CUTJOINT_DRIVER}})
+if(NOT DEFINED CUTJOINT_DRIVER)
+  add_library(driver STATIC part.cpp)
+endif()
+if(DEFINED CUTJOINT_INTEGRATORS)
+  add_library(integrators STATIC IMPORTED)
+  set_target_properties(integrators PROPERTIES IMPORTED_LOCATION ${{CUTJOINT_INTEGRATORS}})
 else()
   file(APPEND "{log}" "parts\\n")
-  add_library(driver STATIC part.cpp)
+  add_library(integrators STATIC part.cpp)
 endif()
 execute_process(COMMAND sh -c "while [ ! -e '{gate}' ]; do sleep 0.02; done")
 add_executable(simulator main.cpp)
-target_link_libraries(simulator driver)
+target_link_libraries(simulator integrators)
 """
 
 #: Builds a source in a process of its own, and says so before.
@@ -149,8 +152,8 @@ def test_a_process_that_was_killed_holds_up_nobody(site: Site) -> None:
     site.wait_for("simulator one", "parts")
     killed.send_signal(signal.SIGKILL)
     killed.communicate()
-    # it had the locks of the simulator, of both parts and of the folder where it built
-    assert len(list((site.folder / "cache").glob("*.lock"))) == 4
+    # it had the locks of the simulator, of all parts and of the folder where it built
+    assert len(list((site.folder / "cache").glob("*.lock"))) == 5
     site.open_gate()
     assert site.ask("one").communicate(timeout=120)[0] == "True\n"
     found = site.build("one")

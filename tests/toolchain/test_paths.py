@@ -30,10 +30,12 @@ project(small CXX)
 include(${CUTJOINT_RUNTIME}/small.cmake)
 add_library(initial_state STATIC main.cpp)
 add_library(driver STATIC main.cpp)
+add_library(integrators STATIC main.cpp)
 add_executable(simulator main.cpp)
 target_include_directories(simulator PRIVATE ${CUTJOINT_RUNTIME}/include)
 target_include_directories(initial_state PRIVATE ${CUTJOINT_RUNTIME}/include)
 target_include_directories(driver PRIVATE ${CUTJOINT_RUNTIME}/include)
+target_include_directories(integrators PRIVATE ${CUTJOINT_RUNTIME}/include)
 """
 
 

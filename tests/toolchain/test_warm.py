@@ -19,12 +19,12 @@ from tests.toolchain.test_locks import Site, output, pytestmark, site
 
 __all__ = ["pytestmark", "site"]
 
-#: Both libraries of a driver, the simulator that interprets programs, and a note of each build.
+#: The libraries of a driver, the simulator that interprets programs, and a note of each build.
 DRIVER = """
 cmake_minimum_required(VERSION 3.18)
 project(small CXX)
 file(APPEND "{log}" "driver ${{CUTJOINT_DRIVER_KIND}} ${{CUTJOINT_FLAGS}}\\n")
-foreach(part initial_state driver)
+foreach(part initial_state driver integrators)
   string(TOUPPER ${{part}} name)
   if(NOT DEFINED CUTJOINT_${{name}})
     add_library(${{part}} STATIC part.cpp)
@@ -84,7 +84,7 @@ def test_drivers_of_another_version_are_removed(installation: Path, site: Site) 
 @pytest.mark.parametrize("damage", ["empty", "a bit flipped", "a folder", "digest gone"])
 def test_a_damaged_driver_is_built_again(damage: str, installation: Path, site: Site) -> None:
     warm("recursive", flags=())
-    (part,) = installation.glob("share/cutjoint/*/driver-*/libdriver.a")
+    (part,) = installation.glob("share/cutjoint/*/integrators-*/libintegrators.a")
     DAMAGE[damage](part)
     assert output(site.build("one")) == "one\n"  # with one of the cache
     assert not warm("recursive", flags=())  # which does for other caches from now on
@@ -95,7 +95,7 @@ def test_a_damaged_driver_is_built_again(damage: str, installation: Path, site: 
 
 def test_a_driver_that_is_damaged_everywhere_is_built_again(installation: Path, site: Site) -> None:
     warm("recursive", flags=())
-    (part,) = installation.glob("share/cutjoint/*/driver-*/libdriver.a")
+    (part,) = installation.glob("share/cutjoint/*/integrators-*/libintegrators.a")
     DAMAGE["a bit flipped"](part)
     assert [warm("recursive", flags=()) for _ in range(2)] == [True, False]
     assert output(site.build("one")) == "one\n"

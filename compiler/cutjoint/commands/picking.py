@@ -13,7 +13,7 @@ from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
-from cutjoint.report.reductions import choice_table
+from cutjoint.report.tasks import choice_table
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.results import Trajectory

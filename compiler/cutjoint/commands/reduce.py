@@ -7,7 +7,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.reduce.measure import measure_reduced
 from cutjoint.reduce.sequence import reduction_sequence
-from cutjoint.report.reductions import note_lines, reduction_table
+from cutjoint.report.tasks import note_lines, reduction_table
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.scenes import find_scene

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
-from cutjoint.emit.beginning import Beginning
-from cutjoint.emit.classes import SimulationCode, System
+from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size

@@ -50,7 +50,7 @@ def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str,
 def emit_description(page: Page, view: Mapping[str, object], function: str, *, system: Mapping[str, object] | None = None) -> Piece:
     """A function that returns the description; of a ``system``, its method, pattern and length of factors too."""
     text = page.render("description.cpp.jinja", **view, system=system, function=function)
-    return Piece(text=text, headers=("cutjoint/lagrangian/system.hpp" if system else "cutjoint/mechanism.hpp",))
+    return Piece(text=text, headers=("cutjoint/constants.hpp",))
 
 
 def _named(parameters: Sequence[Parameter]) -> list[dict[str, str]]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.emit.beginning import Beginning
-from cutjoint.emit.classes import LANES, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
+from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 

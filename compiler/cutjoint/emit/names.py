@@ -22,6 +22,8 @@ def name_scalars(program: Program) -> dict[int, str]:
     """A unique identifier for every scalar of a labelled block, such as ``R_front_left_arm_xy`` or ``Dinv_chassis_vx``.
 
     A scalar has the name of its first block; there, of the elements that it is, one with its own sign names it before a negative one.
+    ``_negated`` is a quantity of which only the negative is computed, as ``b - a`` stands for ``a - b`` too: its own sign would cost an
+    operation where sums take the negative.
     """
     names: dict[int, str] = {}
     taken = set(MACROS)

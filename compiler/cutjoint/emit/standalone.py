@@ -14,8 +14,7 @@ import sympy
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
-from cutjoint.emit.beginning import Beginning
-from cutjoint.emit.classes import SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
+from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
 from cutjoint.formulate.forces import guards_of
 from cutjoint.formulate.inputs import guided_by

@@ -64,18 +64,21 @@ FUNCTIONS = {
 class Section:
     """A part of the program that a reader knows: one body, joint, cut joint or force.
 
-    ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file.
+    ``stage`` is the sweep it belongs to, ``equation`` the formula that it implements, ``source`` the place in the model file, ``turn`` the
+    reason for which the sweep is made again, "" the first time.
     """
 
     stage: str
     element: str
     equation: str
     source: str
+    turn: str = ""
 
     @property
     def title(self) -> str:
         """One line for a heading."""
-        return f"{self.stage}: {self.element}" if self.element else self.stage
+        title = f"{self.stage}: {self.element}" if self.element else self.stage
+        return f"{title}, {self.turn}" if self.turn else title
 
 
 class ConstantError(EquationsError, ArithmeticError):
@@ -135,7 +138,7 @@ class Builder:
     def __init__(self) -> None:
         self._nodes: dict[Hashable, Block] = {}
         self._section = 0
-        self._mark = ""
+        self._mark = self._turn = ""
         self.restricted: set[Block] = set()
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, Label] = {}
@@ -146,7 +149,7 @@ class Builder:
     def section(self, stage: str, element: str, equation: str, source: str) -> Iterator[None]:
         """Blocks first made inside belong to this section."""
         before = self._section
-        self.sections.append(Section(stage=stage, element=element, equation=equation, source=source))
+        self.sections.append(Section(stage=stage, element=element, equation=equation, source=source, turn=self._turn))
         self._section = len(self.sections) - 1
         try:
             yield
@@ -154,13 +157,14 @@ class Builder:
             self._section = before
 
     @contextmanager
-    def marked(self, mark: str) -> Iterator[None]:
-        """Names given inside begin with a mark, for a part of the formulation that is done again with other values."""
-        before, self._mark = self._mark, self._mark + mark
+    def marked(self, mark: str, turn: str) -> Iterator[None]:
+        """Names given inside begin with a mark, and headings end with a turn, for a part of the formulation that is done again with other
+        values."""
+        before, self._mark, self._turn = (self._mark, self._turn), self._mark + mark, turn
         try:
             yield
         finally:
-            self._mark = before
+            self._mark, self._turn = before
 
     def restrict(self, block: Block) -> Block:
         """Note that a law calls a function whose arguments must lie in its domain."""

@@ -30,7 +30,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.errors import ToolchainError
-from cutjoint.toolchain.machine import machine
+from cutjoint.toolchain.platforms import machine
 
 #: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8

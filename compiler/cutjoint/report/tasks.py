@@ -1,11 +1,11 @@
-"""Reports of equilibria, of modes and of steps against the clock: tables for people, and for programs JSON."""
+"""Reports of equilibria, of modes, of reduced models and of steps against the clock: tables for people, and for programs JSON."""
 
 from __future__ import annotations
 
 import json
 from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
-from math import degrees, floor, log10
+from math import degrees, floor, inf, log10
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,10 @@ from rich.table import Table
 
 from cutjoint.analysis.modes import Mode, Modes, Participant
 from cutjoint.model.quantities import POSE
+from cutjoint.model.records import Scene
+from cutjoint.reduce.choose import Candidate, Choice
+from cutjoint.reduce.measure import Cost
+from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.run.results import MechanismState
 from cutjoint.tasks.realtime import StepTimes
 
@@ -192,3 +196,50 @@ def _plain_mode(mode: Mode) -> dict[str, Any]:
 
 def _plain_shape(shape: Mapping[str, Participant]) -> dict[str, Any]:
     return {name: {"amplitude": [p.amplitude.real, p.amplitude.imag], "share": p.share} for name, p in shape.items()}
+
+
+# Reductions
+
+
+def _reduced_table(title: str, headings: Sequence[str], left: int) -> Table:
+    table = Table(title=title, title_justify="left", box=None)
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if i < left else "right")
+    return table
+
+
+def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> Table:
+    """One row a model: the rest of the model, its cost, and its distance from the full one."""
+    full = variants[0]
+    headings = ("model", "motion", "unknowns", "equations", "ops", "share", "ms", "faster", "error")
+    table = _reduced_table(f"{full.model.name}, scene {full.scene.name}, method {full.method}", headings, 2)
+    for variant, cost in zip(variants, costs, strict=True):
+        table.add_row(
+            variant.name, variant.motion, str(variant.unknowns), str(variant.equations), str(variant.operations),
+            f"{100 * variant.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}",
+            "-" if cost.failure else f"{costs[0].seconds / cost.seconds:.2f}",
+            cost.failure or (f"{cost.error:.1e}" if variant is not full else "-"),
+        )  # fmt: skip
+    return table
+
+
+def note_lines(variant: ReducedModel) -> Iterator[str]:
+    """The notes of a reduced model, done ones first, each with its place in the file."""
+    yield from (f"{note.span}: '{note.element}' {note.words}" for note in (*variant.done, *variant.left))
+
+
+def choice_table(choice: Choice, scene: Scene) -> Table:
+    """A table of the choice beside the other candidates."""
+    title = f"scene {scene.name}: the fastest within {scene.tolerance:g} m and rad (the truth still moves by {choice.settled:.0e})"
+    table = _reduced_table(title, ("", "method", "model", "dt / ms", "error", "ms", "of real time"), 3)
+    for candidate in choice.evidence:
+        table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.variant, *_cells(candidate, scene))
+    return table
+
+
+def _cells(candidate: Candidate, scene: Scene) -> tuple[str, ...]:
+    if candidate.failure:
+        found = f"{candidate.error:.1e}" if candidate.error < inf else "-"
+        return "-", found, "-", candidate.failure.splitlines()[0]
+    speed = f"{scene.end / candidate.seconds:.0f} times"
+    return f"{1e3 * candidate.dt:.4g}", f"{candidate.error:.1e}", f"{1e3 * candidate.seconds:.3g}", speed

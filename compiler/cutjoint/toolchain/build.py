@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.methods import PRECISIONS
+from cutjoint.package.version import without_mark
 from cutjoint.toolchain.cache import cache_folder, find_or_make, is_sound, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
@@ -124,7 +125,7 @@ def build_files(
     """Build the CMake project of ``files`` around the folder of a model for a ``platform``, by default this machine's, or find the file
     ``made`` by it in the cache; errors as above."""
     compiler, there = (platform.find_compiler(), platform.settings) if platform else (find_compiler(), ())
-    key = digest_of([digest, *files.values(), *compiler.key, *resolve(flags), *settings, *there])
+    key = digest_of([digest, *map(without_mark, files.values()), *compiler.key, *resolve(flags), *settings, *there])
     cached = cache_folder() / f"alone-{key}" / made
 
     def make(folder: Path) -> Path:

@@ -108,9 +108,11 @@ def driver_parts(driver: str, compiler: Compiler, flags: Sequence[str], kind: Ki
     """
     if driver not in DRIVERS:
         return ()
-    start = [runtime_digest(), *compiler.key, *resolve(flags)]
-    rest = [*start, driver, runtime_digest(part=driver), *kind.key]
-    return Part(name="initial_state", digest=digest_of(start)), Part(name="driver", digest=digest_of(rest))
+    plain, own = [runtime_digest(), *compiler.key], [driver, runtime_digest(part=driver), *kind.key]
+    flagged = [*plain, *resolve(flags)]
+    rest = flagged if driver == "batch" or kind.additions else plain
+    parts = Part(name="initial_state", digest=digest_of(flagged)), Part(name="driver", digest=digest_of([*rest, *own]))
+    return parts if driver == "batch" else (*parts, Part(name="integrators", digest=digest_of([*flagged, *own])))
 
 
 def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> Part:

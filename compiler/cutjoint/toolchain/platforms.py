@@ -1,11 +1,12 @@
-"""Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers."""
+"""Platforms that code is compiled for: this machine's, and others by Debian's cross-compilers; and the machine that times are of."""
 
 from __future__ import annotations
 
 import platform
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, require_tools
 from cutjoint.toolchain.errors import ToolchainError
@@ -72,3 +73,30 @@ PLATFORMS: Mapping[str, Platform] = {
 def name_here() -> str | None:
     """The name of this machine's platform; None if it has none."""
     return next((name for name, known in PLATFORMS.items() if known.is_here()), None)
+
+
+def machine() -> Mapping[str, str]:
+    """This machine: processor, its cores, system."""
+    return {"processor": _processor(), "system": platform.system(), "python": platform.python_version()}
+
+
+#: The names of a processor's widest vectors, by the flag that stands for them.
+_VECTORS = {"avx512f": "AVX-512", "avx2": "AVX2"}
+
+
+def _processor() -> str:
+    cores = 0
+    vectors = ""
+    name = platform.processor() or platform.machine()
+    for line in _lines(Path("/proc/cpuinfo")):
+        key, _, value = (part.strip() for part in line.partition(":"))
+        cores += key == "processor"
+        name = value if key == "model name" else name
+        if key == "flags":
+            vectors = next((f" with {words}" for flag, words in _VECTORS.items() if flag in value.split()), "")
+    return f"{name}{vectors}, {cores} cores" if cores else name
+
+
+def _lines(path: Path) -> Iterator[str]:
+    if path.exists():
+        yield from path.read_text(encoding="utf-8").splitlines()

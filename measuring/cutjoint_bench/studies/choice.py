@@ -32,7 +32,7 @@ from cutjoint.reduce.trials import at_step
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.digests import runtime_digest
-from cutjoint.toolchain.machine import machine
+from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.store import Record, Store
 from cutjoint_bench.studies.checkout import DOCS, MODELS, RESULTS
 

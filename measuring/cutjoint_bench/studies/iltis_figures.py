@@ -20,7 +20,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.states import find_equilibrium
-from cutjoint.toolchain.machine import machine
+from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.studies.checkout import DATA, MODELS
 from cutjoint_bench.twin.artifact import compile_generic_model
 from cutjoint_bench.twin.build import measuring_digest

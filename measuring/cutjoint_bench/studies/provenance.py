@@ -8,7 +8,7 @@ from cutjoint.package.version import __version__
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.digests import runtime_digest
-from cutjoint.toolchain.machine import machine
+from cutjoint.toolchain.platforms import machine
 
 
 def provenance(flags: Sequence[str] = FLAGS) -> str:

@@ -69,7 +69,8 @@ class NearJumps {
     double after, size;
   };
 
-  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where: what is smooth or steep differs less and less.
+  /// Whether a column that differs by `change` at an `end` jumps on the way there, and where.  The difference of a smooth or steep column
+  /// falls with the distance.
   template <class Report>
   void find(Real t, std::size_t column, Real here, Real end, Real change, Report report) {
     using std::abs;

@@ -19,6 +19,7 @@ from cutjoint.export.fmu.variables import Interface, make_interface
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.version import without_mark
 from cutjoint.run.errors import RunError
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
@@ -118,7 +119,8 @@ def make_fmu(
     interface = make_interface(described, standalone.run_file, standalone.freedoms)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
-    token = _token([*standalone.files.values(), repr(interface), page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")])
+    layer = page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
+    token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
         stops_at_events=stops, steps=str(standalone.settings) if KINDS[kind][0] else "",

@@ -1,4 +1,4 @@
-"""Contributions of masses, force elements and cut joints to the balance and to its tangent.
+"""Contributions of masses, force elements, cut joints and first-order states to the balance and to its tangent.
 
 An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
 motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change:
@@ -21,10 +21,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from cutjoint.formulate.implicit.motions import Motion, Motions
+from cutjoint.formulate.layout import StateLayout
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.loops import LoopClosure, pulls, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
-from cutjoint.model.records import GROUND, Body
+from cutjoint.formulate.states import Entry, by_state, state_rates
+from cutjoint.model.records import GROUND, Body, Model
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.vary import Variation
 
@@ -194,3 +196,25 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
             for k in motions.of_body[body]:
                 if motions.turns(k, j):
                     yield j, k, b.add(b.dot(row, k.c), b.dot(turning, b.take(k.DV, (3, 6))))
+
+
+def coupled_tangent(motions: Motions, layout: StateLayout, model: Model, system: SharedForces) -> Iterator[Entry]:
+    """The tangent of forces and first-order states by each other: the states' equations by the joints' motions, and the joints' by the
+    states."""
+    b, rates = motions.k.builder, state_rates(motions.k.translator, model)
+    variations = motions.variations() if model.states else {}
+    for place, state in enumerate(model.states, start=layout.speeds):
+        change = by_state(b, state.name, motions.weights.damping)
+        with b.section("tangent", state.name, "what f changes by motions, and forces by x", state.span.place):
+            yield from ((place, m.row, b.neg(variations[m.key].of(rates[state.name]))) for m in motions.all())
+            yield from ((row, place, b.neg(entry)) for row, entry in _force_changes(motions, change, system))
+
+
+def _force_changes(motions: Motions, change: Variation, system: SharedForces) -> Iterator[tuple[int, Block]]:
+    """The change of the generalised forces: row, value."""
+    b = motions.k.builder
+    for wrenches in system.wrenches.values():
+        for _, wrench, way in ways(motions, wrenches):
+            yield from ((m.row, b.dot(m.s, change.of(wrench))) for m in way)
+    for body, force in system.joint_forces.items():
+        yield from ((m.row, b.element(change.of(force), m.index)) for m in motions.of_body[body])

@@ -24,6 +24,7 @@ from cutjoint.formulate.implicit.balance import (
     SharedForces,
     close,
     composites,
+    coupled_tangent,
     inertial_tangent,
     penalty_tangent,
     ways,
@@ -33,7 +34,6 @@ from cutjoint.formulate.implicit.balance import (
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
 from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
-from cutjoint.formulate.implicit.states import coupled_tangent
 from cutjoint.formulate.inputs import (
     Numbers,
     column_slots,

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
-from cutjoint.formulate.recursive.loops import CORRECTION, Closing, LoopClosure, transport
+from cutjoint.formulate.recursive.loops import ERRORS, Closing, LoopClosure, transport
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
@@ -232,7 +232,7 @@ class BranchSystem:
 
     def _error(self, loop: Closing) -> Block:
         b, name = self.k.builder, loop.element.name
-        with b.section("multipliers", name, CORRECTION, loop.element.span.place):
+        with b.section("multipliers", name, ERRORS, loop.element.span.place):
             return b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
 
 

@@ -67,7 +67,7 @@ def formulate_recursive(
         solution = refine(topology, masses, k, closing, numbers, solution, REFINEMENTS)
     correction = corrections(b, loops, numbers, solution.errors)
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
-    step = respond(topology, masses, k, closing, numbers, gaps, "p").vdot
+    step = respond(topology, masses, k, closing, numbers, gaps, mark="p", turn="of gaps alone").vdot
     Zdd = given_accelerations(k)
     reactions = Reactions(
         kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd, acting=system.cut_joint_wrenches

@@ -180,7 +180,7 @@ def loop_errors(k: Kinematics, loops: tuple[LoopClosure, ...], Zdd: Mapping[str,
     b, errors = k.builder, {}
     for loop in loops:
         joint = loop.joint
-        with b.section("multipliers", joint.name, CORRECTION, joint.span.place):
+        with b.section("multipliers", joint.name, ERRORS, joint.span.place):
             step = k.pole_step(joint.base, joint.follower)
             base = k.twist_at(Zdd[joint.base], step) if joint.base != GROUND else b.zero(6)
             relative = b.sub(Zdd[joint.follower], base)
@@ -198,4 +198,4 @@ def corrections(b: Builder, closing: Sequence[Closing], numbers: Numbers, errors
     return found
 
 
-CORRECTION = "lambda <- lambda + a (A Zdd + s)  (eq. 42)"
+ERRORS, CORRECTION = "A Zdd + s  (eq. 42)", "lambda <- lambda + a (A Zdd + s)  (eq. 42)"

@@ -80,7 +80,7 @@ def refine(
     b, vdot, errors, last = k.builder, solution.vdot, solution.errors, solution.errors
     places = {name: span.place for name, span in topology.model.constraint_spans.items()}
     for n in range(times):
-        response = respond(topology, masses, k, closing, numbers, last, "r" * (n + 1))
+        response = respond(topology, masses, k, closing, numbers, last, mark="r" * (n + 1), turn=f"pass {n + 2}: errors of pass {n + 1}")
         vdot = _sums(b, "accelerations", "zdd <- zdd + dzdd", places, vdot, response.vdot)
         errors = _sums(b, "multipliers", "A Zdd + s, again with the corrected multipliers", places, errors, response.errors)
         last = response.errors
@@ -100,15 +100,15 @@ def _sums(
 
 def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
-    gaps: Mapping[str, Block], mark: str,
+    gaps: Mapping[str, Block], *, mark: str, turn: str,
 ) -> Solution:  # fmt: skip
     """The response of bodies without velocity and forces to gaps of the cut joints alone: (M + A^T a A) z = -A^T a gap, errors A z + gap.
 
-    ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``.
+    ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings a ``turn``.
     """
     b = k.builder
     still = replace(k, motions={body: replace(motion, d=b.zero(6)) for body, motion in k.motions.items()})
     system = BodySystem(builder=b, M=dict(masses), Q={body: b.zero(6) for body in masses})
     gaping = closing.gaping(b, gaps)
-    with b.marked(mark):
+    with b.marked(mark, turn):
         return solve(topology, system, still, gaping, numbers)

@@ -14,8 +14,8 @@ struct Chart {
   bool reversed = false;
 };
 
-/// A value that is watched for a change of formula: the place along a `road`, or where there is none, one that changes its sign; the switch
-/// `across` has the place across the road (without one, that place is right of the middle).
+/// A value that is watched for a change of formula: the place along a `road`, or without a road a value that changes its sign.  The switch
+/// `across` has the place across the road; without one, the place is right of the middle.
 struct SwitchPlace {
   int road = -1;
   int across = -1;

@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <iterator>
 #include <limits>
 #include <new>
+#include <span>
 #include <type_traits>
 
 #include "cutjoint/core/fault.hpp"

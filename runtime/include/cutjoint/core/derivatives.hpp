@@ -24,9 +24,9 @@ namespace cutjoint {
 /// Derivatives about the present state of a `Simulation` by generated code over dual numbers: the mechanism D, and S, which reports, of a method
 /// without a system the same.
 ///
-/// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates change so that loops stay closed,
-/// J_d dz_d = -(J dz + dPhi/du du), then their rates so that the residual's rate stays zero, then accelerations and multipliers by the fixed point of
-/// the augmented update, over the derivatives of these.
+/// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
+/// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
+/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms>
 class Derivatives {
  public:

@@ -16,9 +16,9 @@ namespace cutjoint {
 
 /// Penalties of the closures that find their own, by the effective masses of the cut joints while the others are held and while they are open.
 ///
-/// What an evaluation leaves of an error is the inverse square of penalty over held mass, and what rounding takes of the accelerations grows
-/// with it: 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges
-/// once a step changes the Jacobian's vanishing direction by more than the penalty blurs it, sqrt(open mass/penalty).
+/// An evaluation leaves of an error the inverse square of penalty over held mass.  The rounding of the accelerations grows with that ratio:
+/// 3e4 leaves ten digits of both.  A fixed point with steps `dt` (0 where there is none) wants less near singular poses: it diverges once a
+/// step changes the Jacobian's vanishing direction by more than the penalty blurs it, sqrt(open mass/penalty).
 template <class Numbers, class Real>
 Numbers penalties_of_cuts(const Numbers& held, const Numbers& open, Real dt) {
   Numbers penalties(held.size());
@@ -31,8 +31,8 @@ Numbers penalties_of_cuts(const Numbers& held, const Numbers& open, Real dt) {
 
 /// The one penalty of the closure `penalty`, between those of its cut joints: their geometric mean.
 ///
-/// Its multipliers are corrected in each step, so that a wide range will do: from 1e3 to 1e7 times the masses the mechanisms of models/ that
-/// stay away from singular poses have errors that are the same to two digits.
+/// Its multipliers are corrected in each step, so that a wide range will do.  Mechanisms of models/ that stay away from singular poses have
+/// the same errors to two digits with 1e3 to 1e7 times the masses.
 template <class Numbers>
 auto common_penalty(const Numbers& penalties) {
   using std::exp, std::log;

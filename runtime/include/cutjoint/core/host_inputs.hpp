@@ -90,14 +90,16 @@ struct HostInputs {
 
 /// Inputs as a simulation uses them: as the host gives them, but those that move guides, `guiding`, follow it without a jump of value or rate.
 ///
-/// A guide whose value or rate jumped would leave loops open and lose the momentum of what it carries.  So it goes from where it is, and
-/// as fast as it moves, along two parabolas to the host's course.  They are what integrators integrate without error, so that loops stay as closed
-/// as behind a law.  Each is as long as a step.  Where the host gives derivatives, as it may with each step, the first one aims at its course half a step
-/// later, since they extrapolate worse the further they do, and two more follow where it gives no others.
+/// A guide whose value or rate jumped would leave loops open and lose the momentum of what it carries.  So it goes from where it is, and as
+/// fast as it moves, along two parabolas to the host's course.  They are what integrators integrate without error, so that loops stay as
+/// closed as behind a law.  Each is as long as a step.  A host may give derivatives with each step.  Then the first parabola aims at its
+/// course half a step later, since derivatives extrapolate worse over longer times; two more parabolas follow where the host gives no
+/// others.
 ///
-/// An input that is held has a rate too: that of its last change over the time of the call, or over that of the call before if this is smaller;
-/// none where these have other signs, so that nothing goes beyond a value to which it jumps.  With such a rate it is at the held value at
-/// the end of the call, and without it at rest there after two steps.  A jump that is being made comes to its end first, so that nothing goes beyond then either.
+/// An input that is held has a rate too: its last change over the time of the call, or over that of the call before if this is smaller.  It
+/// has none where the two have other signs, so that nothing goes beyond a value to which it jumps.  With such a rate it is at the held
+/// value at the end of the call, and without it at rest there after two steps.  A jump that is being made comes to its end first, so that
+/// nothing goes beyond then either.
 template <class Real, std::size_t n, int... guiding>
 class FollowedInputs {
  public:

@@ -18,9 +18,9 @@ namespace cutjoint {
 
 /// A mechanism or system as an impulse meets it: masses, the equations of loops, and the momentum of what is guided.
 ///
-/// All come from functions that it has anyway.  In relative coordinates T = 1/2 v^T M v + v^T p + T_0 with the momentum p that guides give to the free
-/// coordinates, so that differences of T are M and p without an error; a system has M in its residual.  Natural coordinates have guides among their equations,
-/// and p = 0.
+/// All come from functions that it has anyway.  In relative coordinates T = 1/2 v^T M v + v^T p + T_0; guides give the momentum p to the
+/// free coordinates.  Differences of T are M and p without an error.  A system has M in its residual.  Natural coordinates have guides
+/// among their equations, and p = 0.
 template <class S>
 class Struck {
   static constexpr std::size_t unknowns = static_sizes<S>().speeds;
@@ -202,8 +202,9 @@ using ImpactWatch = std::conditional_t<Sized<S>, UnwatchedImpacts, CalledImpacts
 ///
 ///     M (v+ - v-) + p+ - p- + Phi_v^T mu = 0        Phid(v+) = 0
 ///
-/// Loops that are closed do no work, so that the guides' is that of the kinetic energy, T+ - T-; what loops that stand open take or give, mu . Phid, is
-/// not theirs.  Who watches is told of the state that `reach`es an impact, and of the one that `leave`s it with the guides' work (J), and of its switch.
+/// Closed loops do no work, so that the guides' work is the change of the kinetic energy, T+ - T-.  The work of open loops, mu . Phid, is
+/// not the guides'.  An observer is told of the state that `reach`es an impact, then of the one that `leave`s it, with the guides' work (J)
+/// and the switch.
 template <class S>
 class Impacts {
   static constexpr Sizes sizes = static_sizes<S>();

@@ -12,11 +12,11 @@ struct StepBegin {
   bool jumps = false, opens = false, parts = false;
 };
 
-/// A source of inputs.  `fill` receives the array of a step, which has three numbers for each input in the order of the description and
-/// holds what the scene's laws say at time t; it writes those that the source gives and leaves the others.  It is called whenever a step or
-/// a part of one begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.
-/// Without `fill` the scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says
-/// what that begins with.
+/// A source of inputs.  `fill` receives the array of a step, with three numbers for each input in the order of the description: the values
+/// of the scene's laws at time t.  It writes the inputs of the source and leaves the others.  It is called whenever a step or a part of one
+/// begins, with any t in the step, and must depend on nothing but t until the step ends.  `host` is handed on as it is.  Without `fill` the
+/// scene's laws alone are the source.  With `begin` the source is told of each step, from t to another time, and says what that begins
+/// with.
 template <class Real>
 struct InputSource {
   void (*fill)(void* host, Real t, Real* input) = nullptr;

@@ -237,8 +237,8 @@ class LaneSteps {
     return 0.0;
   }
 
-  /// Tell sources of a step, before which those stop whose inputs have parts within it; where inputs jump it begins with the accelerations that they give, as FixedPointSteps has it.  Returns those whose
-  /// loops may be left open.
+  /// Tell sources of a step.  Instances whose inputs have parts within it stop before.  Where inputs jump, the step begins with their
+  /// accelerations, as in FixedPointSteps.  Returns the instances whose loops may be left open.
   Mask begin_inputs(Real until) {
     Mask jump = Instances::all_if(false), opens = jump;
     for (int k = 0; k < width; ++k) {

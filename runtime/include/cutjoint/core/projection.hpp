@@ -21,10 +21,10 @@ namespace cutjoint {
 
 /// Projects states of a mechanism; all memory is taken in the constructor.  `begin_step` has been called for the state's time.
 ///
-/// Each iteration is a step of `project` for the remaining gap: the next one closes the part that a penalty leaves.  Where that
-/// leaves much, near a singular pose, T w = gap is solved with T = -Phi_v project, and `project` w closes it; directions in which T is below
-/// 1e-6 are left alone, since closing them would take a leap.  It ends when the gap is rounding, or falls no further and is
-/// below 1e-10; what is left in such directions may be 1e-6.
+/// Each iteration is a step of `project` for the remaining gap: the next one closes the part that a penalty leaves.  Near a singular pose
+/// much of the gap is left.  Then T w = gap is solved with T = -Phi_v project, and `project` w closes it.  Directions in which T is below
+/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the gap is rounding, or falls no further and is
+/// below 1e-10, or 1e-6 in directions that are left alone.
 ///
 /// Of several instances side by side each goes as if it were alone.
 template <Mechanism M>

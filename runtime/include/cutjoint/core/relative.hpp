@@ -14,8 +14,8 @@
 
 namespace cutjoint {
 
-/// y = (q, v).  The multipliers are corrected in each evaluation until what is left would change the accelerations by a share `tolerance` or
-/// less, so that no penalty is left in them; what the loops drift apart comes from the integrator alone.
+/// y = (q, v).  The multipliers are corrected in each evaluation until the rest would change the accelerations by a share `tolerance` or
+/// less.  No penalty is left in them, and loops drift apart by the integrator alone.
 template <Mechanism M>
 class Relative {
  public:

@@ -423,7 +423,7 @@ class Simulation {
     if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) load();
   }
 
-  /// So do inputs, but those that move guides, which calls follow; what was reported before is of those of the last step.
+  /// So do inputs, but those that move guides: calls follow these.  Earlier reports are of the inputs of the last step.
   void heed_changes() {
     if (take_changes()) steps_->restart_after_input_jump(state_);
   }

@@ -8,11 +8,12 @@
 
 namespace cutjoint {
 
-/// The settings of a simulation besides its parameters: `dt` is the length of its steps, `end` that of the scene, by which rounding of times is
-/// measured.  Where steps follow from errors, these are at most `absolute_tolerance` and the share `tolerance` of the value, and one call tries `most_steps` at
-/// most.  Steps end where forces change their formulas if they can, but without `events`.  What drives the motion up to the end may be known before, as of a
-/// run: a simulation that `foresees` takes steps beyond the times that it is asked for, which then lie between their ends.  Newton's iteration with a
-/// `spectral_radius` has the generalised-alpha method in place of the trapezoidal rule.
+/// The settings of a simulation besides its parameters: `dt` is the length of its steps, `end` that of the scene, by which rounding of
+/// times is measured.  Where steps follow from errors, these are at most `absolute_tolerance` and the share `tolerance` of the value, and
+/// one call tries `most_steps` at most.  Steps end where forces change their formulas if they can, but without `events`.  The inputs up to
+/// the end may be known before, as in a run: a simulation that `foresees` takes steps beyond the times that it is asked for.  These times
+/// then lie between the ends of steps.  Newton's iteration with a `spectral_radius` has the generalised-alpha method in place of the
+/// trapezoidal rule.
 struct SimulationSettings {
   StabilisationSettings stabilisation;
   FixedPoint fixed_point;

@@ -6,6 +6,7 @@
 
 #include "cutjoint/lagrangian/any_system.hpp"
 #include "cutjoint/mechanism.hpp"
+#include "cutjoint/constants.hpp"
 
 namespace cutjoint {
 
@@ -16,10 +17,6 @@ struct Pattern {
   std::vector<int> first;  ///< size + 1 offsets: column j has the entries first[j] .. first[j + 1] - 1
   std::vector<int> row;    ///< the row of each entry
 };
-
-/// The Lagrangian methods of Cuadrado et al. 2000 in natural coordinates, augmented (section 2.1) and classical (section 2.2), and the former in
-/// the relative coordinates of the recursion.
-enum class Lagrangian { augmented, classical, recursive_newton };
 
 /// The name of a method, as its failures have it.
 constexpr std::string_view name_of(Lagrangian method) {

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from cutjoint.methods import METHODS
 from cutjoint.model.records import Model, Numerics, Scene
-from cutjoint.report.explain.forces import explain_forces
+from cutjoint.report.explain.forces import POINT_NOTES, PointPage, explain_forces
 from cutjoint.report.explain.graph import count_bodies, given_rows, operation_rows
 from cutjoint.report.explain.latex import number
-from cutjoint.report.explain.natural import force_descriptions
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
 from cutjoint.report.explain.natural.joints import explain_joint_constraints
 from cutjoint.report.explain.natural.layout import explain_layout, kinds
@@ -115,7 +114,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
             explain_shapes(d, counterparts),
             explain_joint_constraints(d, counterparts),
             explain_masses(d, counterparts),
-            explain_forces(d.full, counterparts, force_descriptions.PointPage, force_descriptions.NOTES),
+            explain_forces(d.full, counterparts, PointPage, POINT_NOTES),
             explain_dependence(d),
             *reduction,
         ),

@@ -112,10 +112,10 @@ class AugmentedBase : public Newton<Own, S, Solver> {
 
   /// f_q dq = -dt^2/4 f with f = M vdot + Phi_q^T (alpha Phi + lambda) - Q.
   ///
-  /// The multipliers of iteration i + 1 are lambda_(i+1) = lambda_i + alpha Phi_(i+1) with Phi_(i+1) = Phi(q_(i+1)), which is known only
-  /// when that iteration evaluates it; but lambda_(i+1) + alpha Phi_(i+1) = lambda_i + 2 alpha Phi_(i+1), so that evaluating with
-  /// twice the penalty and the old multipliers gives the f that belongs to the new ones.  The first iteration has no Phi before
-  /// its own: it keeps what was predicted, since the penalty of a predicted pose is no force of the mechanism.
+  /// The multipliers of iteration i + 1 are lambda_(i+1) = lambda_i + alpha Phi_(i+1) with Phi_(i+1) = Phi(q_(i+1)).  That is known only
+  /// when the iteration evaluates it; but lambda_(i+1) + alpha Phi_(i+1) = lambda_i + 2 alpha Phi_(i+1).  So an evaluation with twice the
+  /// penalty and the old multipliers gives the f of the new ones.  The first iteration has no Phi before its own: it keeps what was
+  /// predicted, since the penalty of a predicted pose is no force of the mechanism.
   void approach(const StateOf<S>& state, int iteration, bool) {
     iteration_ = iteration;
     const bool updated = iteration > 1 && iteration - 1 <= settings_.multiplier_updates;

@@ -18,13 +18,13 @@ template <class Real>
 inline constexpr Real overweight{1e4};
 
 /// With the tangent A = B + c Phi_q^T Phi_q, the projection  A dv = -c Phi_q^T gap  leaves a share of the gap.  It is the first step, of
-/// length c, of an iteration for w in  S w = gap, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w; conjugate residuals take steps of the best
-/// length at the same price, a back-substitution each, and close gaps where that length closes next to nothing.  They are those of
+/// length c, of an iteration for w in  S w = gap, S = Phi_q A^-1 Phi_q^T, dv = -A^-1 Phi_q^T w.  Conjugate residuals take steps of the best
+/// length at the same price, a back-substitution each.  They close gaps where the length c closes next to nothing.  They are those of
 /// Eisenstat, Elman, Schultz (SIAM J. Numer. Anal. 20 (1983) 345-357), since A need not be symmetric, nor belong to this very pose.
 ///
-/// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing
-/// it would take a leap in the rates.  How strong it is, the penalty hides: without it S is S / (1 - c S).  (Those that move no
-/// mass at all are strong without limit, which says nothing of others.)
+/// A direction far weaker than others belongs to equations that depend on each other, or nearly do: it is left as it is, since closing it
+/// would take a leap in the rates.  The penalty hides its strength: without it S is S / (1 - c S).  (Directions that move no mass at all
+/// are strong without limit, which says nothing of others.)
 template <class S>
 class Closing {
  public:

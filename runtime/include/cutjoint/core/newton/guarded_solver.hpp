@@ -12,8 +12,8 @@ namespace cutjoint {
 
 /// Watches the emitted factorisation, whose pivot order does not depend on the values, over a matrix that is not symmetric.
 ///
-/// The first solution of each factorisation is put into its equations.  Where these would have to change by more than 1e-8 of their scale
-/// for it to solve them (the backward error), or a pivot vanished, pivots of that order are too small beside what they eliminate,
+/// The first solution of each factorisation is put into its equations.  Its backward error is the change of the equations, relative to
+/// their scale, by which it would solve them.  Above 1e-8, or where a pivot vanished, pivots of that order are too small for their rows,
 /// and a solver with `Pivoting` takes over for this matrix: `prepare` is called before its first one.
 template <class S, class Pivoting>
 class GuardedSolver {
@@ -48,8 +48,8 @@ class GuardedSolver {
   /// How often the fixed pivot order had to give way to pivoting.
   long fallbacks() const { return fallbacks_; }
 
-  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured; as long as numbers, so that equal ones have
-  /// equal bytes.
+  /// Whether pivoting is in use, the last factors are known to be good, and scales have been measured.  The type is long, so that equal
+  /// values have equal bytes.
   struct Progress {
     long pivots = 0, trusted = 0, measured = 0;
   };

@@ -413,11 +413,11 @@ class Newton : public Workspace<S, Solver> {
     predicted_ = state.vdot;
   }
 
-  /// The change of the accelerations that may end an iteration: the tolerance, or with tangents that are reused what the step's own error can see, if
-  /// that is less.
+  /// The change of the accelerations that may end an iteration: the tolerance, or with reused tangents the share that the step's own error
+  /// can see, if that is less.
   ///
-  /// What an old tangent leaves has the same direction in all steps, and adds up.  The accelerations come to lie as far from their extrapolation as a
-  /// second difference, of which the rule's error is a twelfth.  Less than the rounding of the speeds is not asked for.
+  /// The rest of an old tangent has the same direction in all steps, and adds up.  The accelerations come to lie as far from their
+  /// extrapolation as a second difference, of which the rule's error is a twelfth.  Less than the rounding of the speeds is not asked for.
   Real enough(const StateOf<S>& state) const {
     using std::abs;
     const Real tolerated = Real(settings_.tolerance) * size_;

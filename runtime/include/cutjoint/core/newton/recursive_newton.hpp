@@ -12,9 +12,9 @@ namespace cutjoint {
 /// The residual is cheap beside its tangent, so that factors are reused, over steps too, while they bring the iteration on; a step that fails
 /// even with a tangent in each iteration is taken in halves.
 ///
-/// What violates the equations is then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
-/// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its end:
-/// before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
+/// Gaps of the equations are then corrected along the Phi_q of the tangent.  Along the present one, which differs by epsilon, the penalty
+/// would push epsilon dt^2/4 alpha / mass times too far in the free directions.  Multipliers are corrected once the iteration is near its
+/// end: before, Phi has parts that no force of the equations answers to, which redundant equations would keep.
 template <class S, class Solver>
 class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S, Solver> {
  public:
@@ -62,8 +62,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
     return project_surely(state, values, gap);
   }
 
-  /// Where a projection leaves most of a gap, equations nearly depend on each other; what they ask for turns quickly with the pose, their
-  /// multipliers grow without limit, and with them the tangent's share of these.
+  /// Where a projection leaves most of a gap, equations nearly depend on each other.  Their directions turn quickly with the pose, their
+  /// multipliers grow without limit, and the tangent's share of these does too.
   Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
     const Fault fault = Base::project_on(state, values, gap);
     if (!fault && &values == &state.v && share_left_ > Real(0.9)) return this->fault_in_equation(Cause::pose_singular, 0, share_left_);

@@ -323,7 +323,8 @@ class Stages : public Workspace<S, Solver> {
     return cells_.crossed() && !whole_;
   }
 
-  /// Whether a stage that is not found, or slowly, leaves the regime: as it is, and as it was guessed, which is where the regime before would lead.
+  /// Whether a stage leaves the regime that is not found, or slowly: as it is, or as it was guessed.  The guess is where the regime before
+  /// would lead.
   bool leaves_early(Real h) {
     if (leaves()) return true;
     const Real w = Table::gamma.as<Real>() * h;
@@ -428,8 +429,8 @@ class Stages : public Workspace<S, Solver> {
     return {};
   }
 
-  /// An iteration.  What violates the equations is corrected along their directions in the pose of the tangent, Phi_q; and so are the multipliers,
-  /// by alpha (Phidd + Phi_q dvdot): the new Phidd is another one where Phi_q has turned, and alpha would make much of that.
+  /// An iteration.  Gaps of the equations are corrected along their directions in the pose of the tangent, Phi_q.  So are the multipliers,
+  /// by alpha (Phidd + Phi_q dvdot): where Phi_q has turned, the new Phidd is another one, and alpha would enlarge the difference.
   Fault correct(bool renew, Real w) {
     this->constraint_residual(at_);
     if (renew) {

@@ -13,10 +13,10 @@
 
 namespace cutjoint::stepping {
 
-/// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start; speeds
-/// are those of its derivative, the cubic through rates and second derivatives and what the displacement is more than the integral of that one.
-/// Of that surplus a speed has the h-th part, so that it must not have the rounding of coordinates: it is that of the displacement as the stages
-/// found it.
+/// The polynomial of degree 5 through displacements, their rates and second derivatives at both ends of a step, in the chart of its start.
+/// Speeds are those of its derivative: the cubic through rates and second derivatives, and a part for the surplus of the displacement over
+/// the integral of that cubic.  A speed has the h-th part of the surplus, and so must not have the rounding of coordinates: the
+/// displacement is the one that the stages found.
 template <class S>
 class Interpolant {
  public:

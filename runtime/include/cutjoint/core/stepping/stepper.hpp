@@ -47,9 +47,9 @@ struct Progress {
 /// Advances a scheme by steps as long as the error allows, or without an estimate by one step a row.
 ///
 /// A step all of whose stages are in one regime is as accurate as the formulas are smooth.  One that leaves the regime is taken again,
-/// shorter, so that it ends a little before; its interpolant, which knows one regime only, goes on to where a switch leaves its cell.
-/// There the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error
-/// of the order of the interpolant's, and there are as many such ends as events, however short the steps.
+/// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where a switch leaves its cell.  There
+/// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
+/// order of the interpolant's, and there are as many such ends as events, however short the steps.
 ///
 /// A scheme has a present state, and a trial one beside it:
 ///

@@ -16,10 +16,10 @@ namespace cutjoint::stepping {
 
 /// The cell of each switch: between which of its levels its value stands.  Zero is the level of a condition; breaks are those of a road.
 ///
-/// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value that
-/// stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, which is small
-/// near a level, and a few units of the largest value seen, whose terms may cancel there; a step counts four times as much as the one before,
-/// since ratios such as a tyre's slip by its load are without bound for a moment.
+/// A cell is left when the value is beyond its bounds by more than rounding; where, is then sought without regard to rounding.  A value
+/// that stands on a level when a regime begins has no cell until it is off it.  Rounding is that of the value where a step begins, small
+/// near a level, and a few units of the largest value seen: its terms may cancel there.  A step counts four times as much as the one
+/// before, since ratios such as a tyre's slip by its load are without bound for a moment.
 template <class M>
 class SwitchCells {
   template <class T>

@@ -1,0 +1,94 @@
+// Descriptions as generated code has them: constants.  This includes no header of the standard library, which takes longer to compile than they do.
+#pragma once
+
+#include "cutjoint/core/chart.hpp"
+
+namespace cutjoint {
+
+struct Description;
+struct SystemDescription;
+
+/// The Lagrangian methods of Cuadrado et al. 2000 in natural coordinates, augmented (section 2.1) and classical (section 2.2), and the former in
+/// the relative coordinates of the recursion.
+enum class Lagrangian { augmented, classical, recursive_newton };
+
+namespace constants {
+
+/// The values of an array that lasts.
+template <class Value>
+struct List {
+  const Value* first = nullptr;
+  int length = 0;
+
+  constexpr List() = default;
+  template <int number>
+  constexpr List(const Value (&values)[number]) : first(values), length(number) {}
+
+  const Value* begin() const { return first; }
+  const Value* end() const { return first + length; }
+};
+
+struct Named {
+  const char* name;
+  const char* unit;
+  double value = 0.0;
+};
+
+struct Guard {
+  const char* force;
+  const char* place;
+  bool ends = false;
+};
+
+struct Domain {
+  const char* what;
+  const char* element;
+  const char* place;
+  bool strict;
+};
+
+struct Switch {
+  const char* element;
+  const char* place;
+  int road;
+  int across;
+};
+
+/// A mechanism (`Description` of mechanism.hpp).
+struct Mechanism {
+  const char* name;
+  List<Chart> charts{};
+  List<const char*> coordinates{};
+  List<const char*> speeds{};
+  List<const char*> equations{};
+  List<Named> parameters{};
+  List<const char*> roads{};
+  List<Named> columns{};
+  List<int> cuts{};
+  List<Named> inputs{};
+  List<Guard> guards{};
+  List<Domain> domains{};
+  List<Switch> switches{};
+  int states = 0;
+  bool driven = false;
+  bool guides_jump = false;
+};
+
+/// A system (`SystemDescription` of lagrangian/system.hpp).
+struct System {
+  Mechanism mechanism;
+  Lagrangian method;
+  int size;
+  bool symmetric;
+  List<int> first{};
+  List<int> row{};
+  int factors;
+};
+
+}  // namespace constants
+
+/// The description, which stays until the program ends.
+const Description& describe(const constants::Mechanism& mechanism);
+const SystemDescription& describe(const constants::System& system);
+
+}  // namespace cutjoint
