@@ -19,7 +19,7 @@ def four_bar(seed: int) -> str:
         "p: {kind: revolute, bodies: [rod, bob], at: C, axis: [1, 0, 0]}",
     ]
     links = {"crank": "AB", "rod": "BC", "rocker": "DC", "bob": "CE"}
-    return _model(rng, points, links, joints, "c")
+    return _model(rng, points, links, joints)
 
 
 def spatial(seed: int) -> str:
@@ -37,14 +37,14 @@ def spatial(seed: int) -> str:
         "p: {kind: spherical, bodies: [rocker, bob], at: C}",
     ]
     links = {"crank": "AB", "rod": "BC", "rocker": "DC", "bob": "CE"}
-    return _model(rng, points, links, joints, "c")
+    return _model(rng, points, links, joints)
 
 
 _PLANE = {"A": (0, 0), "B": (0.1, 0.4), "C": (0.8, 0.6), "D": (0.7, 0.0), "E": (0.9, 0.2)}
 _SPACE = {"A": [0, 0, 0], "B": [0.1, 0.1, 0.35], "C": [0.8, 0.0, 0.6], "D": [0.7, 0.1, 0.0], "E": [0.9, 0.2, 0.3]}
 
 
-def _model(rng: np.random.Generator, points: dict[str, np.ndarray], links: dict[str, str], joints: list[str], reaction: str) -> str:
+def _model(rng: np.random.Generator, points: dict[str, np.ndarray], links: dict[str, str], joints: list[str]) -> str:
     """A model on a free base, which a spring holds, with a spring between crank and rocker."""
     bodies = [
         f"  {name}: {BODY.format(mass=rng.uniform(0.5, 2), a=ends[0], b=ends[1], i=rng.uniform(0.01, 0.03))}" for name, ends in links.items()
@@ -66,10 +66,10 @@ forces:
   inside: {{kind: point_spring, bodies: [crank, rocker], from: B, to: C, law: {{stiffness: 300, damping: 1, free_length: 0.7}}}}
   hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0], law: {{stiffness: 600, damping: 5, free_length: 0.5}}}}
 reactions:
-  pin: {{joint: {reaction}, body: rocker}}
-outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force, pin.Fx, pin.Fz, pin.Mx]
+  pin: {{joint: c, body: rocker}}
+outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force, pin.Fx, pin.Fz]
 scenes:
-  fall: {{end: 0.3, output_step: 30 ms}}
+  fall: {{end: 0.12, output_step: 12 ms}}
 """
 
 

@@ -89,15 +89,14 @@ def test_coarse_functions_keep_the_energy() -> None:
     """Every derivative is that of the same function, so that work and energy agree however coarse it is."""
     model = read_model_text(four_bar(2), "random.yaml")
     scene = model.scenes["fall"]
-    energies = {}
+    made: dict[float, Trajectory] = {}
     for tolerance in (1e-10, 1e-3):
         artifact = compile_interpreted(assemble_loops(model, scene, tolerance).model, scene, method="recursive")
-        made = simulate(artifact, integrator="dormand-prince", tolerance=1e-11, error=False)
-        assert made.energy is not None
-        energies[tolerance] = made.energy
-        assert made.energy.gap < 1e-6 * made.energy.size
-    fine, coarse = (run(assemble_loops(model, scene, tolerance).model, scene) for tolerance in (1e-10, 1e-3))
-    assert np.abs(fine["rod.x"] - coarse["rod.x"]).max() > 1e-7  # the functions do differ
+        made[tolerance] = simulate(artifact, integrator="dormand-prince", tolerance=1e-10)
+        energy = made[tolerance].energy
+        assert energy is not None
+        assert energy.share < 1e-7
+    assert np.abs(made[1e-10]["rod.x"] - made[1e-3]["rod.x"]).max() > 1e-7  # the functions do differ
 
 
 STEERED = """
@@ -126,7 +125,7 @@ forces:
   tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1], law: {stiffness: 4000, damping: 50, free_length: 0.6}}
 outputs: [chassis.z, chassis.roll, hub.x, hub.yaw, hub.ax, spring.force, slide.displacement]
 scenes:
-  steer: {end: 0.5, output_step: 25 ms, inputs: {steer: "0.03*sin(7*t)"}}
+  steer: {end: 0.5, output_step: 25 ms, inputs: {steer: "0.015*(1 - cos(7*t))"}}
   straight: {end: 0.2, output_step: 25 ms}
 """
 
@@ -164,7 +163,7 @@ joints:
   d: {kind: revolute, bodies: [ground, right], at: [1, 0, 0], axis: [0, 1, 0]}
 outputs: [a.angle, bar.x]
 scenes:
-  fall: {end: 3, output_step: 50 ms, rates: {a.angle_rate: 1.5}%s}
+  fall: {end: 3, output_step: 50 ms, rates: {a.angle_rate: 4.0}%s}
 """
 
 
@@ -182,7 +181,9 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
             rows[loops] = out.read_text(encoding="utf-8") if out.exists() else ""
         if way == "stop":
             assert result.exit_code == 1
-            assert "the functions of its loops end there; run with --loops exact, or with on_violation: restart" in result.output.replace("\n", " ")
+            told = result.output.replace("\n", " ")
+            assert "the functions of its loops end there" in told
+            assert "run with --loops exact, or with on_violation: restart" in told
         else:
             assert result.exit_code == 0, result.output
             assert "again with the loops' equations" in result.output.replace("\n", " ")

@@ -15,7 +15,7 @@ import sympy
 from numpy.polynomial import chebyshev
 
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
-from cutjoint.analysis.leads import STEP, Lead
+from cutjoint.analysis.leads import STEP, Lead, turns_of
 from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.translate import Translator
@@ -147,8 +147,7 @@ def _guess(loops: BlockLoops, lead: Lead, chart: Chart, nodes: Array) -> Array:
     curve = lead.curve
     along = curve[:, chart.q]
     if lead.closes:  # on with the turn before and the one after, for nodes beyond the ends of the curve
-        growth = curve[-1] - curve[0]
-        turned = np.where(np.abs(growth) > np.pi, np.sign(growth) * 2 * np.pi, 0.0)
+        turned = turns_of(curve)
         curve = np.concatenate([curve[:-1] - turned, curve, curve[1:] + turned])
         along = curve[:, chart.q]
         keep = np.concatenate([[True], np.diff(np.maximum.accumulate(along)) > 1e-9])
@@ -325,14 +324,26 @@ def _slope(series: Series, q: Array, u: Array, found: Fit) -> Array:
     return evaluate(flat, q, u, found.range, found.drive_range, turns=found.turns) + series.slope
 
 
-def guide_range(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, Scalar]) -> Interval:
-    """The range of a guide until ``end`` (s) with the ``laws`` of inputs, a tenth wider on both sides; one value where it stands still."""
+@dataclass(frozen=True, kw_only=True)
+class DriveMotion:
+    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate at
+    the start."""
+
+    range: Interval
+    start: float
+    rate: float
+
+
+def drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, Scalar]) -> DriveMotion:
+    """The motion of a guide until ``end`` (s) with the ``laws`` of inputs."""
     assert drive.guide is not None
     b = Builder()
+    law = sympy.sympify(drive.guide[0]).subs(laws)
     values = {p.symbol: b.number(p.value) for p in model.parameters}
-    times = np.linspace(0.0, end, 2001)[:, np.newaxis]
-    law = Translator(b, {**values, TIME: b.symbol("t", 1, BindingTime.STEP)}).scalar(sympy.sympify(drive.guide[0]).subs(laws))
-    found = interpret_blocks([law], {"t": times}, {})[law]
-    lower, upper = float(found.min()), float(found.max())
+    translator = Translator(b, {**values, TIME: b.symbol("t", 1, BindingTime.STEP)})
+    blocks = [translator.scalar(law), translator.scalar(sympy.diff(law, TIME))]
+    found = interpret_blocks(blocks, {"t": np.linspace(0.0, end, 2001)[:, np.newaxis]}, {})
+    places, rates = (np.broadcast_to(found[block], (2001, 1, 1))[:, 0, 0] for block in blocks)
+    lower, upper = float(places.min()), float(places.max())
     wider = 0.1 * (upper - lower)
-    return Interval(lower=lower - wider, upper=upper + wider)
+    return DriveMotion(range=Interval(lower=lower - wider, upper=upper + wider), start=float(places[0]), rate=float(rates[0]))

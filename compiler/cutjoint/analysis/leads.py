@@ -47,9 +47,17 @@ def follow(loops: BlockLoops, u: float) -> Curve:
     forth, closes = _march(loops, start, rank, tangent, u, limit)
     back = [] if closes else _march(loops, start, rank, -tangent, u, limit)[0]
     whole = [*((pose, -speed) for pose, speed in reversed(back)), (start, tangent), *forth]
-    return Curve(
-        q=np.concatenate([pose.q for pose, _ in whole]), speeds=np.array([speed for _, speed in whole]), start=len(back), closes=closes
-    )  # fmt: skip
+    q, speeds = np.concatenate([pose.q for pose, _ in whole]), np.array([speed for _, speed in whole])
+    if not closes:
+        return Curve(q=q, speeds=speeds, start=len(back), closes=False)
+    half = len(q) // 2  # the second half leads up to the start
+    q = np.concatenate([q[half:] - turns_of(q), q[:half]])
+    return Curve(q=q, speeds=np.concatenate([speeds[half:], speeds[:half]]), start=len(q) - half, closes=True)
+
+
+def turns_of(q: Array) -> Array:
+    """The full turns by which coordinates differ at the end of a curve that closes."""
+    return np.asarray(2 * np.pi * np.round((q[-1] - q[0]) / (2 * np.pi)))
 
 
 def fastest_joints(loops: BlockLoops, u: float) -> list[Joint]:

@@ -7,7 +7,7 @@ reaction that some such n changes is statically indeterminate.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.quantities import quantities
 from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
+from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
@@ -141,6 +142,8 @@ def reaction_outputs(model: Model) -> tuple[Output, ...]:
 
 def find_indeterminate(topology: Topology, scene: Scene, outputs: Iterable[Output]) -> tuple[str, ...]:
     """The columns among ``outputs`` that are components of reactions and indeterminate, in the design position or in poses near it."""
+    if topology.held:  # by the equations of the joints that functions close
+        topology = build_topology(replace(topology.model, assemblies=()))
     names = {reaction.name for reaction in topology.model.reactions if isinstance(reaction, Reaction)}
     asked = tuple(output for output in outputs if output.element in names)
     if not asked or not topology.closing:

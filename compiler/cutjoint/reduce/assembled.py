@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cutjoint.analysis.assemblies import TOLERANCE, fit, guide_range
+import numpy as np
+
+from cutjoint.analysis.assemblies import TOLERANCE, DriveMotion, drive_motion, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
 from cutjoint.analysis.leads import Lead, fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
@@ -39,14 +41,18 @@ def assemble_loops(model: Model, scene: Scene, tolerance: float = TOLERANCE) -> 
 def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tolerance: float) -> Model:
     """The model with a block as an assembly."""
     _require_simple(model, block)
-    if len(given := sorted(_given(block, scene))) > 1:
+    given = sorted(_given(block, scene))
+    if len(given) > 1:
         raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may lead")
     laws = input_functions(model, scene)
     drive = block.drives[0] if block.drives else None
-    u = guide_range(model, drive, scene.end, laws) if drive is not None else Interval(lower=0.0, upper=0.0)
+    motion = drive_motion(model, drive, scene.end, laws) if drive is not None else None
+    u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
     used = [force.joint_of for force in model.forces if force.joint_of]
     names = {joint.name for joint in block.joints}
     first = BlockLoops(driven_by_time(topology, drive), block)
+    if not given and scene.pose != "equilibrium":
+        _require_closed(first, motion)
     fastest, tried = _first_lead(first, u.middle, block, scene), list[str]()
     while True:
         cuts = spanning_cuts(block, fastest, used)
@@ -71,6 +77,19 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tole
         error=found.error, span=lead.joint.span,
     )  # fmt: skip
     return replace(changed, assemblies=(*changed.assemblies, assembly))
+
+
+#: The largest gap in the design position, m or rad, that a start may leave to the functions.
+_CLOSED = 1e-8
+
+
+def _require_closed(loops: BlockLoops, motion: DriveMotion | None) -> None:
+    """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
+    gap = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
+    if gap > _CLOSED:
+        raise NoAssemblyError(f"its loops stand open by {gap:.1g} at the start, in the design position")
+    if motion is not None and motion.rate != 0:
+        raise NoAssemblyError("its guide moves at the start, where the scene gives no speed of it")
 
 
 def _first_lead(loops: BlockLoops, u: float, block: Block, scene: Scene) -> Joint:
