@@ -47,7 +47,8 @@ _SPACE = {"A": [0, 0, 0], "B": [0.1, 0.1, 0.35], "C": [0.8, 0.0, 0.6], "D": [0.7
 def _model(rng: np.random.Generator, points: dict[str, np.ndarray], links: dict[str, str], joints: list[str]) -> str:
     """A model on a free base, which a spring holds, with a spring between crank and rocker."""
     bodies = [
-        f"  {name}: {BODY.format(mass=rng.uniform(0.5, 2), a=ends[0], b=ends[1], i=rng.uniform(0.01, 0.03))}" for name, ends in links.items()
+        f"  {name}: {BODY.format(mass=rng.uniform(0.5, 2), a=ends[0], b=ends[1], i=rng.uniform(0.01, 0.03))}" for name, ends in
+        links.items()
     ]
     newline = "\n"
     return f"""
@@ -64,11 +65,12 @@ joints:
 {newline.join(f"  {joint}" for joint in joints)}
 forces:
   inside: {{kind: point_spring, bodies: [crank, rocker], from: B, to: C, law: {{stiffness: 300, damping: 1, free_length: 0.7}}}}
-  hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0], law: {{stiffness: 600, damping: 5, free_length: 0.5}}}}
+  hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0], law: {{stiffness: 600, damping: 5, free_length:
+  0.5}}}}
 reactions:
   pin: {{joint: c, body: rocker}}
-outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force, pin.Fx, pin.Fz]
-scenes:
+outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force, pin.Fx,
+pin.Fz] scenes:
   fall: {{end: 0.12, output_step: 12 ms}}
 """
 

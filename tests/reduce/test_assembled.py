@@ -121,8 +121,9 @@ joints:
   inner: {kind: spherical, bodies: [rack, rod], at: [-0.15, 0.1, 0.45]}
   outer: {kind: universal, bodies: [hub, rod], at: [-0.15, 0.45, 0.45], axis: [1, 0, 0], axis_2: [0, 0, 1]}
 forces:
-  spring: {kind: point_spring, bodies: [chassis, arm], from: [0, 0.3, 0.65], to: [0, 0.5, 0.25], law: {stiffness: 3.0e+4, damping: 900, free_length: 0.45}}
-  tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1], law: {stiffness: 4000, damping: 50, free_length: 0.6}}
+  spring: {kind: point_spring, bodies: [chassis, arm], from: [0, 0.3, 0.65], to: [0, 0.5, 0.25], law: {stiffness: 3.0e+4, damping: 900,
+  free_length: 0.45}} tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1], law: {stiffness: 4000,
+  damping: 50, free_length: 0.6}}
 outputs: [chassis.z, chassis.roll, hub.x, hub.yaw, hub.ax, spring.force, slide.displacement]
 scenes:
   steer: {end: 0.5, output_step: 25 ms, inputs: {steer: "0.015*(1 - cos(7*t))"}}
@@ -181,9 +182,9 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
             rows[loops] = out.read_text(encoding="utf-8") if out.exists() else ""
         if way == "stop":
             assert result.exit_code == 1
-            told = result.output.replace("\n", " ")
-            assert "the functions of its loops end there" in told
-            assert "run with --loops exact, or with on_violation: restart" in told
+            output = result.output.replace("\n", " ")
+            assert "the functions of its loops end there" in output
+            assert "run with --loops exact, or with on_violation: restart" in output
         else:
             assert result.exit_code == 0, result.output
             assert "again with the loops' equations" in result.output.replace("\n", " ")
@@ -195,13 +196,15 @@ FIVE_BAR = SWING.replace("  c: {kind: revolute, bodies: [bar, right], at: [1, 0,
   e: {kind: revolute, bodies: [more, right], at: [1.2, 0, 0.8], axis: [0, 1, 0]}""").replace(
     "joints:", "  more: {mass: 1, centre_of_mass: [1.1, 0, 1], inertia: [0.1, 0.1, 0.1]}\njoints:")  # fmt: skip
 
+OPEN = SWING.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace(
+    "bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)  # fmt: skip
+
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
-        (SWING.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace("bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)
-         % "", "its geometry has open parameters"),
+        (OPEN % "", "its geometry has open parameters"),
         (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
         (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may lead"),
     ],

@@ -326,8 +326,8 @@ def _slope(series: Series, q: Array, u: Array, found: Fit) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveMotion:
-    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate at
-    the start."""
+    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate
+    at the start."""
 
     range: Interval
     start: float

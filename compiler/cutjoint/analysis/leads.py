@@ -132,7 +132,8 @@ def _apart(loops: BlockLoops, one: Array, other: Array) -> float:
 @dataclass(frozen=True, kw_only=True)
 class Lead:
     """A coordinate that can lead a block: its range, with ``value`` where the scene has it, and whether it makes full turns there.
-    ``travel`` is the way of the block over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a turn."""
+    ``travel`` is the way of the block over the range, ``curve`` its poses there in the order of the coordinate; it ``closes`` after a
+    turn."""
 
     joint: Joint
     place: int

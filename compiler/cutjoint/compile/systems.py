@@ -25,8 +25,8 @@ from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_
 from cutjoint.formulate.records import CHECKS, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.records import Output
-from cutjoint.program.fold import fold
 from cutjoint.package.errors import EquationsError
+from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
 from cutjoint.run.errors import RunError
