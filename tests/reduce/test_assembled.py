@@ -219,6 +219,7 @@ def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
 def test_only_the_recursive_method_has_functions(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(SWING % "", encoding="utf-8")
-    result = CliRunner().invoke(main, ["simulate", str(file), "--loops", "compiled", "--method", "augmented", "--out", str(tmp_path / "x.csv")])
+    asked = ["simulate", str(file), "--loops", "compiled", "--method", "augmented", "--out", str(tmp_path / "x.csv")]
+    result = CliRunner().invoke(main, asked)
     assert result.exit_code == 1
     assert "--loops compiled: only generated and interpreted code of the method recursive has it" in result.output.replace("\n", " ")

@@ -23,13 +23,15 @@ _WITH_MULTIPLIERS = frozenset({"report", "energy"})
 def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program:
     """The program of the recursive method; what is called less than once a step stays out of the lanes."""
     families = find_corresponding(equations.builder.quantities, equations.topology) if lanes else []
-    often = _OFTEN | (_WITH_MULTIPLIERS if equations.topology.held else frozenset())
-    folded = {f.name: fold(equations.builder, _used(families, f), f.results) for f in equations.functions if f.name in often}
+    often, used = _OFTEN, dict.fromkeys((f.name for f in equations.functions), families)
+    if equations.topology.held:
+        often, used = often | _WITH_MULTIPLIERS, {f.name: _used(families, f) for f in equations.functions}
+    folded = {f.name: fold(equations.builder, used[f.name], f.results) for f in equations.functions if f.name in often}
     return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)
 
 
 def _used(families: list[Family], function: Function) -> list[Family]:
-    """The families with a member that a function computes."""
+    """The families with a member that a function computes: bodies without mass in assemblies have none in most."""
     reached = set(reachable_blocks(function.results.values()))
     return [family for family in families if not reached.isdisjoint(family)]
 
