@@ -65,12 +65,13 @@ joints:
 {newline.join(f"  {joint}" for joint in joints)}
 forces:
   inside: {{kind: point_spring, bodies: [crank, rocker], from: B, to: C, law: {{stiffness: 300, damping: 1, free_length: 0.7}}}}
-  hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0], law: {{stiffness: 600, damping: 5, free_length:
-  0.5}}}}
+  hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0],
+         law: {{stiffness: 600, damping: 5, free_length: 0.5}}}}
 reactions:
   pin: {{joint: c, body: rocker}}
-outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force, pin.Fx,
-pin.Fz] scenes:
+outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force,
+          pin.Fx, pin.Fz]
+scenes:
   fall: {{end: 0.12, output_step: 12 ms}}
 """
 

@@ -121,9 +121,10 @@ joints:
   inner: {kind: spherical, bodies: [rack, rod], at: [-0.15, 0.1, 0.45]}
   outer: {kind: universal, bodies: [hub, rod], at: [-0.15, 0.45, 0.45], axis: [1, 0, 0], axis_2: [0, 0, 1]}
 forces:
-  spring: {kind: point_spring, bodies: [chassis, arm], from: [0, 0.3, 0.65], to: [0, 0.5, 0.25], law: {stiffness: 3.0e+4, damping: 900,
-  free_length: 0.45}} tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1], law: {stiffness: 4000,
-  damping: 50, free_length: 0.6}}
+  spring: {kind: point_spring, bodies: [chassis, arm], from: [0, 0.3, 0.65], to: [0, 0.5, 0.25],
+           law: {stiffness: 3.0e+4, damping: 900, free_length: 0.45}}
+  tyre: {kind: point_spring, bodies: [ground, hub], from: [0.1, 0.7, -0.6], to: [0, 0.65, 0.1],
+         law: {stiffness: 4000, damping: 50, free_length: 0.6}}
 outputs: [chassis.z, chassis.roll, hub.x, hub.yaw, hub.ax, spring.force, slide.displacement]
 scenes:
   steer: {end: 0.5, output_step: 25 ms, inputs: {steer: "0.015*(1 - cos(7*t))"}}

@@ -213,9 +213,9 @@ def _across(whole: Array, u: Interval, tolerance: float) -> Array:
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:
-    """The least number of terms for which value, slope and bend have the tolerance, bends ten times of it, beside what they are.
+    """The least number of terms by which value and slope are good to the tolerance, and the bend to ten times that, beside their sizes.
 
-    Rounding of the slopes, from which coefficients come, and of what the bends make of it, counts as nothing.
+    Rounding of the slopes counts as nothing, and so does its effect on the bend.
     """
     longest = 1
     rounding = 1e-15 * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0)))

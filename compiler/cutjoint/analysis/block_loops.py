@@ -70,7 +70,7 @@ class BlockLoops:
 
     @cached_property
     def turning(self) -> Array:
-        """Whether each speed of the block is one of a turn."""
+        """Flags of the block's speeds that turn."""
         joints = {joint.name: joint for joint in self.block.joints}
         elements = [joints[c.joint].element for c in self.own]
         return np.array([flag for e in elements for flag in (*(name in e.angles for name in e.coordinates), *([True] * 3 * e.has_ball))])
