@@ -34,13 +34,13 @@ CASES = (
 
 @pytest.mark.parametrize(("call", "number", "deed", "message"), CASES)
 def test_what_it_does_is_told_and_rows_are_kept(call: str, number: int, deed: str, message: str) -> None:
-    (said,) = controllers.check(json.dumps({"call": call, "number": number, "deed": deed}))
+    (said,) = controllers.check(json.dumps({"call": call, "number": number, "deed": deed}), "4")
     assert said.startswith(message), said
 
 
 @pytest.mark.parametrize(("call", "deed"), [("Terminate", "exit"), ("FreeInstance", "trap"), ("DoStep", "flood"), ("Terminate", "loop")])
 def test_what_changes_no_value_leaves_the_table_whole(call: str, deed: str) -> None:
-    assert controllers.check(json.dumps({"call": call, "number": 1, "deed": deed})) == ()
+    assert controllers.check(json.dumps({"call": call, "number": 1, "deed": deed}), "4") == ()
 
 
 def test_the_rows_up_to_then_are_named() -> None:

@@ -115,12 +115,12 @@ def make(rng: random.Random) -> str:
     return json.dumps({"call": name, "number": number, "deed": rng.choice(_ENDING if rng.random() < _ENDED else list(_DEEDS))})
 
 
-def check(text: str) -> tuple[str, ...]:
+def check(text: str, limit: str = _PATIENT) -> tuple[str, ...]:
     """The message about an FMU; fails where there is none, where rows are lost, or where something stays behind."""
     case, good = json.loads(text), _good()
     with TemporaryDirectory() as name:
         folder = Path(name)
-        done = call(folder, {"MISBEHAVE": f"{case['call']} {case['number']} {case['deed']}"}, _PATIENT)
+        done = call(folder, {"MISBEHAVE": f"{case['call']} {case['number']} {case['deed']}"}, limit)
         require_told(done)
         require_none_left(folder)
         assert not list((folder / "tmp").iterdir()), f"left: {list((folder / 'tmp').iterdir())}"
