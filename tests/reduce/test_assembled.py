@@ -56,8 +56,9 @@ def test_a_slider_crank_is_one_equation() -> None:
     scene = model.scenes["turn"]
     outcome = assemble_loops(model, scene)
     assembly = outcome.model.assemblies[0]
-    assert assembly.turns
-    assert assembly.gap < 1e-10
+    assert assembly.functions.turns
+    assert assembly.functions.gap < 1e-10
+    assert assembly.functions.rate_gap < 1e-9
     made = run(outcome.model, replace(scene, end=1.0, numerics=scene.numerics))
     r, length = 0.1, np.hypot(0.3, 0.1)
 
@@ -196,6 +197,27 @@ FIVE_BAR = SWING.replace("  c: {kind: revolute, bodies: [bar, right], at: [1, 0,
   c: {kind: revolute, bodies: [bar, more], at: [1, 0, 1.2], axis: [0, 1, 0]}
   e: {kind: revolute, bodies: [more, right], at: [1.2, 0, 0.8], axis: [0, 1, 0]}""").replace(
     "joints:", "  more: {mass: 1, centre_of_mass: [1.1, 0, 1], inertia: [0.1, 0.1, 0.1]}\njoints:")  # fmt: skip
+
+#: A four-bar on a link of the five-bar, which is eliminated at once with all that it carries.
+CARRIED = FIVE_BAR.replace("joints:", """  up: {mass: 1, centre_of_mass: [0.3, 0, 1.3], inertia: [0.1, 0.1, 0.1]}
+  over: {mass: 1, centre_of_mass: [0.5, 0, 1.6], inertia: [0.1, 0.1, 0.1]}
+  down: {mass: 1, centre_of_mass: [0.8, 0, 1.4], inertia: [0.1, 0.1, 0.1]}
+joints:
+  f: {kind: revolute, bodies: [bar, up], at: [0.2, 0, 1.05], axis: [0, 1, 0]}
+  g: {kind: revolute, bodies: [up, over], at: [0.3, 0, 1.6], axis: [0, 1, 0]}
+  h: {kind: revolute, bodies: [over, down], at: [0.8, 0, 1.7], axis: [0, 1, 0]}
+  i: {kind: revolute, bodies: [bar, down], at: [0.8, 0, 1.1], axis: [0, 1, 0]}""")  # fmt: skip
+
+
+def test_a_block_in_a_branch_of_other_loops_stays() -> None:
+    model = read_model_text((CARRIED % "").replace("rates: {a.angle_rate: 4.0}", "switches: {}"), "carried.yaml")
+    outcome = assemble_loops(model, model.scenes["fall"])
+    assert not outcome.model.assemblies
+    assert [note.words.partition(": ")[2] for note in outcome.left] == [
+        "it has 2 degrees of freedom beside 'ground', and one is wanted", "it hangs on other loops that are eliminated at once",
+    ]  # fmt: skip
+    assert [joint.cut for joint in outcome.model.joints] == [joint.cut for joint in model.joints]
+
 
 OPEN = SWING.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace(
     "bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)  # fmt: skip

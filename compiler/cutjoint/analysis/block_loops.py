@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cutjoint.analysis.closing import Array, design_coordinates, retract
 from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -17,8 +18,8 @@ from cutjoint.program import blocks
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import reachable_blocks
-from cutjoint.program.series import Array
 from cutjoint.topology.blocks import Block
+from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import Topology
 
 
@@ -53,6 +54,11 @@ class BlockLoops:
         """The charts of the block's joints."""
         names = {joint.name for joint in self.block.joints}
         return tuple(chart for chart in self.charts if chart.joint in names)
+
+    @property
+    def coordinates(self) -> int:
+        """The number of the tree's coordinates."""
+        return sum(len(chart.coordinate_names) for chart in self.charts)
 
     @cached_property
     def speeds(self) -> dict[str, int]:
@@ -106,11 +112,7 @@ class BlockLoops:
 
     def design(self, count: int = 1) -> Array:
         """q of the design position, (count, coordinates)."""
-        q = np.zeros((count, sum(len(c.coordinate_names) for c in self.charts)))
-        for chart in self.charts:
-            if chart.ball:
-                q[:, chart.q + chart.scalars] = 1.0
-        return q
+        return np.tile(design_coordinates(self), (count, 1))
 
     def evaluate(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Residual (n, m) and Jacobian (n, m, speeds) at coordinates (n, coordinates) and values of the drive (n,)."""
@@ -132,19 +134,11 @@ class BlockLoops:
 
     def moved(self, q: Array, step: Array) -> Array:
         """Coordinates after steps (n, speeds) of the block."""
-        q = q.copy()
+        whole = np.zeros((len(q), sum(len(chart.speed_names) for chart in self.charts)))
         for chart in self.own:
-            first, ball = self.speeds[chart.joint], chart.q + chart.scalars
-            q[:, chart.q : ball] += step[:, first : first + chart.scalars]
-            if chart.ball:
-                x, y, z = (step[:, first + chart.scalars + i] / 2 for i in range(3))
-                e = q[:, ball : ball + 4].T
-                turned = np.array([
-                    e[0] - x * e[1] - y * e[2] - z * e[3], e[1] + x * e[0] - z * e[2] + y * e[3],
-                    e[2] + y * e[0] + z * e[1] - x * e[3], e[3] + z * e[0] - y * e[1] + x * e[2],
-                ])  # fmt: skip
-                q[:, ball : ball + 4] = (turned / np.linalg.norm(turned, axis=0)).T
-        return q
+            n, first = len(chart.speed_names), self.speeds[chart.joint]
+            whole[:, chart.v : chart.v + n] = step[:, first : first + n]
+        return retract(self, q, whole)
 
     def close(self, q: Array, u: Array, held: int | None, across: Array | None = None, enough: float = 0.0) -> Poses | None:
         """Poses near coordinates that close the loops with the speed of the number ``held`` not moved, or by steps ``across`` a direction
@@ -162,7 +156,7 @@ class BlockLoops:
             if across is not None:
                 free = np.concatenate([free, np.broadcast_to(across / np.linalg.norm(across), (len(q), 1, self.size))], axis=1)
                 residual = np.concatenate([residual, np.zeros((len(q), 1))], axis=1)
-            step = -(np.linalg.pinv(free, rcond=_RANK) @ residual[:, :, np.newaxis])[:, :, 0]
+            step = -(np.linalg.pinv(free, rcond=TOLERANCE) @ residual[:, :, np.newaxis])[:, :, 0]
             if np.abs(step).max(initial=0.0) > 3.0:
                 return None
             q = self.moved(q, _with_zero(step, held))
@@ -171,18 +165,8 @@ class BlockLoops:
     def slopes(self, poses: Poses, leader: int) -> Array:
         """The block's speeds by that of the number ``leader``, (n, speeds)."""
         free = _without(poses.jacobian, leader)
-        found = -(np.linalg.pinv(free, rcond=_RANK) @ poses.jacobian[:, :, leader, np.newaxis])[:, :, 0]
+        found = -(np.linalg.pinv(free, rcond=TOLERANCE) @ poses.jacobian[:, :, leader, np.newaxis])[:, :, 0]
         return _with_zero(found, leader, 1.0)
-
-
-def rank_of(jacobian: Array) -> int:
-    """The number of independent equations of one pose."""
-    values = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.sum(values > 1e-7 * values.max(initial=0.0)))
-
-
-#: Singular values below this share of the largest belong to equations that follow from others.
-_RANK = 1e-8
 
 
 def _without(jacobian: Array, column: int | None) -> Array:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
+from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
@@ -41,7 +42,17 @@ class FlatRoad:
     height_dx = slope_dx = slope
 
 
-def design_coordinates(equations: RecursiveEquations) -> Array:
+class Charted(Protocol):
+    """Coordinates by charts, and their number."""
+
+    @property
+    def charts(self) -> tuple[Chart, ...]: ...
+
+    @property
+    def coordinates(self) -> int: ...
+
+
+def design_coordinates(equations: Charted) -> Array:
     """q of the design position: zeros and unit quaternions."""
     q = np.zeros(equations.coordinates)
     for chart in equations.charts:
@@ -145,17 +156,19 @@ def _step(matrix: Array, right: Array) -> Array:
     return np.asarray(np.linalg.solve(gram + damping * np.eye(len(gram)), matrix.T @ right), dtype=np.float64)
 
 
-def retract(equations: RecursiveEquations, q: Array, delta: Array) -> Array:
-    """q (+) delta as in runtime/include/cutjoint/core/retraction.hpp: scalars add, a quaternion is turned by (1, theta/2)."""
+def retract(equations: Charted, q: Array, delta: Array) -> Array:
+    """q (+) delta, (..., coordinates) and (..., speeds), as in runtime/include/cutjoint/core/retraction.hpp: scalars add, a quaternion is
+    turned by (1, theta/2)."""
     result = q.copy()
     for chart in equations.charts:
         ball = chart.q + chart.scalars
-        result[chart.q : ball] += delta[chart.v : chart.v + chart.scalars]
+        result[..., chart.q : ball] += delta[..., chart.v : chart.v + chart.scalars]
         if chart.ball:
-            x, y, z = delta[chart.v + chart.scalars : chart.v + chart.scalars + 3] / 2
-            turn = np.array([[1, -x, -y, -z], [x, 1, -z, y], [y, z, 1, -x], [z, -y, x, 1]])
-            e = turn @ q[ball : ball + 4]
-            result[ball : ball + 4] = e / np.linalg.norm(e)
+            x, y, z = np.moveaxis(delta[..., chart.v + chart.scalars : chart.v + chart.scalars + 3] / 2, -1, 0)
+            one = np.ones_like(x)
+            turn = np.array([[one, -x, -y, -z], [x, one, -z, y], [y, z, one, -x], [z, -y, x, one]])
+            e = np.einsum("ij...,...j->...i", turn, q[..., ball : ball + 4])
+            result[..., ball : ball + 4] = e / np.linalg.norm(e, axis=-1, keepdims=True)
     return result
 
 

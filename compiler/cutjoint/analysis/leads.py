@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses, rank_of
+from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
+from cutjoint.analysis.closing import Array
 from cutjoint.formulate.layout import Chart
 from cutjoint.model.records import Joint
-from cutjoint.program.series import Array
 from cutjoint.topology.blocks import Block
+from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.records import degrees
 
 #: The step along a motion: the largest turn, or slide beside the block's size; and the most steps one way.
@@ -76,7 +77,8 @@ def _start(loops: BlockLoops, u: float) -> tuple[Poses, int]:
     start = loops.close(loops.design(), np.full(1, u), None)
     if start is None:
         raise NoAssemblyError("it does not close where the scene has it")
-    rank = rank_of(start.jacobian[0])
+    values = np.linalg.svd(start.jacobian[0], compute_uv=False)
+    rank = int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
     freedom = loops.size - rank
     if freedom != 1:
         raise NoAssemblyError(f"it has {freedom} degrees of freedom beside '{loops.block.carrier}', and one is wanted")
@@ -202,7 +204,6 @@ def spanning_cuts(block: Block, leader: Joint, used: Sequence[str]) -> frozenset
     """The joints of a block that are not in the tree whose bodies need the fewest functions; ``used`` are joints on whose coordinates
     forces act."""
     weight = {j.name: 0.0 if j is leader else float(degrees(j)) * (0.25 if j.name in used else 1.0) for j in block.joints}
-    distance: dict[str, float] = {}
     ends = {body for joint in block.joints for body in (joint.base, joint.follower)}
     distance = {body: 0.0 for body in ends if body not in block.bodies}
     chosen: set[str] = set()

@@ -27,7 +27,7 @@ def is_active(force: Force, scene: Scene) -> bool:
 
 def guards_of(model: Model, scene: Scene) -> tuple[Guard | Assembly, ...]:
     """The guards of forces that the scene has switched on, and assemblies, whose functions have ranges."""
-    return *forces_guarded(model, scene), *(assembly for assembly in model.assemblies if not assembly.turns or assembly.drive_range)
+    return *forces_guarded(model, scene), *(assembly for assembly in model.assemblies if not assembly.functions.turns or assembly.drive)
 
 
 def forces_guarded(model: Model, scene: Scene) -> tuple[Guard, ...]:

@@ -275,14 +275,29 @@ class Interval:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopFunctions:
+    """The functions that close loops: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters
+    of a ball.
+
+    They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
+    Where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``gap`` (m, rad) is the largest
+    residual of the cut joints that was found, ``rate_gap`` the largest rate of one at the speed q' = 1.
+    """
+
+    series: Mapping[str, tuple[Series, ...]]
+    range: Interval
+    drive_range: Interval | None
+    turns: bool
+    gap: float
+    rate_gap: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """Loops of one degree of freedom whose joints follow a coordinate, by functions that close the loops.
+    """Loops of one degree of freedom whose joints follow a coordinate.
 
     The scalar coordinate of the joint ``leader`` is q.  The ``drive`` is a guided joint whose scalar coordinate is u, if there is one.
-    ``bodies`` move beside ``carrier``.  ``functions`` has by tree joint a series for each scalar coordinate, then three for the Rodrigues
-    parameters of a ball; ``cuts`` are the joints that hold because of them.  The functions hold on ``range`` of q and ``drive_range`` of u;
-    where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``gap`` (m, rad) is the largest
-    residual of the cut joints that was found, ``error`` the largest error of a slope beside the largest slope.
+    ``bodies`` move beside ``carrier``; ``cuts`` are the joints that hold because of the ``functions``.
     """
 
     leader: str
@@ -290,12 +305,7 @@ class Assembly:
     carrier: str
     bodies: tuple[str, ...]
     cuts: tuple[str, ...]
-    functions: Mapping[str, tuple[Series, ...]]
-    range: Interval
-    drive_range: Interval | None
-    turns: bool
-    gap: float
-    error: float
+    functions: LoopFunctions
     span: Span
 
     @property
@@ -522,7 +532,7 @@ class Model:
     @property
     def following(self) -> Mapping[str, Assembly]:
         """The assembly of each tree joint that follows a coordinate, by the joint's name."""
-        return {joint: assembly for assembly in self.assemblies for joint in assembly.functions}
+        return {joint: assembly for assembly in self.assemblies for joint in assembly.functions.series}
 
     @property
     def force_elements(self) -> tuple[Force, ...]:

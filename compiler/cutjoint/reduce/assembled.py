@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutjoint.analysis.assemblies import TOLERANCE, DriveMotion, drive_motion, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
-from cutjoint.analysis.leads import Lead, fastest_joints, find_leads, follow, spanning_cuts
+from cutjoint.analysis.leads import fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.methods import join_and
 from cutjoint.model.records import Assembly, Interval, Joint, Model, Scene
@@ -22,61 +22,80 @@ from cutjoint.topology.spanning_tree import split
 
 def assemble_loops(model: Model, scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
     """Replace the loops of each block that has one degree of freedom, to a tolerance of its functions, m or rad."""
-    whole, topology = model, build_topology(model)
-    done, left = [], []
+    topology, done, left = build_topology(model), list[_Assembled](), list[Note]()
     for block in find_blocks(topology):
-        first = block.joints[0]
         try:
-            changed = _assemble(whole, topology, block, scene, tolerance)
+            done.append(_assemble(model, topology, block, scene, tolerance))
         except NoAssemblyError as error:
-            left.append(Note(element=first.name, words=f"stays in a loop: {error}", span=first.span))
-            continue
-        assembly = changed.assemblies[-1]
-        words = f"leads {len(block.joints) - 1} other joints by functions of its coordinate, gap {assembly.gap:.1g}"
-        done.append(Note(element=assembly.leader, words=words, span=first.span))
-        whole = changed
-    return Outcome(model=whole, scene=scene, done=tuple(done), left=tuple(left))
+            left.append(_stays(block, str(error)))
+    while True:
+        whole = _put_in(model, done)
+        branched = {body for branch in build_topology(whole).branches for body in branch.bodies}
+        inside = [found for found in done if branched & set(found.assembly.bodies)]
+        if not inside:
+            break
+        left += [_stays(found.block, "it hangs on other loops that are eliminated at once") for found in inside]
+        done = [found for found in done if found not in inside]
+    return Outcome(model=whole, scene=scene, done=tuple(_leads(found) for found in done), left=tuple(left))
 
 
-def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tolerance: float) -> Model:
-    """The model with a block as an assembly."""
+@dataclass(frozen=True, kw_only=True)
+class _Assembled:
+    block: Block
+    assembly: Assembly
+
+
+def _put_in(model: Model, found: Sequence[_Assembled]) -> Model:
+    """The model with assemblies, whose joints are cut as these say."""
+    cut = {joint.name: joint.name in each.assembly.cuts for each in found for joint in each.block.joints}
+    joints = tuple(replace(joint, cut=cut.get(joint.name, joint.cut)) for joint in model.joints)
+    return replace(model, joints=joints, assemblies=tuple(each.assembly for each in found))
+
+
+def _stays(block: Block, reason: str) -> Note:
+    return Note(element=block.joints[0].name, words=f"stays in a loop: {reason}", span=block.joints[0].span)
+
+
+def _leads(found: _Assembled) -> Note:
+    words = f"leads {len(found.block.joints) - 1} other joints by functions of its coordinate, gap {found.assembly.functions.gap:.1g}"
+    return Note(element=found.assembly.leader, words=words, span=found.assembly.span)
+
+
+def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tolerance: float) -> _Assembled:
+    """A block as an assembly."""
     _require_simple(model, block)
-    given = sorted(_given(block, scene))
+    names = {joint.name for joint in block.joints}
+    given = sorted({key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & names)
     if len(given) > 1:
         raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may lead")
-    laws = input_functions(model, scene)
     drive = block.drives[0] if block.drives else None
-    motion = drive_motion(model, drive, scene.end, laws) if drive is not None else None
+    motion = drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
     u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
-    used = [force.joint_of for force in model.forces if force.joint_of]
-    names = {joint.name for joint in block.joints}
     first = BlockLoops(driven_by_time(topology, drive), block)
     if not given and scene.pose != "equilibrium":
         _require_closed(first, motion)
-    fastest, tried = _first_lead(first, u.middle, block, scene), list[str]()
+    joint, tried = _first_lead(fastest_joints(first, u.middle), given), list[str]()
+    used = [force.joint_of for force in model.forces if force.joint_of]
     while True:
-        cuts = spanning_cuts(block, fastest, used)
-        tree, closing = split(model, {joint.name for joint in topology.cuts} - names | cuts)
+        cuts = spanning_cuts(block, joint, used)
+        tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
         loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), drive), block)
         leads = find_leads(loops, follow(loops, u.middle))
-        lead = _lead(leads, block, scene)
-        tried.append(fastest.name)
-        own = next((one for one in leads if one.joint is fastest), None)
-        if own is not None and own.travel >= lead.travel / 2:
-            lead = own
+        best = next((lead for lead in leads if not given or lead.joint.name in given), None)
+        own = next((lead for lead in leads if lead.joint is joint), None)
+        tried.append(joint.name)
+        if best is not None and own is not None and own.travel >= best.travel / 2:
             break
-        if lead.joint.name in tried:
-            raise NoAssemblyError("no joint with one coordinate leads it")
-        fastest = lead.joint
-    found = fit(loops, lead, u, tolerance)
-    changed = replace(model, joints=tuple(replace(j, cut=j.name in cuts) if j.name in names else j for j in model.joints))
+        if best is None or best.joint.name in tried:
+            raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
+        joint = best.joint
+    functions = fit(loops, own, u, tolerance)
     assembly = Assembly(
-        leader=lead.joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
+        leader=joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
-        functions=found.functions, range=found.range, drive_range=u if drive is not None else None, turns=found.turns, gap=found.gap,
-        error=found.error, span=lead.joint.span,
+        functions=functions if drive is not None else replace(functions, drive_range=None), span=joint.span,
     )  # fmt: skip
-    return replace(changed, assemblies=(*changed.assemblies, assembly))
+    return _Assembled(block=block, assembly=assembly)
 
 
 #: The largest gap in the design position, m or rad, that a start may leave to the functions.
@@ -92,27 +111,9 @@ def _require_closed(loops: BlockLoops, motion: DriveMotion | None) -> None:
         raise NoAssemblyError("its guide moves at the start, where the scene gives no speed of it")
 
 
-def _first_lead(loops: BlockLoops, u: float, block: Block, scene: Scene) -> Joint:
+def _first_lead(fastest: Sequence[Joint], given: Sequence[str]) -> Joint:
     """The joint that the scene gives, or else the one that turns or slides fastest where the scene has the block."""
-    fastest = fastest_joints(loops, u)
-    given = _given(block, scene)
     return next((joint for joint in fastest if not given or joint.name in given), fastest[0])
-
-
-def _given(block: Block, scene: Scene) -> set[str]:
-    """The joints of a block whose coordinates or speeds a scene gives."""
-    return {key.rpartition(".")[0] for key in (*scene.positions, *scene.rates)} & {joint.name for joint in block.joints}
-
-
-def _lead(leads: Sequence[Lead], block: Block, scene: Scene) -> Lead:
-    """The coordinate that gets farthest, or the one that the scene gives."""
-    given = _given(block, scene)
-    if not given:
-        return leads[0]
-    found = [lead for lead in leads if lead.joint.name in given]
-    if not found:
-        raise NoAssemblyError(f"the scene gives {', '.join(given)}, which cannot lead")
-    return found[0]
 
 
 def _require_simple(model: Model, block: Block) -> None:

@@ -58,10 +58,9 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
 
 def _assemblies(model: Model) -> str:
     """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
-    gap = max(assembly.gap for assembly in model.assemblies)
-    ranges = "; ".join(
-        f"{a.leader} {'turns' if a.turns else f'from {a.range.lower:.4g} to {a.range.upper:.4g}'}" for a in model.assemblies
-    )  # fmt: skip
+    gap = max(assembly.functions.gap for assembly in model.assemblies)
+    found = [(a.leader, a.functions) for a in model.assemblies]
+    ranges = "; ".join(f"{x} {'turns' if f.turns else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
     return f"{len(model.assemblies)}, whose loops functions close to {gap:.1g} m or rad: {ranges}"
 
 

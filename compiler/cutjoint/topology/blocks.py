@@ -88,7 +88,6 @@ def _block(topology: Topology, known: Mapping[str, str], joints: Sequence[Joint]
     carrier = _common(above, touched)
     ways = [t.joint for body in touched for t in _way(above, body, carrier)]
     inner = [b for b, part in known.items() if part in parts - {base}]
-    ways += [j for j in topology.model.joints if not degrees(j) and j.base in inner and j.follower in inner]
     drives = tuple(dict.fromkeys(joint for joint in ways if joint.guide is not None))
     return Block(
         carrier=carrier, bodies=tuple(t.child for t in topology.tree if t.child in inner),

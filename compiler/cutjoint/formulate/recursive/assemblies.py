@@ -8,8 +8,7 @@ With the carrier's acceleration Zdd_P, a_i that of body i beside it by the known
     qdd = H^-1 (h - G^T Zdd_P)
 
 The joints that functions close have no equations here.  Their multipliers follow from the forces that the joints' own motions S_j leave,
-with
-the wrenches W_j that they would carry alone and J = A S::
+with the wrenches W_j that they would carry alone and J = A S::
 
     J^T lambda = tau_j - S_j^T W_j
 """
@@ -21,8 +20,8 @@ from dataclasses import dataclass, field, replace
 
 from cutjoint.formulate.recursive.following import leading
 from cutjoint.formulate.recursive.kinematics import Kinematics, drive_of
-from cutjoint.formulate.recursive.loops import LoopClosure, transport
-from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.loops import LoopClosure, by_joint, transport
+from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions
 from cutjoint.model.records import GROUND, Assembly
 from cutjoint.program.blocks import Block, is_zero
 
@@ -35,7 +34,9 @@ class AssemblySystem:
     system: BodySystem
     k: Kinematics
     _columns: dict[str, Block] = field(default_factory=dict)
-    _known: dict[str, Block] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.known = KnownMotions(k=self.k, carrier=self.assembly.carrier)
 
     @property
     def leader(self) -> str:
@@ -54,22 +55,11 @@ class AssemblySystem:
             self._columns[body] = self.k.builder.name(whole, "B", body)
         return self._columns[body]
 
-    def known(self, body: str) -> Block:
-        """a of a body, (6, 1)."""
-        b = self.k.builder
-        if body in (GROUND, self.assembly.carrier):
-            return b.zero(6)
-        if body not in self._known:
-            motion = self.k.motions[body]
-            self._known[body] = b.name(b.add(self.known(motion.tree_joint.parent), motion.d), "a", body)
-        return self._known[body]
-
     def eliminate(self) -> None:
         """Pass on to the carrier what is left of the bodies."""
         b, system, carrier = self.k.builder, self.system, self.assembly.carrier
-        joint = self.k.motions[self.leader].tree_joint.joint
         system.source = self.leader
-        with b.section("condensation", joint.name, _EQUATION, joint.span.place):
+        with b.section("condensation", self.assembly.leader, _EQUATION, self.assembly.span.place):
             zero = b.zero(1)
             heavy = [body for body in self.assembly.bodies if not (is_zero(system.M[body]) and is_zero(system.Q[body]))]
             forces, moments = {}, {}
@@ -100,11 +90,11 @@ class AssemblySystem:
 
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The acceleration of the coordinate by the leading body; the bodies' own join ``Zdd``."""
-        b, carrier = self.k.builder, self.assembly.carrier
-        joint = self.k.motions[self.leader].tree_joint.joint
-        with b.section("accelerations", joint.name, "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd", joint.span.place):
+        b, carrier, leader = self.k.builder, self.assembly.carrier, self.assembly.leader
+        equation = "qdd = H^-1 (h - G^T Zdd_P),  Zdd = Zdd_P + a + B qdd"
+        with b.section("accelerations", leader, equation, self.assembly.span.place):
             right = self._h if carrier == GROUND else b.sub(self._h, b.dot(self._G, Zdd[carrier]))
-            unknown = b.name(b.mul(self._inverse, right), "vdot", joint.name)
+            unknown = b.name(b.mul(self._inverse, right), "vdot", leader)
             for body in self.assembly.bodies:
                 moved = b.add(self.known(body), b.scale(unknown, self.column(body)))
                 Zdd[body] = b.name(b.add(Zdd[carrier], moved), "Zdd", body)
@@ -124,11 +114,11 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
     """By assembly a number that is negative outside of the ranges of its functions, 1 in their middle."""
     b, margins = k.builder, {}
     for assembly in k.topology.model.assemblies:
-        sides = []
-        if not assembly.turns:
-            sides.append((leading(b, assembly)[0], assembly.range))
-        if assembly.drive_range is not None:
-            sides.append((drive_of(k, assembly)[0], assembly.drive_range))
+        sides, functions = [], assembly.functions
+        if not functions.turns:
+            sides.append((leading(b, assembly)[0], functions.range))
+        if functions.drive_range is not None:
+            sides.append((drive_of(k, assembly)[0], functions.drive_range))
         with b.section("guard", assembly.leader, "the functions of its loops hold while the margin is not negative", assembly.span.place):
             found = []
             for place, side in sides:
@@ -159,7 +149,8 @@ def close_held(
     return tuple(found[loop.joint.name] for loop in held)
 
 
-#: Equations that follow from others keep this share of a multiplier's square; corrections take it away from the others.
+#: The share of the mean square of the rows by which equations that follow from others get a pivot; corrections take it away from the
+#: others.
 _SHARE, _CORRECTIONS = 1e-9, 2
 
 
@@ -168,22 +159,27 @@ def _multipliers(
 ) -> Block:  # fmt: skip
     """The shortest lambda with J^T lambda = tau - S^T W."""
     b = k.builder
-    joint = next(m.tree_joint.joint for m in k.motions.values() if m.tree_joint.joint.name == assembly.leader)
-    with b.section("multipliers", joint.name, "J^T lambda = tau - S^T W", joint.span.place):
-        rows, left = [], []
+    with b.section("multipliers", assembly.leader, "J^T lambda = tau - S^T W", assembly.span.place):
+        rows, left, ends, steps = [], [], {}, {}
+        for loop in loops:
+            base, follower = loop.joint.base, loop.joint.follower
+            ends[loop.joint.name] = k.carriers(base), k.carriers(follower)
+            steps[loop.joint.name] = transport(b, k.pole_step(base, follower))
         for body in assembly.bodies:
             motion = k.motions[body]
             S = motion.b if motion.b is not None else motion.own
             if S is None:
                 continue
-            rows.append([b.transpose(_column(k, loop, body, S)) for loop in loops])
+            columns = (by_joint(b, loop, steps[loop.joint.name], ends[loop.joint.name], body, S) for loop in loops)
+            rows.append([b.transpose(column) for column in columns])
             pulled = b.mul(b.transpose(S), carried[body])
             left.append([b.sub(joint_forces[body], pulled) if body in joint_forces else b.neg(pulled)])
         transposed, right = b.stack(rows), b.stack(left)
         size = transposed.shape[1]
         ones = b.const([[1.0]] * transposed.shape[0])
         gram = b.gram(transposed, ones)
-        lower, inverse = b.ldl(b.add(gram, b.scale(b.number(_SHARE), b.identity(size))))
+        trace = b.total([b.element(gram, i, i) for i in range(size)])
+        lower, inverse = b.ldl(b.add(gram, b.scale(b.mul(b.number(_SHARE / size), trace), b.identity(size))))
         projected = b.mul(b.transpose(transposed), right)
         for block, symbol in ((transposed, "J"), (lower, "L"), (inverse, "Dinv"), (projected, "right")):
             b.name(block, symbol, assembly.leader)
@@ -196,20 +192,3 @@ def _multipliers(
             found = b.add(found, solved(b.sub(projected, b.mul(gram, found))))
         return b.name(found, "multipliers", assembly.leader)
 
-
-def _column(k: Kinematics, loop: LoopClosure, body: str, S: Block) -> Block:
-    """The rates of a cut joint's residual by a tree joint's speeds."""
-    b, joint = k.builder, loop.joint
-    step = transport(b, k.pole_step(joint.base, joint.follower))
-    on_follower, on_base = (body in _carriers(k, end) for end in (joint.follower, joint.base))
-    if on_follower == on_base:
-        return b.zero(len(loop.names), S.shape[1])
-    return b.mul(loop.A, S) if on_follower else b.neg(b.mul(loop.A, b.mul(step, S)))
-
-
-def _carriers(k: Kinematics, body: str) -> list[str]:
-    found = []
-    while body != GROUND:
-        found.append(body)
-        body = k.motions[body].tree_joint.parent
-    return found

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics
-from cutjoint.formulate.recursive.loops import ERRORS, Closing, LoopClosure, transport
-from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.loops import ERRORS, Closing, LoopClosure, by_joint, transport
+from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import Block
 from cutjoint.topology.records import Branch
@@ -37,13 +37,13 @@ class BranchSystem:
     numbers: Numbers
     loops: Sequence[LoopClosure]
     gears: Sequence[GearClosure] = ()
-    _known: dict[str, Block] = field(default_factory=dict)
     _mass: dict[str, Block] = field(default_factory=dict)
     _force: dict[str, Block] = field(default_factory=dict)
     _rows: dict[str, Block] = field(default_factory=dict)
     _drift: dict[str, Block] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._known = KnownMotions(k=self.k, carrier=self.branch.carrier)
         self.unknowns = [b for b in reversed(self.branch.bodies) if self.k.motions[b].b is not None]
         self.subspaces = {b: self._subspace(self.k.motions[b]) for b in self.unknowns}
 
@@ -75,21 +75,7 @@ class BranchSystem:
 
     def _carriers(self, body: str) -> list[str]:
         """The body and those that carry it, up to the branch's own carrier."""
-        found = []
-        while body not in (GROUND, self.branch.carrier):
-            found.append(body)
-            body = self.k.motions[body].tree_joint.parent
-        return found
-
-    def _known_part(self, body: str) -> Block:
-        """a of a body."""
-        b = self.k.builder
-        if body in (GROUND, self.branch.carrier):
-            return b.zero(6)
-        if body not in self._known:
-            motion = self.k.motions[body]
-            self._known[body] = b.name(b.add(self._known_part(motion.tree_joint.parent), motion.d), "a", body)
-        return self._known[body]
+        return self.k.carriers(body, self.branch.carrier)
 
     def eliminate(self) -> None:
         """Compose and factorise H, and pass on to the carrier what is left."""
@@ -117,7 +103,7 @@ class BranchSystem:
             motion = self.k.motions[body]
             joint = motion.tree_joint.joint
             with b.section("condensation", joint.name, "M^c = M + sum M^c, F^c = Q - M a + sum F^c, G = M^c S", joint.span.place):
-                applied = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known_part(body)))
+                applied = b.sub(self.system.Q[body], b.mul(self.system.M[body], self._known(body)))
                 carried = [c for c in self.branch.bodies if self.k.motions[c].tree_joint.parent == body]
                 self._mass[body] = b.name(b.total([self.system.M[body], *(self._mass[c] for c in carried)]), "Mc", body)
                 self._force[body] = b.name(b.total([applied, *(self._force[c] for c in carried)]), "Fc", body)
@@ -129,19 +115,10 @@ class BranchSystem:
         b, joint = self.k.builder, loop.joint
         step = transport(b, self.k.pole_step(joint.base, joint.follower))
         with b.section("closure", joint.name, "J = A S, s' = s + A (a_f - a_b)", joint.span.place):
-            base, follower = self._carriers(joint.base), self._carriers(joint.follower)
-            parts = []
-            for body in self.unknowns:
-                if body in follower and body in base:
-                    parts.append(b.zero(len(loop.names), self.subspaces[body].shape[1]))
-                elif body in follower:
-                    parts.append(b.mul(loop.A, self.subspaces[body]))
-                elif body in base:
-                    parts.append(b.neg(b.mul(loop.A, b.mul(step, self.subspaces[body]))))
-                else:
-                    parts.append(b.zero(len(loop.names), self.subspaces[body].shape[1]))
+            ends = self._carriers(joint.base), self._carriers(joint.follower)
+            parts = [by_joint(b, loop, step, ends, body, self.subspaces[body]) for body in self.unknowns]
             self._rows[joint.name] = b.name(b.stack([parts]), "J", joint.name, rows=loop.names, columns=self.rows)
-            apart = b.sub(self._known_part(joint.follower), b.mul(step, self._known_part(joint.base)))
+            apart = b.sub(self._known(joint.follower), b.mul(step, self._known(joint.base)))
             self._drift[joint.name] = b.name(b.add(loop.s, b.mul(loop.A, apart)), "drift", joint.name, rows=loop.names)
 
     def _couple(self, gear: GearClosure) -> None:

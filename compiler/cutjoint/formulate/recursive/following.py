@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutjoint.model.records import Assembly, Interval, Joint, Series
+from cutjoint.model.records import Assembly, Interval, Joint, LoopFunctions, Series
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.series import Array, derivative, fourier_derivative
 
@@ -46,7 +46,7 @@ class _Value:
 
 def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) -> Following:
     """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
-    values = [_evaluate(b, assembly, series, drive) for series in assembly.functions[joint.name]]
+    values = [_evaluate(b, assembly, series, drive) for series in assembly.functions.series[joint.name]]
     scalars = values[: len(joint.element.coordinates)]
     place, slope = [x.place for x in scalars], [x.slope for x in scalars]
     rate, bend = [x.rate for x in scalars], [x.bend for x in scalars]
@@ -77,44 +77,45 @@ def _turn(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tupl
 def _evaluate(b: Builder, assembly: Assembly, series: Series, drive: Drive | None) -> _Value:
     q, rate = leading(b, assembly)
     c = np.array(series.coefficients)
-    basis = _turning_basis(b, q, len(c)) if assembly.turns else _basis(b, q, assembly.range, len(c))
-    place, slope, bend = (_value(b, c, assembly, basis, drive, (order, 0)) for order in range(3))
+    functions = assembly.functions
+    basis = _turning_basis(b, q, len(c)) if functions.turns else _basis(b, q, functions.range, len(c))
+    b.label(basis, f"T_{assembly.leader}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
+    place, slope, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
     if series.slope:
         growth = b.number(series.slope)
         place, slope = b.add(place, b.mul(growth, q)), b.add(slope, growth)
     speed, bent = b.mul(slope, rate), b.mul(bend, b.mul(rate, rate))
     if drive is not None:
         _, ud, udd = drive
-        pushed, mixed, across = (_value(b, c, assembly, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
+        pushed, mixed, across = (_value(b, c, functions, basis, drive, orders) for orders in ((0, 1), (1, 1), (0, 2)))
         crossed = b.mul(b.number(2.0), b.mul(mixed, b.mul(rate, ud)))
         speed = b.add(speed, b.mul(pushed, ud))
         bent = b.total([bent, crossed, b.mul(across, b.mul(ud, ud)), b.mul(pushed, udd)])
     return _Value(place=place, slope=slope, rate=speed, bend=bent)
 
 
-def _value(b: Builder, c: Array, assembly: Assembly, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
+def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: Drive | None, orders: tuple[int, int]) -> Block:
     """A derivative of given orders by q and u."""
-    if drive is None or assembly.drive_range is None:
+    if drive is None or functions.drive_range is None:
         for _ in range(orders[0]):
-            c = fourier_derivative(c) if assembly.turns else derivative(c, assembly.range.half)
+            c = fourier_derivative(c) if functions.turns else derivative(c, functions.range.half)
         return b.mul(b.const([list(c[:, 0])]), basis)
     for _ in range(orders[1]):
-        c = derivative(c.T, assembly.drive_range.half).T
-    column = b.mul(b.const([list(row) for row in c]), _basis(b, drive[0], assembly.drive_range, c.shape[1]))
+        c = derivative(c.T, functions.drive_range.half).T
+    column = b.mul(b.const([list(row) for row in c]), _basis(b, drive[0], functions.drive_range, c.shape[1]))
     for _ in range(orders[0]):
-        column = _slopes(b, column, assembly.range.half)
+        column = _slopes(b, column, functions.range.half)
     return b.dot(column, basis)
 
 
 def _slopes(b: Builder, column: Block, half: float) -> Block:
-    """The derivative of a Chebyshev series on an interval of half the length ``half``: d_(k-1) = d_(k+1) + 2 k c_k."""
+    """The derivative of a Chebyshev series on an interval of half the length ``half``: d_(k-1) = d_(k+1) + 2 k c_k, of d_0 the
+    half."""
     n = column.shape[0]
     found = [b.zero(1)] * (n + 1)
     for k in range(n - 1, 0, -1):
-        found[k - 1] = b.add(found[k + 1], b.mul(b.number((1 if k == 1 else 2) * k / half), b.element(column, k)))
-        if k == 1:
-            found[0] = b.add(b.mul(b.number(0.5), found[2]), b.mul(b.number(1 / half), b.element(column, 1)))
-    return b.column(found[:n])
+        found[k - 1] = b.add(found[k + 1], b.mul(b.number(2 * k / half), b.element(column, k)))
+    return b.column([b.mul(b.number(0.5), found[0]), *found[1:n]])
 
 
 def leading(b: Builder, assembly: Assembly) -> tuple[Block, Block]:

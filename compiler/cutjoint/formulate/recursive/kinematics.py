@@ -85,6 +85,14 @@ class Kinematics:
         """The speeds of guided tree joints."""
         return [rate for motion in self.motions.values() if motion.tree_joint.joint.guide is not None for rate in motion.rate]
 
+    def carriers(self, body: str, end: str = GROUND) -> list[str]:
+        """The body and those that carry it, up to but without ``end`` or the ground."""
+        found = []
+        while body not in (GROUND, end):
+            found.append(body)
+            body = self.motions[body].tree_joint.parent
+        return found
+
     def vector(self, vector: Vector) -> Block:
         """A design vector as a column."""
         return self.builder.column([self.translator.scalar(x) for x in vector])
@@ -189,8 +197,10 @@ def _following(k: Kinematics, t: TreeJoint, model: Model) -> Following | None:
     assembly = model.following.get(t.joint.name)
     if assembly is None:
         return None
-    moves = assembly.drive_range is not None and assembly.drive_range.half > 0
-    return follow(k.builder, t.joint, assembly, drive_of(k, assembly) if moves else None)
+    driven = assembly.functions.drive_range
+    drive = drive_of(k, assembly) if driven is not None and driven.half > 0 else None
+    with k.builder.section("functions", t.joint.name, "s = sum of c f(q), s' = s_q q', s'' = s_q q'' + s_qq q'^2", t.joint.span.place):
+        return follow(k.builder, t.joint, assembly, drive)
 
 
 def drive_of(k: Kinematics, assembly: Assembly) -> tuple[Block, Block, Block]:

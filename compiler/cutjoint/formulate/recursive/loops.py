@@ -170,6 +170,20 @@ def pulls(k: Kinematics, loop: LoopClosure, push: Block) -> dict[str, Block]:
     return {joint.follower: b.neg(wrench), joint.base: b.mul(back, wrench)}
 
 
+def by_joint(
+    b: Builder, loop: LoopClosure, step: Block, ends: tuple[Sequence[str], Sequence[str]], body: str, S: Block
+) -> Block:  # fmt: skip
+    """The rates of a cut joint's equations by the speeds of the joint that carries a body, (m, k), with the motion subspace S (6, k).
+
+    ``ends`` are the bodies that carry the base and the follower, these included, ``step`` the transport from the base's pole to the
+    follower's.
+    """
+    base, follower = ends
+    if (body in base) == (body in follower):
+        return b.zero(len(loop.names), S.shape[1])
+    return b.mul(loop.A, S) if body in follower else b.neg(b.mul(loop.A, b.mul(step, S)))
+
+
 def transport(b: Builder, step: Block) -> Block:
     """[1, -s~; 0, 1]: a twist taken at a pole that stands s further."""
     return b.stack([[b.identity(3), b.neg(b.skew(step))], [b.zero(3, 3), b.identity(3)]])

@@ -197,7 +197,8 @@ def _is_guided(motion: JointMotion) -> bool:
 
 def _guides(k: Kinematics, reactions: Reactions) -> Iterator[Block]:
     """W . (Z - Z_p) of guided joints, but for those that stand still as long as the functions of assemblies hold."""
-    still = {a.drive for a in k.topology.model.assemblies if a.drive_range is not None and a.drive_range.half == 0}
+    ranges = {a.drive: a.functions.drive_range for a in k.topology.model.assemblies}
+    still = {drive for drive, found in ranges.items() if found is not None and found.half == 0}
     for body, motion in k.motions.items():
         if _is_guided(motion) and motion.tree_joint.joint.name not in still:
             way = k.builder.sub(k.frames[body].Z, k.frames[motion.tree_joint.parent].Z)

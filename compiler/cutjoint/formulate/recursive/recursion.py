@@ -111,6 +111,25 @@ def add_to(b: Builder, sums: dict[str, Block], name: str, block: Block) -> None:
     sums[name] = b.add(sums[name], block) if name in sums else block
 
 
+@dataclass(kw_only=True)
+class KnownMotions:
+    """The accelerations a of bodies beside a carrier by the known motions: sums of d."""
+
+    k: Kinematics
+    carrier: str
+    _found: dict[str, Block] = field(default_factory=dict)
+
+    def __call__(self, body: str) -> Block:
+        """a of a body, (6, 1)."""
+        b = self.k.builder
+        if body in (GROUND, self.carrier):
+            return b.zero(6)
+        if body not in self._found:
+            motion = self.k.motions[body]
+            self._found[body] = b.name(b.add(self(motion.tree_joint.parent), motion.d), "a", body)
+        return self._found[body]
+
+
 class Branched(Protocol):
     """Joints that are eliminated together."""
 
