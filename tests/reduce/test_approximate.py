@@ -10,13 +10,13 @@ import pytest
 import sympy
 
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scalar, Scene
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.half.means import Nearness
 from cutjoint.reduce.half.symmetry import halve, halve_nearly
 from cutjoint.reduce.measure import distance
-from cutjoint.reduce.records import Outcome
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory

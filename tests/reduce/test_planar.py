@@ -7,12 +7,12 @@ import pytest
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import generate
+from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, Scene
 from cutjoint.reduce.half.symmetry import flatten_nearly
 from cutjoint.reduce.measure import distance
 from cutjoint.reduce.planar import flatten
-from cutjoint.reduce.records import Outcome
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp

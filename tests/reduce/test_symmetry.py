@@ -12,11 +12,11 @@ import pytest
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.methods import METHODS
+from cutjoint.model.outcome import Outcome
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
 from cutjoint.reduce.half.symmetry import halve
-from cutjoint.reduce.records import Outcome
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology

@@ -25,15 +25,13 @@ from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.series import derivative, fourier_derivative
 
-#: The default of the largest error of a function, m or rad.
-TOLERANCE = 1e-10
 #: The most terms of a function by q and by u, and the most harmonics on a full turn.
 MOST, MOST_ACROSS, MOST_HARMONICS = 20, 20, 16
 #: Nodes at which loops are closed, along q and across it.
 NODES, NODES_ACROSS = 40, 24
 
 
-def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float = TOLERANCE) -> LoopFunctions:
+def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float) -> LoopFunctions:
     """Series to a tolerance (m, rad) on the largest range that they reach.
 
     Raises:

@@ -9,7 +9,7 @@ from typing import Any
 from cutjoint.commands import options
 from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prepare
 from cutjoint.compile.prepared import PreparedRun, Request
-from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation
+from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation, Loops
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
@@ -17,6 +17,7 @@ from cutjoint.report.tasks import choice_table
 from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import Options
 
 
@@ -35,7 +36,8 @@ def pick_and_play(
     prepared, run = _play(request, played, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
-        played = FinishedRun(model, replace(scene, numerics=variant.scene.numerics), variant.method, parameters, "full")
+        full = with_loops(replace(scene, numerics=variant.scene.numerics), Loops.EXACT)
+        played = FinishedRun(model, full, variant.method, parameters, "full")
         prepared, run = _play(request, played, play)
     return prepared, run, played
 

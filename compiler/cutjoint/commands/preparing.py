@@ -15,7 +15,18 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.compile.prepared import PreparedRun, Request, cache_run
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
-from cutjoint.methods import AUTO, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, SOLVERS, Implementation, find_additions, join_or, names_of
+from cutjoint.methods import (
+    AUTO,
+    DEFAULT_METHOD,
+    DEFAULT_PRECISION,
+    METHODS,
+    SOLVERS,
+    Implementation,
+    Loops,
+    find_additions,
+    join_or,
+    names_of,
+)
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
@@ -24,7 +35,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
-from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.scenes import find_scene, with_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
@@ -57,6 +68,9 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     model = read_model(request.model, opened=request.opened)
     scene = find_scene(model, request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
+    if request.loops == Loops.COMPILED and (method not in (DEFAULT_METHOD, AUTO) or request.implementation == Implementation.GENERIC):
+        raise RunError(f"--loops compiled: only generated and interpreted code of the method {DEFAULT_METHOD} has it; use --loops exact")
+    scene = with_loops(scene, request.loops)
     if request.closure is None:
         return model, scene, method
     if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):

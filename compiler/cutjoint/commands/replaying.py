@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands.preparing import FinishedRun, read_request
+from cutjoint.compile.pipeline import with_asked_loops
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS
@@ -54,7 +55,8 @@ def write_replay(
     end = request.options.end
     scene = played.scene if end is None else replace(played.scene, end=end)
     steps = with_each_step(replace(plan, with_coordinates=True), run)
-    shown = show_run(played.model, scene, played.method, played.parameters, steps, variant=played.variant)
+    model = with_asked_loops(played.model, scene, played.method)
+    shown = show_run(model, scene, played.method, played.parameters, steps, variant=played.variant)
     return write_shown(view, shown, over=None if over is None else read_page(over, "--over"))
 
 

@@ -20,12 +20,12 @@ from cutjoint.emit.source import Generated, Source
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation
+from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, with_loops
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
@@ -96,7 +96,7 @@ def schedule_method(
     if METHODS[method].has_system:
         from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
 
-        return schedule_system(derive(model, scene, ()).starting, method, tuple(outputs), lanes=lanes)
+        return schedule_system(derive(model, with_loops(scene, Loops.EXACT), ()).starting, method, tuple(outputs), lanes=lanes)
     recursive = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
@@ -113,5 +113,16 @@ def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True
 
 
 def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE) -> RecursiveEquations:
-    """The recursive equations of a model, which start the runs of every method; errors as in `compile_scene`."""
-    return require_soundness(formulate_recursive(build_topology(model), scene, tuple(outputs), closure=closure))
+    """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
+    `compile_scene`."""
+    topology = build_topology(with_asked_loops(model, scene, DEFAULT_METHOD))
+    return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure))
+
+
+def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
+    """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
+    if scene.numerics.loops == Loops.EXACT or method != DEFAULT_METHOD or model.assemblies:
+        return model
+    from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
+
+    return assemble_loops(model, scene).model

@@ -20,7 +20,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
-from cutjoint.methods import DEFAULT_PRECISION, Implementation, Loops, find_additions
+from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
@@ -51,7 +51,7 @@ class Request:
     opened: tuple[str, ...] = ()
     implementation: str = Implementation.GENERATED
     precision: str = DEFAULT_PRECISION
-    loops: str = Loops.EXACT
+    loops: str | None = None
     options: Options = field(default_factory=Options)
 
 

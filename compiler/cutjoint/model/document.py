@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, join_or
+from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Loops, join_or
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.element_parts import Force, Joint
@@ -189,6 +189,8 @@ class Numerics(Part):
     events: Annotated[str, OneOf(Events)] | None = None
     absolute_tolerance: Number | None = None
     spectral_radius: Number = _NUMERICS.spectral_radius
+    loops: Annotated[str, OneOf(Loops)] = _NUMERICS.loops
+    loop_tolerance: Number = _NUMERICS.loop_tolerance
     methods: dict[Annotated[str, OneOf(METHODS)], MethodNumerics] = Field(default={})
 
 

@@ -24,6 +24,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "frequency": {"least": 0.0, "most": 1e100},
     "tolerance": {"above": 0.0},
     "absolute_tolerance": {"above": 0.0},
+    "loop_tolerance": {"least": 1e-12, "most": 1e-2},
     "spectral_radius": {"least": 0.0, "most": 1.0},
     "iterations": {**_INTEGER, "above": 0.0},
     "multiplier_updates": _INTEGER,

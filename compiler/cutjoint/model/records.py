@@ -26,6 +26,7 @@ from cutjoint.elements.kinds import JointKind as JointKind
 from cutjoint.elements.terms import Scalar as Scalar
 from cutjoint.elements.terms import Span as Span
 from cutjoint.elements.terms import Vector as Vector
+from cutjoint.methods import Loops
 
 GROUND = "ground"
 
@@ -423,7 +424,8 @@ class Numerics:
     ``spectral_radius`` of what is fast in each step.  ``events`` says whether steps of the methods "recursive" and "recursive-newton" end
     where forces, guides or drives change their formulas: "located" or "crossed", None for what is usual with the integrator.  ``methods``
     has what a method changes, by the names of these settings; ``by_step`` the penalty and frequency that were written as expressions of dt,
-    whose values here are those at ``dt``.
+    whose values here are those at ``dt``.  ``loops`` says how the method "recursive" closes loops of one degree of freedom, "exact" or
+    "compiled" to functions that err by at most ``loop_tolerance`` (m, rad).
     """
 
     dt: float | None = None
@@ -440,6 +442,8 @@ class Numerics:
     methods: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     by_step: Mapping[str, Scalar] = field(default_factory=dict)
     closure: str | None = None
+    loops: str = Loops.EXACT
+    loop_tolerance: float = 1e-10
 
     @property
     def step(self) -> float:

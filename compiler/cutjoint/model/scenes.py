@@ -140,7 +140,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    units = {"dt": TIME, "damping_ratio": NONE, "tolerance": NONE, "absolute_tolerance": NONE, "spectral_radius": NONE}
+    units = {"dt": TIME, **dict.fromkeys(("damping_ratio", "tolerance", "absolute_tolerance", "spectral_radius", "loop_tolerance"), NONE)}
     numbers = _settings(where, part, units, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
         name: _settings(where, settings, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
@@ -158,7 +158,7 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
     )
     return Numerics(
         **numbers, methods=methods, integrator=part.integrator, events=part.events, by_step=by_step,
-        closure=part.closure or (PLAIN_CLOSURE if holds_by_penalty else None),
+        closure=part.closure or (PLAIN_CLOSURE if holds_by_penalty else None), loops=part.loops,
     )  # fmt: skip
 
 
@@ -184,12 +184,20 @@ def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
         where.fail(f"{key} has no finite value at dt = {dt:g} s", "write another expression", ("numerics", key))
 
 
+#: Settings with two bounds, and what they do near them.
+_BETWEEN = {
+    "spectral_radius": "1 damps nothing, 0 all that is fast beside a step",
+    "loop_tolerance": "functions that close loops err by as many m and rad at most",
+}
+
+
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
     if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
-    elif key == "spectral_radius":
-        if not (isnan(value) or 0 <= value <= 1):
-            where.fail("spectral_radius must be between 0 and 1", "1 damps nothing, 0 all that is fast beside a step", keys)
+    elif key in _BETWEEN:
+        least, most = RANGES[key]["least"], RANGES[key]["most"]
+        if not (isnan(value) or least <= value <= most):
+            where.fail(f"{key} must be between {least:g} and {most:g}", _BETWEEN[key], keys)
     elif not (isnan(value) or value >= 0):
         where.fail(f"{key} must not be negative", "", keys)
     else:

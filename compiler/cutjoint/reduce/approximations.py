@@ -13,9 +13,9 @@ import sympy
 from cutjoint.formulate.forces import is_active, variable
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Body, Guard, Model, Output, Scene, Tyre
 from cutjoint.reduce.links import shorten_links
-from cutjoint.reduce.records import Note, Outcome
 from cutjoint.reduce.sampling import run_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError

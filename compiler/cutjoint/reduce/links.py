@@ -15,8 +15,8 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.interaction import Carrier
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Body, Force, Joint, JointKind, Marker, Model, Reaction, RodForce, Scalar, Scene, Vector
-from cutjoint.reduce.records import Note, Outcome
 from cutjoint.topology.build import build_topology
 
 _BALLS = (JointKind.SPHERICAL, JointKind.UNIVERSAL)

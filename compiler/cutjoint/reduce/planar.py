@@ -15,12 +15,12 @@ import sympy
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import COORDINATES, GROUND, Binding, Force, Joint, JointKind, Model, Scene, Vector
 from cutjoint.reduce.half.images import Images, Pairs, require_images, settle
 from cutjoint.reduce.half.model import Half, half_model, idle_forces
 from cutjoint.reduce.half.plane import AsymmetryError, InPlane, Plane, Same, in_plane_words, is_nought, is_same, require_gravity, restrict
 from cutjoint.reduce.half.scene import half_scene
-from cutjoint.reduce.records import Note, Outcome
 from cutjoint.topology.build import build_topology
 
 #: Sine of the angle within which directions given in digits count as parallel.

@@ -1,36 +1,13 @@
-"""The result of a pass on a model and a scene, its notes, and elements that change hands when a body is taken out."""
+"""Passes, and elements that change hands when a body is taken out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeAlias
 
-from cutjoint.model.records import Model, Scene, Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class Note:
-    """The fate of an ``element`` of the file in a pass, or the reason that it was left: ``words`` complete the sentence that its name
-    begins."""
-
-    element: str
-    words: str
-    span: Span
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """The model and scene after a pass: ``done`` has notes of its changes, ``left`` of changes that it did not make, each with the reason.
-
-    The columns that the scene asks for keep their names.
-    """
-
-    model: Model
-    scene: Scene
-    done: tuple[Note, ...] = ()
-    left: tuple[Note, ...] = ()
-
+from cutjoint.model.outcome import Outcome
+from cutjoint.model.records import Model, Scene
 
 #: A pass.  It looks at ``scene.outputs`` for what is asked for.
 Pass: TypeAlias = Callable[[Model, Scene], Outcome]

@@ -13,6 +13,7 @@ from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
@@ -24,7 +25,7 @@ from cutjoint.reduce.half.symmetry import flatten_nearly, halve, halve_nearly
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.records import Note, Outcome, Pass
+from cutjoint.reduce.records import Pass
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.errors import RunError
 

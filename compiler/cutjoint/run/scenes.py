@@ -35,6 +35,11 @@ def with_closure(scene: Scene, closure: str) -> Scene:
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
 
 
+def with_loops(scene: Scene, loops: str | None) -> Scene:
+    """The scene with loops closed in another way, its own where none is given."""
+    return scene if loops in (None, scene.numerics.loops) else replace(scene, numerics=replace(scene.numerics, loops=loops))
+
+
 def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Scene:
     """The scene with other settings for one method."""
     settings = {**scene.numerics.methods.get(method, {}), **changes}

@@ -56,11 +56,12 @@ def replay(study: Study, run: int, view: Path) -> Path:
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)
     model = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
+    artifact = compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
-        compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags)), parameters=parameters,
+        artifact, parameters=parameters,
         integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True, error=False, check=False,
     )  # fmt: skip
     if done.failure is not None and not done.t.size:
         raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
-    shown = show_run(model, scene, study.method, parameters, done)
+    shown = show_run(artifact.topology.model, scene, study.method, parameters, done)
     return write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"))

@@ -93,7 +93,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     generated = perf_counter()
     binary = build(source, flags=flags)
     return BatchArtifact(
-        model=model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
+        model=equations.topology.model, scene=scene, equations=equations, binary=binary, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated,
     )  # fmt: skip
 
@@ -103,7 +103,7 @@ def _compile_alone(model: Model, scene: Scene, flags: Sequence[str]) -> BatchArt
     alone = compile_scene(model, scene, CompileOptions(method=METHOD, flags=flags))
     assert isinstance(alone.equations, RecursiveEquations)
     return BatchArtifact(
-        model=model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,
+        model=alone.topology.model, scene=scene, equations=alone.equations, binary=alone.binary, generate_seconds=alone.generate_seconds,
         compile_seconds=alone.compile_seconds, alone=alone,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.implicit.equations import formulate_implicit
-from cutjoint.methods import LINEARISED, PLAIN_CLOSURE
+from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.locations import AnyPath
@@ -27,7 +27,7 @@ from cutjoint.run.failures import IncompleteError, describe_failure, is_impossib
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.scenes import find_scene, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -66,7 +66,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
         SimulatorError: the simulator could not begin.
     """
     outputs = _everything(model)
-    artifact = compile_interpreted(model, scene, outputs=outputs)
+    artifact = compile_interpreted(model, with_loops(scene, Loops.EXACT), outputs=outputs)
     run_file = make_run_file(model, replace(scene, pose="equilibrium"), parameters or {}, task="equilibrium", options=PLAIN_STEPS)
     summary = call_simulator(artifact.binary.path, run_file.entries(), description=artifact.description)
     failure = failure_of(summary)
@@ -77,7 +77,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
     """The tree's coordinates at the static equilibrium of a scene, (coordinates,); errors as of `find_equilibrium`."""
-    at_rest = with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE)
+    at_rest = with_loops(with_closure(replace(scene, pose="equilibrium", rates={}, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     artifact = compile_interpreted(model, at_rest, outputs=[])
     plan = make_simulator_run(artifact, PLAIN_STEPS, parameters)
     run = require_end(start(replace(plan, with_coordinates=True)), artifact, parameters)
@@ -96,7 +96,7 @@ def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: M
         SimulatorError: the simulator could not begin.
     """
     model = read_model(path)
-    chosen = with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE)
+    chosen = with_loops(with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     tree = [t.joint for t in build_topology(model).tree]
     outputs = [*_outputs(model.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
     artifact = compile_interpreted(model, chosen, outputs=outputs)
@@ -127,6 +127,7 @@ def find_scene_modes(
         SimulatorError: the simulator could not begin.
     """
     require_settings(at=at)
+    scene = with_loops(scene, Loops.EXACT)
     # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
     artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, CompileOptions(method=LINEARISED))
     equations = formulate_implicit(artifact.mechanism, ())

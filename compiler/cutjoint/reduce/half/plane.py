@@ -13,8 +13,8 @@ import sympy
 
 from cutjoint.model.geometry import GLOBAL_AXES, cross, least_component
 from cutjoint.model.mirror import Mirror
+from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Span, Vector
-from cutjoint.reduce.records import Note
 
 _Record = TypeVar("_Record")
 

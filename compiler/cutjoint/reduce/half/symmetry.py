@@ -17,6 +17,7 @@ from typing import Any
 from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mirror import mirror_elements
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Body, Force, Joint, Model, Road, RoadSegment, Scalar, Scene
 from cutjoint.reduce.half.images import Images, Pairs, find_pairs, require_images, settle
 from cutjoint.reduce.half.means import NEAR, AveragedModel, Nearness, mean, mean_axes, nearness
@@ -24,7 +25,6 @@ from cutjoint.reduce.half.model import Half, PlaneDistances, cut_in_half, find_r
 from cutjoint.reduce.half.plane import AsymmetryError, Plane, in_plane_words, require_gravity
 from cutjoint.reduce.half.scene import half_scene
 from cutjoint.reduce.planar import flatten, held_bodies, own_images
-from cutjoint.reduce.records import Note, Outcome
 
 
 def halve(model: Model, scene: Scene) -> Outcome:

@@ -13,9 +13,9 @@ from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
+from cutjoint.model.outcome import Note
 from cutjoint.model.records import Model, RodForce, Scene
 from cutjoint.program.schedule import schedule
-from cutjoint.reduce.records import Note
 from cutjoint.report.explain.bodies import explain_bodies
 from cutjoint.report.explain.closures import explain_closures
 from cutjoint.report.explain.forces import explain_forces

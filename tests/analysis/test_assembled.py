@@ -10,15 +10,22 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
+from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_model, generate
+from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.reduce.assembled import assemble_loops
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.sweeps.reading import read_study
+from cutjoint.sweeps.run import perform_study
+from cutjoint.tasks.batch import compile_batch, simulate_batch
+from cutjoint.tasks.states import find_scene_equilibrium
 from tests.conftest import ROOT, needs_cpp
 from tests.mechanisms.one_degree import four_bar, spatial
+from tests.standalone.test_folder import check_table
 
 pytestmark = needs_cpp
 
@@ -92,7 +99,8 @@ def test_coarse_functions_keep_the_energy() -> None:
     scene = model.scenes["fall"]
     made: dict[float, Trajectory] = {}
     for tolerance in (1e-10, 1e-3):
-        artifact = compile_interpreted(assemble_loops(model, scene, tolerance).model, scene, method="recursive")
+        compiled = replace(scene, numerics=replace(scene.numerics, loops="compiled", loop_tolerance=tolerance))
+        artifact = compile_interpreted(model, compiled, method="recursive")
         made[tolerance] = simulate(artifact, integrator="dormand-prince", tolerance=1e-10)
         energy = made[tolerance].energy
         assert energy is not None
@@ -246,3 +254,57 @@ def test_only_the_recursive_method_has_functions(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, asked)
     assert result.exit_code == 1
     assert "--loops compiled: only generated and interpreted code of the method recursive has it" in result.output.replace("\n", " ")
+
+
+#: The swing with a mass that stays open and an input, in equal steps of 1 ms, whose numbers all hosts have to the last bit.
+HELD = SWING.replace("bodies:\n", """parameters: {heavy: {value: 1, unit: kg, binding: param}, push: {value: 0, unit: N, binding: input}}
+bodies:
+""", 1).replace("left: {mass: 1,", "left: {mass: heavy,").replace(
+    "outputs:", "forces: {push: {kind: joint_force, joint: a, law: push - 30*position}}\noutputs:"
+) % ", numerics: {loops: compiled, integrator: trapezoidal, dt: 1 ms}"  # fmt: skip
+
+
+def test_a_scene_compiles_its_loops() -> None:
+    """The equations from which folders, FMUs, batches and sweeps follow have no loop; those of other methods have theirs."""
+    model = read_model_text(HELD, "swing.yaml")
+    scene = model.scenes["fall"]
+    assert not generate(model, scene, scene.outputs).equations.topology.cuts
+    assert not compile_interpreted(model, scene).mechanism.closures
+    assert generate(model, scene, scene.outputs, method="recursive-newton").equations.topology.cuts
+
+
+@pytest.mark.heavy
+def test_every_host_has_the_table_of_the_command_line(tmp_path: Path) -> None:
+    """An FMU, a folder of C++, a batch and a sweep have the table of the command line."""
+    fmpy = pytest.importorskip("fmpy")
+    file = tmp_path / "swing.yaml"
+    file.write_text(HELD.replace("end: 3", "end: 0.5").replace("a.angle_rate: 4.0", "a.angle_rate: 0.5"), encoding="utf-8")
+    artifact = compile_model(file, out=tmp_path / "folder")
+    assert not artifact.mechanism.closures
+    known = simulate(artifact, error=False, inputs={"push": 0.0})
+    check_table(artifact, tmp_path / "folder")
+    model = read_model(file)
+    written = tmp_path / "swing.fmu"
+    written.write_bytes(make_fmu(model, model.scenes["fall"], version=3).pack(sources=False, binary=True, picture=b""))
+    table = fmpy.simulate_fmu(str(written), stop_time=0.5, output_interval=0.05)
+    batch = simulate_batch(compile_batch(file), [{"heavy": 1.0}, {"heavy": 3.0}])
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        "cutjoint_study: 1\nmodel: swing.yaml\nparameters: {heavy: [1, 3], push: [0]}\ndesign: grid\nobjectives: {place: {end: bar.x}}\n",
+        encoding="utf-8",
+    )  # fmt: skip
+    swept = perform_study(read_study(study), tmp_path / "table.parquet").table["place"].to_pylist()
+    for column in known.columns:
+        assert np.array_equal(table[column], known[column]), column
+        assert batch.end[column][0] == known[column][-1]
+        assert batch.end[column][1] != known[column][-1]
+    assert swept == list(batch.end["bar.x"])
+
+
+def test_poses_and_modes_keep_the_loops_equations() -> None:
+    """An equilibrium lies anywhere, and modes have all coordinates."""
+    model = read_model_text(HELD, "swing.yaml")
+    scene = model.scenes["fall"]
+    exact = replace(scene, numerics=replace(scene.numerics, loops="exact"))
+    one, other = (find_scene_equilibrium(model, chosen).values["bar.x"] for chosen in (scene, exact))
+    assert one == other

@@ -2,30 +2,48 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 
 import numpy as np
 
-from cutjoint.analysis.assemblies import TOLERANCE, DriveMotion, drive_motion, fit
+from cutjoint.analysis.assemblies import DriveMotion, drive_motion, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
 from cutjoint.analysis.leads import fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.methods import join_and
+from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Assembly, Interval, Joint, Model, Scene
-from cutjoint.reduce.records import Note, Outcome
 from cutjoint.topology.blocks import Block, find_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, degrees
 from cutjoint.topology.spanning_tree import split
 
+#: The last results of `assemble_loops`, by what they follow from: a run, its report and its view ask for the same.
+_KEPT: dict[bytes, Outcome] = {}
+_MOST_KEPT = 8
 
-def assemble_loops(model: Model, scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
-    """Replace the loops of each block that has one degree of freedom, to a tolerance of its functions, m or rad."""
+
+def assemble_loops(model: Model, scene: Scene) -> Outcome:
+    """Replace the loops of each block that has one degree of freedom, to the tolerance of functions that the scene has."""
+    parts = scene.positions, scene.rates, scene.inputs, scene.pose, scene.end, scene.numerics.loop_tolerance
+    key = sha256(pickle.dumps((replace(model, scenes={}, text=""), parts))).digest()
+    if key not in _KEPT:
+        while len(_KEPT) >= _MOST_KEPT:
+            del _KEPT[next(iter(_KEPT))]
+        _KEPT[key] = _assemble_loops(model, scene)
+    found = _KEPT[key]
+    closed = replace(model, joints=found.model.joints, assemblies=found.model.assemblies)
+    return replace(found, model=closed, scene=scene)
+
+
+def _assemble_loops(model: Model, scene: Scene) -> Outcome:
     topology, done, left = build_topology(model), list[_Assembled](), list[Note]()
     for block in find_blocks(topology):
         try:
-            done.append(_assemble(model, topology, block, scene, tolerance))
+            done.append(_assemble(model, topology, block, scene))
         except NoAssemblyError as error:
             left.append(_stays(block, str(error)))
     while True:
@@ -61,7 +79,7 @@ def _leads(found: _Assembled) -> Note:
     return Note(element=found.assembly.leader, words=words, span=found.assembly.span)
 
 
-def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tolerance: float) -> _Assembled:
+def _assemble(model: Model, topology: Topology, block: Block, scene: Scene) -> _Assembled:
     """A block as an assembly."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
@@ -89,7 +107,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, tole
         if best is None or best.joint.name in tried:
             raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
         joint = best.joint
-    functions = fit(loops, own, u, tolerance)
+    functions = fit(loops, own, u, scene.numerics.loop_tolerance)
     assembly = Assembly(
         leader=joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
