@@ -194,7 +194,7 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
             assert result.exit_code == 1
             output = result.output.replace("\n", " ")
             assert "the functions of its loops end there" in output
-            assert "run with --loops exact, or with on_violation: restart" in output
+            assert "run with loops: exact, with on_violation: restart, or with more loop_terms" in output
         else:
             assert result.exit_code == 0, result.output
             assert "again with the loops' equations" in result.output.replace("\n", " ")

@@ -9,7 +9,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from cutjoint.analysis.assemblies import DriveMotion, drive_motion, fit
+from cutjoint.analysis.assemblies import DriveMotion, Wanted, drive_motion, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
 from cutjoint.analysis.leads import fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
@@ -28,7 +28,7 @@ _MOST_KEPT = 8
 
 def assemble_loops(model: Model, scene: Scene) -> Outcome:
     """Replace the loops of each block that has one degree of freedom, to the tolerance of functions that the scene has."""
-    parts = scene.positions, scene.rates, scene.inputs, scene.pose, scene.end, scene.numerics.loop_tolerance
+    parts = scene.positions, scene.rates, scene.inputs, scene.pose, scene.end, scene.numerics.loop_tolerance, scene.numerics.loop_terms
     key = sha256(pickle.dumps((replace(model, scenes={}, text=""), parts))).digest()
     if key not in _KEPT:
         while len(_KEPT) >= _MOST_KEPT:
@@ -107,7 +107,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene) -> _
         if best is None or best.joint.name in tried:
             raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
         joint = best.joint
-    functions = fit(loops, own, u, scene.numerics.loop_tolerance)
+    functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms))
     assembly = Assembly(
         leader=joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),

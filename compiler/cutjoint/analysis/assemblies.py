@@ -25,14 +25,35 @@ from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.series import derivative, fourier_derivative
 
-#: The most terms of a function by q and by u, and the most harmonics on a full turn.
-MOST, MOST_ACROSS, MOST_HARMONICS = 20, 20, 16
-#: Nodes at which loops are closed, along q and across it.
-NODES, NODES_ACROSS = 40, 24
+#: The most terms of a function by u, and the nodes across q at which loops are closed.
+MOST_ACROSS, NODES_ACROSS = 20, 24
 
 
-def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float) -> LoopFunctions:
-    """Series to a tolerance (m, rad) on the largest range that they reach.
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a turn."""
+
+    tolerance: float
+    terms: int
+
+    @property
+    def nodes(self) -> int:
+        """The number of nodes along q on a range."""
+        return 2 * self.terms
+
+    @property
+    def harmonics(self) -> int:
+        """The most harmonics on a full turn."""
+        return max(48, self.terms)
+
+    @property
+    def nodes_around(self) -> int:
+        """The number of nodes on a full turn."""
+        return 5 * self.harmonics // 2
+
+
+def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
+    """Series as they are wanted on the largest range that they reach.
 
     Raises:
         NoAssemblyError: no range is long enough.
@@ -40,24 +61,24 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float) -> LoopFun
     whole = Interval(lower=lead.lower, upper=lead.upper)
     if lead.turns:
         with suppress(NoAssemblyError):
-            return _fit(loops, lead, whole, u, tolerance)
+            return _fit(loops, lead, whole, u, wanted)
         lead = replace(lead, turns=False)
     middle = Interval(lower=u.middle, upper=u.middle)
-    length = _terms(loops, lead, whole, middle, tolerance)
-    while length > MOST:
+    length = _terms(loops, lead, whole, middle, wanted)
+    while length > wanted.terms:
         if whole.half < 0.5 * STEP * loops.scales[lead.place]:
-            raise NoAssemblyError(f"a function would need more than {MOST} terms")
+            raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
         parts = ((_SHORTER, 1.0), (1.0, _SHORTER)) if length < np.inf else ((_SHORTER, _SHORTER),)
         shorter = [
             Interval(lower=lead.value + part * (whole.lower - lead.value), upper=lead.value + other * (whole.upper - lead.value))
             for part, other in parts
         ]
-        lengths = [_terms(loops, lead, one, middle, tolerance) for one in shorter]
+        lengths = [_terms(loops, lead, one, middle, wanted) for one in shorter]
         length = min(lengths)
         whole = shorter[lengths.index(length)]
     while True:
         try:
-            return _fit(loops, lead, whole, u, tolerance)
+            return _fit(loops, lead, whole, u, wanted)
         except NoAssemblyError:
             lower, upper = (lead.value + _SHORTER * (end - lead.value) for end in (whole.lower, whole.upper))
             whole = Interval(lower=lower, upper=upper)
@@ -69,42 +90,44 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, tolerance: float) -> LoopFun
 _SHORTER = 0.85
 
 
-def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, tolerance: float) -> float:
+def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted) -> float:
     """The length of the longest series over a range, between whole numbers by the size of what is left out."""
     try:
-        _, slopes = _sampled(loops, lead, interval, u)
+        _, slopes = _sampled(loops, lead, interval, u, wanted)
     except NoAssemblyError:
         return np.inf
     longest = 0.0
     for _, rates in slopes.values():
         for i in range(rates.shape[-1]):
             c = np.abs(_chebyshev(rates[:, i, np.newaxis])[:, 0]) / max(1.0, float(np.abs(rates).max()))
-            left = 1e-3 * float(np.log10(float(c[MOST:].sum()) + 1e-16))
-            longest = max(longest, _length(_integral(rates[:, i, np.newaxis], interval), interval.half, tolerance) + left)
+            left = 1e-3 * float(np.log10(float(c[wanted.terms:].sum()) + 1e-16))
+            longest = max(longest, _length(_integral(rates[:, i, np.newaxis], interval), interval.half, wanted.tolerance) + left)
     return longest
 
 
-def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, tolerance: float) -> LoopFunctions:
+def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted) -> LoopFunctions:
     across = NODES_ACROSS if u.half > 0 else 1
-    nodes, samples = _sampled(loops, lead, interval, u)
+    nodes, samples = _sampled(loops, lead, interval, u, wanted)
     series = {}
     for joint, (places, slopes) in samples.items():
         shape = (len(nodes), across, places.shape[-1])
         place, slope = places.reshape(shape), slopes.reshape(shape)
-        series[joint] = tuple(_series(place[:, :, i], slope[:, :, i], interval, u, lead, nodes, tolerance) for i in range(shape[2]))
+        series[joint] = tuple(_series(place[:, :, i], slope[:, :, i], interval, u, lead, nodes, wanted) for i in range(shape[2]))
     found = LoopFunctions(series=series, range=interval, drive_range=u, turns=lead.turns, gap=0.0, rate_gap=0.0)
-    gap, rate_gap = _gaps(loops, lead, found)
-    if not gap < _ALLOWED * tolerance or not rate_gap < _ALLOWED * tolerance * _largest_slope(found):
+    gap, rate_gap = _gaps(loops, lead, found, wanted)
+    if not gap < _ALLOWED * wanted.tolerance or not rate_gap < _ALLOWED * wanted.tolerance * _largest_slope(found):
         raise NoAssemblyError(f"its functions leave a gap of {gap:.1g}, which opens at {rate_gap:.1g}")
     return replace(found, gap=gap, rate_gap=rate_gap)
 
 
-def _sampled(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval) -> tuple[Array, dict[str, tuple[Array, Array]]]:
+def _sampled(
+    loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted
+) -> tuple[Array, dict[str, tuple[Array, Array]]]:  # fmt: skip
     """The nodes, and by joint the coordinates and slopes at them, those of the drive next to each other, (nodes, k)."""
-    x = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)[::-1]
-    nodes = interval.middle + interval.half * x
     if lead.turns:
-        nodes = lead.value + (2 * np.arange(NODES) / NODES - 1) * np.pi
+        nodes = lead.value + (2 * np.arange(wanted.nodes_around) / wanted.nodes_around - 1) * np.pi
+    else:
+        nodes = interval.middle + interval.half * np.cos(np.pi * (np.arange(wanted.nodes) + 0.5) / wanted.nodes)[::-1]
     values = np.full(1, u.middle)
     if u.half > 0:
         values = u.middle + u.half * np.cos(np.pi * (np.arange(NODES_ACROSS) + 0.5) / NODES_ACROSS)[::-1]
@@ -168,17 +191,17 @@ def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, lead: Lead) -> t
 _LEAST = 0.4
 
 
-def _series(places: Array, slopes: Array, interval: Interval, u: Interval, lead: Lead, nodes: Array, tolerance: float) -> Series:
+def _series(places: Array, slopes: Array, interval: Interval, u: Interval, lead: Lead, nodes: Array, wanted: Wanted) -> Series:
     """A series through values and slopes (nodes, nodes across)."""
     if lead.turns:
-        return _turning_series(places, slopes, nodes, tolerance)
+        return _turning_series(places, slopes, nodes, wanted)
     whole = _integral(slopes, interval)
     x = (nodes - interval.middle) / interval.half
     whole[0] = np.mean(places - chebyshev.chebval(x, whole).T, axis=0)
-    size = _length(whole, interval.half, tolerance)
-    if size > MOST:
-        raise NoAssemblyError(f"a function would need more than {MOST} terms")
-    return Series(coefficients=_rows(_across(whole[:size], u, tolerance)))
+    size = _length(whole, interval.half, wanted.tolerance)
+    if size > wanted.terms:
+        raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
+    return Series(coefficients=_rows(_across(whole[:size], u, wanted.tolerance)))
 
 
 def _integral(slopes: Array, interval: Interval) -> Array:
@@ -226,7 +249,7 @@ def _chebyshev(values: Array) -> Array:
     return np.asarray(found)
 
 
-def _turning_series(places: Array, slopes: Array, nodes: Array, tolerance: float) -> Series:
+def _turning_series(places: Array, slopes: Array, nodes: Array, wanted: Wanted) -> Series:
     """A trigonometric series through values and slopes at equidistant nodes."""
     if slopes.shape[1] > 1:
         raise NoAssemblyError("it makes full turns, and a drive moves it")
@@ -240,9 +263,9 @@ def _turning_series(places: Array, slopes: Array, nodes: Array, tolerance: float
     amplitude = np.abs(whole[1::2]) + np.abs(whole[2::2])
     bent = (np.concatenate([[1.0], order**2])[:, np.newaxis] * np.concatenate([np.abs(whole[:1]), amplitude]))[:, 0]
     tail = np.cumsum(bent[::-1])[::-1]
-    small = tail <= 10 * tolerance * max(1.0, float(bent[1:].max(initial=0.0)))
+    small = tail <= 10 * wanted.tolerance * max(1.0, float(bent[1:].max(initial=0.0)))
     harmonics = int(np.argmax(small)) if small.any() else len(small)
-    if harmonics > MOST_HARMONICS:
+    if harmonics > wanted.harmonics:
         raise NoAssemblyError("a function would need too many harmonics")
     return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1]), slope=growth)
 
@@ -297,9 +320,10 @@ def place(loops: BlockLoops, leader: str, functions: LoopFunctions, q: Array, u:
 _ALLOWED = 10.0
 
 
-def _gaps(loops: BlockLoops, lead: Lead, functions: LoopFunctions) -> tuple[float, float]:
+def _gaps(loops: BlockLoops, lead: Lead, functions: LoopFunctions, wanted: Wanted) -> tuple[float, float]:
     """The largest residual, and the largest rate of one at q' = 1, on a grid four times finer than the nodes."""
-    q, u = np.linspace(functions.range.lower, functions.range.upper, 4 * NODES + 1), functions.drive_range
+    nodes = wanted.nodes_around if functions.turns else wanted.nodes
+    q, u = np.linspace(functions.range.lower, functions.range.upper, 4 * nodes + 1), functions.drive_range
     across = np.zeros(1) if u is None else np.linspace(u.lower, u.upper, 4 * NODES_ACROSS + 1) if u.half > 0 else np.full(1, u.middle)
     qs, us = (x.ravel() for x in np.meshgrid(q, across, indexing="ij"))
     gap = rate_gap = 0.0
@@ -312,10 +336,14 @@ def _gaps(loops: BlockLoops, lead: Lead, functions: LoopFunctions) -> tuple[floa
     return gap, rate_gap
 
 
+#: The number of places at which slopes are looked at.
+_LOOKS = 40
+
+
 def _largest_slope(functions: LoopFunctions) -> float:
     """The largest slope of a function over the range, or 1 if that is larger."""
-    q = np.linspace(functions.range.lower, functions.range.upper, NODES)
-    u = np.full(NODES, functions.drive_range.middle if functions.drive_range is not None else 0.0)
+    q = np.linspace(functions.range.lower, functions.range.upper, _LOOKS)
+    u = np.full(_LOOKS, functions.drive_range.middle if functions.drive_range is not None else 0.0)
     slopes = [evaluate(s, functions, q, u, 1) for found in functions.series.values() for s in found]
     return max(1.0, *(float(np.abs(slope).max()) for slope in slopes))
 

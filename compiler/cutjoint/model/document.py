@@ -191,6 +191,7 @@ class Numerics(Part):
     spectral_radius: Number = _NUMERICS.spectral_radius
     loops: Annotated[str, OneOf(Loops)] = _NUMERICS.loops
     loop_tolerance: Number = _NUMERICS.loop_tolerance
+    loop_terms: StrictInt = _NUMERICS.loop_terms
     methods: dict[Annotated[str, OneOf(METHODS)], MethodNumerics] = Field(default={})
 
 

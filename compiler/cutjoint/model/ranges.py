@@ -25,6 +25,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "tolerance": {"above": 0.0},
     "absolute_tolerance": {"above": 0.0},
     "loop_tolerance": {"least": 1e-12, "most": 1e-2},
+    "loop_terms": {"least": 6, "most": 60},
     "spectral_radius": {"least": 0.0, "most": 1.0},
     "iterations": {**_INTEGER, "above": 0.0},
     "multiplier_updates": _INTEGER,
@@ -38,7 +39,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
 TIMES = frozenset({"dt", "output_step", "end", "at"})
 
 #: Settings that count something.
-WHOLE = frozenset({"iterations", "multiplier_updates", "threads", "replay", "replays", "repetitions"})
+WHOLE = frozenset({"iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions"})
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:

@@ -425,7 +425,7 @@ class Numerics:
     where forces, guides or drives change their formulas: "located" or "crossed", None for what is usual with the integrator.  ``methods``
     has what a method changes, by the names of these settings; ``by_step`` the penalty and frequency that were written as expressions of dt,
     whose values here are those at ``dt``.  ``loops`` says how the method "recursive" closes loops of one degree of freedom, "exact" or
-    "compiled" to functions that err by at most ``loop_tolerance`` (m, rad).
+    "compiled" to functions that err by at most ``loop_tolerance`` (m, rad) on a range as long as ``loop_terms`` allow.
     """
 
     dt: float | None = None
@@ -444,6 +444,7 @@ class Numerics:
     closure: str | None = None
     loops: str = Loops.EXACT
     loop_tolerance: float = 1e-10
+    loop_terms: int = 20
 
     @property
     def step(self) -> float:

@@ -169,7 +169,8 @@ def _settings(
     settings: dict[str, Any] = {
         key: where.number(getattr(part, key), of, (*keys, key)) for key, of in dimensions.items() if getattr(part, key, None) is not None
     }
-    settings |= {key: getattr(part, key) for key in ("iterations", "multiplier_updates") if getattr(part, key) is not None}
+    counts = ("iterations", "multiplier_updates", "loop_terms")
+    settings |= {key: getattr(part, key) for key in counts if getattr(part, key, None) is not None}
     for key, value in settings.items():
         _in_range(where, key, value, (*keys, key))
     return settings
@@ -188,6 +189,7 @@ def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
 _BETWEEN = {
     "spectral_radius": "1 damps nothing, 0 all that is fast beside a step",
     "loop_tolerance": "functions that close loops err by as many m and rad at most",
+    "loop_terms": "more terms make the range of functions that close loops longer, and each evaluation dearer",
 }
 
 

@@ -23,7 +23,7 @@ Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Re
   const bool ends = guards[worst].ends;
   Failure failure("the guard of '" + name + "' (" + place + ") is violated: " + (ends ? "the functions of its loops end there" : "the force would act"),
                   t, number, name, static_cast<double>(-margins[worst]),
-                  ends ? "run with --loops exact, or with on_violation: restart" : "run the full model, or with on_violation: restart");
+                  ends ? "run with loops: exact, with on_violation: restart, or with more loop_terms" : "run the full model, or with on_violation: restart");
   failure.guards = violated;
   return failure;
 }
