@@ -48,7 +48,7 @@ REFERENCES = [
     (
         "outputs: [end.x]",
         "outputs: [§end]",
-        "@: outputs: output 'end': unknown element 'end'; write element.quantity",
+        "@: outputs: output 'end': unknown element 'end'; write element.quantity, such as end.x",
     ),
     (
         "outputs: [end.x]",

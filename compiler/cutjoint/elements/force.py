@@ -257,6 +257,11 @@ class Force:
         """The quantities that the force reports, with units."""
         return self.element.quantities
 
+    @property
+    def measured(self) -> frozenset[str]:
+        """The quantities that follow from the motion alone, whatever the law."""
+        return frozenset(name for name in self.quantities if not self.is_halved(name))
+
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the force; ``signs`` has for the coordinates of joints 1 or -1, by their direction of counting in the image."""
         images: dict[str, Any] = {}

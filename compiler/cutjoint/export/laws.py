@@ -11,8 +11,10 @@ import sympy
 from sympy.printing.cxx import CXX17CodePrinter
 
 from cutjoint.formulate.inputs import input_functions, input_parameters
+from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import Binding, Model, Scalar, Scene
+from cutjoint.model.quantities import reading_elements
+from cutjoint.model.records import Binding, FirstOrderState, Model, Scalar, Scene
 from cutjoint.run.run_file import given_inputs, parameter_values
 
 #: Components in the global frame.
@@ -52,6 +54,17 @@ class Numbers:
         """An expression over the variables of its law and ``t`` alone."""
         known = {symbol: sympy.Float(value) for symbol, value in self.values.items()}
         return sympy.sympify(expression).xreplace(dict(self.inputs)).xreplace(known)
+
+
+def require_mechanics_alone(model: Model) -> None:
+    """Raise ModelError for states, signals and laws that read other elements, which programs with mechanics alone do not have."""
+    found = (*model.states, *(e for e in reading_elements(model) if not isinstance(e, FirstOrderState)))
+    problems = [
+        Problem(span=e.span, element=f"'{e.name}'", message="only cutjoint has states and laws that read quantities", hint="leave it out")
+        for e in found
+    ]  # fmt: skip
+    if problems:
+        raise ModelError(problems)
 
 
 _LARGEST_POWER = 12

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
 
@@ -24,16 +24,21 @@ MAX_DEGREE = 20
 
 
 class Translator:
-    """Turns expressions into scalar blocks; ``values`` gives the block of each symbol."""
+    """Turns expressions into scalar blocks; ``values`` gives the block of each symbol, ``read`` those of others when they are met."""
 
-    def __init__(self, builder: Builder, values: Mapping[Scalar, Block]) -> None:
+    def __init__(self, builder: Builder, values: Mapping[Scalar, Block], read: Callable[[Scalar], Block] | None = None) -> None:
         self._b = builder
         self._values = dict(values)
         self._known: dict[Any, Block] = dict(values)
+        self._read = read
 
     def with_values(self, values: Mapping[Scalar, Block]) -> Translator:
         """A translator that knows further symbols."""
-        return Translator(self._b, {**self._values, **values})
+        return Translator(self._b, {**self._values, **values}, self._read)
+
+    def reading(self, read: Callable[[Scalar], Block]) -> Translator:
+        """A translator that reads symbols without a value."""
+        return Translator(self._b, self._values, read)
 
     def scalar(self, expression: Scalar) -> Block:
         """One expression."""
@@ -55,7 +60,9 @@ class Translator:
         if e.is_number:
             return b.number(float(e))
         if isinstance(e, sympy.Symbol):
-            raise KeyError(f"no value for symbol {e}")
+            if self._read is None:
+                raise KeyError(f"no value for symbol {e}")
+            return self._read(e)
         if isinstance(e, sympy.Add):
             return self._polynomial(e) or b.total([self._scalar(a) for a in e.args])
         if isinstance(e, sympy.Mul):

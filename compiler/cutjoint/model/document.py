@@ -54,6 +54,13 @@ class Marker(Part):
     at: Point
 
 
+class FirstOrderState(Part):
+    """A number beside the mechanism: its value where a run begins, and its rate of change."""
+
+    start: Number
+    rate: Number
+
+
 class Elements(Part):
     """The sections that a model and a submodel share."""
 
@@ -64,6 +71,8 @@ class Elements(Part):
     forces: dict[Name, Force] = Field(default={})
     reactions: dict[Name, Reaction] = Field(default={})
     markers: dict[Name, Marker] = Field(default={})
+    states: dict[ParameterName, FirstOrderState] = Field(default={})
+    signals: dict[ParameterName, Number] = Field(default={})
     outputs: tuple[StrictStr, ...] = ()
 
 

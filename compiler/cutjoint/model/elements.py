@@ -1,4 +1,4 @@
-"""Bodies, joints and sensors: from the document's parts to records, not yet mirrored."""
+"""Bodies, joints, sensors, states and signals: from the document's parts to records, not yet mirrored."""
 
 from __future__ import annotations
 
@@ -12,14 +12,29 @@ from cutjoint.elements.joint import Fault, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document
 from cutjoint.model import element_parts as joint_parts
+from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.mass import read_mass
-from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
+from cutjoint.model.quantities import Element as Quantified
+from cutjoint.model.records import (
+    VALUE,
+    Body,
+    FirstOrderState,
+    Force,
+    Gear,
+    Joint,
+    Marker,
+    Reaction,
+    Scalar,
+    Signal,
+    Vector,
+    Visual,
+)
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
-from cutjoint.model.units import ANGLE, LENGTH, TIME
+from cutjoint.model.units import ANGLE, LENGTH, NONE, TIME, Dimension
 
 
 @dataclass(frozen=True)
@@ -32,6 +47,13 @@ class Elements:
     reactions: tuple[Reaction, ...]
     markers: tuple[Marker, ...]
     gears: tuple[Gear, ...] = ()
+    states: tuple[FirstOrderState, ...] = ()
+    signals: tuple[Signal, ...] = ()
+
+    def by_name(self) -> dict[str, Quantified]:
+        """Every element by its name."""
+        groups = (self.bodies, self.joints, self.gears, self.forces, self.reactions, self.markers, self.states, self.signals)
+        return {element.name: element for group in groups for element in group}
 
 
 def read_elements(scope: Scope, part: document.Elements) -> Elements:
@@ -44,6 +66,8 @@ def read_elements(scope: Scope, part: document.Elements) -> Elements:
         tuple(_read_reaction(element(scope, "reaction", "reactions", name), r) for name, r in part.reactions.items()),
         tuple(_read_marker(element(scope, "marker", "markers", name), m) for name, m in part.markers.items()),
         tuple(read_gear(element(scope, "gear", "gears", name), gear) for name, gear in part.gears.items()),
+        tuple(_read_state(element(scope, "state", "states", name), state) for name, state in part.states.items()),
+        tuple(_read_signal(element(scope, "signal", "signals", name), value) for name, value in part.signals.items()),
     )
 
 
@@ -136,6 +160,36 @@ _FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
 }
 
 
+def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrderState:
+    _require_free_name(element)
+    dimension = element.term(state.start, ("start",), element.scope.constants()).dimension
+    rate = None if dimension is None else dimension / TIME
+    return FirstOrderState(
+        name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=_unit_text(dimension), span=element.span,
+        initial=element.scalar(state.start, None, ("start",)),
+        rate=element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
+    )  # fmt: skip
+
+
+def _read_signal(element: Element, value: int | float | str) -> Signal:
+    _require_free_name(element)
+    dimension = element.term(value, (), element.scope.reading("t")).dimension
+    expression = element.scalar(value, None, (), element.scope.reading("t"))
+    symbol = quantity_symbol(element.name, VALUE)
+    return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=_unit_text(dimension), span=element.span)
+
+
+def _require_free_name(element: Element) -> None:
+    name = str(element.path[-1])
+    if name in element.scope.names:
+        element.fail(f"'{name}' is a parameter already", "choose another name")
+
+
+def _unit_text(dimension: Dimension | None) -> str:
+    """The SI unit of a dimension, "" where it is none or not known."""
+    return "" if dimension in (None, NONE) else str(dimension)
+
+
 def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:
     """A law of time for each coordinate of a guided joint."""
     guide = getattr(joint, "guide", None)
@@ -143,14 +197,14 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
         return None
     kind = JOINTS[joint.kind]
     coordinates = kind.coordinates
-    laws = guide if isinstance(guide, tuple) else (guide,)
+    laws, timed = guide if isinstance(guide, tuple) else (guide,), element.scope.timed()
     if joint.cut:
         element.fail("a cut joint has no coordinate to guide", "remove cut or guide", ("guide",))
     if len(laws) != len(coordinates):
         message = f"guide has {len(laws)} law{'s' * (len(laws) != 1)}, a {joint.kind} joint {len(coordinates)} coordinates"
         element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
     return tuple(
-        read_law(element, law, _GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",))
+        read_law(element, law, _GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",), timed)
         for index, (name, law) in enumerate(zip(coordinates, laws, strict=False))
     )
 

@@ -76,6 +76,13 @@ class Problems:
         return ModelError(self._found.values(), model)
 
 
+class Unheard(Problems):
+    """Takes problems that another reading notes."""
+
+    def add(self, span: Span, element: str, message: str, hint: str = "") -> None:
+        """Forget a problem."""
+
+
 def worded(field: str, message: str) -> str:
     """A message about a field: "mass needs kg", or "mass: unknown symbol 'm'"."""
     if not field:

@@ -9,8 +9,9 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
 
 import sympy
 
@@ -39,6 +40,8 @@ from cutjoint.model.records import Scalar
 from cutjoint.model.text import is_number
 from cutjoint.model.units import UnitError, read_measure
 
+#: The places of quantities, as a remedy for one that stands elsewhere.
+READERS = "laws of forces, signals and rates of states may have it"
 MAX_LENGTH = 2000  #: characters of a text
 MAX_DEPTH = 60  #: nested operations
 
@@ -53,6 +56,48 @@ def parameter_symbol(name: str) -> Scalar:
     return sympy.Symbol(f"p_{name}", real=True)
 
 
+def quantity_symbol(element: str, quantity: str) -> Scalar:
+    """The symbol of a quantity of an element, such as ``arm.vz``; no other symbol starts with ``@``."""
+    return sympy.Symbol(f"@{element}.{quantity}", real=True)
+
+
+def quantities_read(expression: Scalar) -> list[tuple[str, str]]:
+    """The elements and quantities whose symbols an expression has, sorted."""
+    names = sorted(str(symbol) for symbol in getattr(expression, "free_symbols", ()))
+    found = (name.removeprefix("@").rpartition(".") for name in names if name.startswith("@"))
+    return [(element, quantity) for element, _, quantity in found]
+
+
+@dataclass(frozen=True)
+class Names(Mapping[str, Term]):
+    """The names of an expression that may read quantities: ``terms`` by name, and what ``quantity`` knows: names with a dot, and those
+    of states and signals, ``own``, where the expression stands."""
+
+    terms: Mapping[str, Term]
+    own: frozenset[str]
+    quantity: Callable[[str], Term]
+
+    def __getitem__(self, name: str) -> Term:
+        return self.quantity(name) if self._is_quantity(name) else self.terms[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.terms or self._is_quantity(str(name))
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(self.terms, sorted(self.own))
+
+    def __len__(self) -> int:
+        return len(self.terms) + len(self.own)
+
+    def _is_quantity(self, name: str) -> bool:
+        return "." in name or (name in self.own and name not in self.terms)
+
+
+def with_terms(names: Mapping[str, Term], further: Mapping[str, Term]) -> Mapping[str, Term]:
+    """The names with further ones."""
+    return replace(names, terms={**names.terms, **further}) if isinstance(names, Names) else {**names, **further}
+
+
 def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     """A number, a number with a unit, or an expression over ``names``.  Raises ExpressionError."""
     if not isinstance(value, str):
@@ -65,13 +110,14 @@ def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
         return constant(quantity.value, quantity.dimension)
     try:
         text = _one_line(value)
-        term = _Parser(names, text).term(_syntax_tree(text), 0)
+        parser = _Parser(names, text)
+        term = parser.term(_syntax_tree(text), 0)
     except RecursionError:
         raise ExpressionError("the expression is nested too deep") from None
     if not has_finite_numbers(term.value):
         raise ExpressionError("a number in the expression is out of range")
     check_extent(term.value)
-    if not any(known.value is sympy.nan for known in names.values()):
+    if not parser.has_failed:
         for part in bottom_up(term.value):
             require_real(part)
     if term.value.has(sympy.Abs):
@@ -86,7 +132,8 @@ def symbols_of(value: int | float | str) -> frozenset[str]:
             return frozenset()
         tree = _syntax_tree(_one_line(value))
         called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called) - {"pi"}
+        owners = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+        return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called | owners) - {"pi"}
     except (UnitError, ExpressionError, RecursionError):
         return frozenset()
 
@@ -141,6 +188,7 @@ class _Parser:
     def __init__(self, names: Mapping[str, Term], text: str) -> None:
         self.names = names
         self.text = text
+        self.has_failed = False  #: Whether a name stands for a value that could not be read
 
     def term(self, node: ast.expr, depth: int) -> Term:
         if depth > MAX_DEPTH:
@@ -150,6 +198,8 @@ class _Parser:
                 result = self.number(node, value)
             case ast.Name(id=name):
                 result = self.name(name)
+            case ast.Attribute() if (dotted := _dotted(node)) is not None:
+                result = self.quantity(dotted)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 result = negative(self.term(operand, depth + 1))
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
@@ -185,12 +235,21 @@ class _Parser:
 
     def name(self, name: str) -> Term:
         if name in self.names:
-            return self.names[name]
+            return self.known(self.names[name])
         if name == "pi":
             return Term(sympy.pi, None, math.pi)
         if name in FUNCTIONS:
             raise ExpressionError(f"'{name}' is a function", f"write {name}(...)")
         raise ExpressionError(f"unknown symbol '{name}'", nearest(name, [*self.names, "pi"], "symbols here"))
+
+    def quantity(self, name: str) -> Term:
+        if isinstance(self.names, Names):
+            return self.known(self.names[name])
+        raise ExpressionError(f"the quantity '{name}' cannot stand here", READERS)
+
+    def known(self, term: Term) -> Term:
+        self.has_failed = self.has_failed or term.value is sympy.nan
+        return term
 
     def call(self, name: str, args: list[ast.expr], depth: int) -> Term:
         if name not in FUNCTIONS:
@@ -222,6 +281,15 @@ class _Parser:
 
 
 _CHAINS: tuple[tuple[type[ast.operator], ...], ...] = ((ast.Add, ast.Sub), (ast.Mult, ast.Div))
+
+
+def _dotted(node: ast.expr) -> str | None:
+    """A name with dots, None for what is no such name."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute) and not node.attr.startswith("_") and (owner := _dotted(node.value)) is not None:
+        return f"{owner}.{node.attr}"
+    return None
 
 
 def _refusal(node: ast.expr) -> ExpressionError:

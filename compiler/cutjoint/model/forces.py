@@ -80,7 +80,7 @@ class _Reader:
         return self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
 
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
-        names = read_names(self.element, self.given(let), (let,), self.element.with_variables(*law.variables, "t"))
+        names = read_names(self.element, self.given(let), (let,), self.element.scope.reading(*law.variables, "t"))
         return self.element.triple(self.given(name), _DIMENSIONS[law.unit], (name,), names)
 
     def law(self, *path: str | int, law: Law) -> Scalar:

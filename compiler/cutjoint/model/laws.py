@@ -12,7 +12,7 @@ import sympy
 
 from cutjoint.model import values
 from cutjoint.model.errors import worded
-from cutjoint.model.expressions import has_finite_numbers, variable
+from cutjoint.model.expressions import has_finite_numbers, variable, with_terms
 from cutjoint.model.operations import Term, choice
 from cutjoint.model.records import Scalar
 from cutjoint.model.scope import FAILED, Element
@@ -33,8 +33,8 @@ class LawKind:
 
 
 def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None) -> Scalar:
-    """The expression of a law over its variables and over ``names`` (by default all parameters)."""
-    symbols = element.with_variables(*kind.variables) if names is None else names
+    """The expression of a law over its variables and over ``names`` (by default all parameters and quantities)."""
+    symbols = element.scope.reading(*kind.variables) if names is None else names
     expression = _Law(element, kind, symbols).read(law, keys)
     if has_finite_numbers(expression):
         return expression
@@ -42,15 +42,15 @@ def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mappi
     return FAILED
 
 
-def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> dict[str, Term]:
+def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> Mapping[str, Term]:
     """``names`` with those of a ``let``, each an expression over the ones before it; none may hide another name."""
-    known = dict(names)
+    known = names
     for name, value in let.items():
         if name in known:
             what = "parameter" if name in element.scope.names else "name above"
             element.fail(f"{field_name(keys)}: '{name}' is a {what} already", "choose another name", (*keys, name), at_key=True)
         else:
-            known[name] = element.term(value, (*keys, name), known)
+            known = with_terms(known, {name: element.term(value, (*keys, name), known)})
     return known
 
 

@@ -13,8 +13,12 @@ from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
 from cutjoint.model.elements import Elements
 from cutjoint.model.expressions import variable
 from cutjoint.model.geometry import least_component
-from cutjoint.model.records import Body, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
+from cutjoint.model.quantities import Element as Quantified
+from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
 from cutjoint.model.scope import FAILED
+
+#: The angles of a body by the axis that each turns about.
+ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}
 
 
 @dataclass(frozen=True)
@@ -43,10 +47,47 @@ class Mirror:
         return reflected_law(law, sign)
 
 
+@dataclass(frozen=True)
+class Image:
+    """The signs of quantities in the image of reflection along ``axis``, of ``joints`` by name: what the original would have there."""
+
+    axis: str
+    joints: Mapping[str, Joint]
+
+    def sign(self, element: Quantified, quantity: str) -> int:
+        """1 where a quantity of an element of the image is that of the original, -1 where it is its opposite."""
+        match element:
+            case Joint():
+                return self._of_joint(element, quantity)
+            case Force():
+                joint = self.joints.get(element.joint_of)
+                return element.image_sign(quantity, self.of_component, self._of_joint(joint, element.coordinate_of) if joint else 1)
+            case Body() | Marker():
+                return self.of_component(quantity)
+        return 1
+
+    def _of_joint(self, joint: Joint, quantity: str) -> int:
+        if quantity in ("wx", "wy", "wz"):
+            return self.of_component(quantity)
+        return coordinate_signs(mirror_along(self.axis), joint).get(quantity.removesuffix("_rate"), 1)
+
+    def of_component(self, quantity: str) -> int:
+        """The sign of a component of a vector (x, vy, az, Fx), of an angle (roll) or of a turn (wx, Mz)."""
+        turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
+        if quantity in turns:
+            return 1 if turns[quantity] == self.axis else -1
+        return -1 if quantity[-1] == self.axis else 1
+
+
+def mirror_along(axis: str) -> Mirror:
+    """The reflection along "x", "y" or "z"."""
+    x, y, z = (-1 if name == axis else 1 for name in "xyz")
+    return Mirror((x, y, z))
+
+
 def mirror_elements(elements: Elements, axis: str) -> Elements:
     """The image of all elements under reflection along "x", "y" or "z"."""
-    x, y, z = (-1 if name == axis else 1 for name in "xyz")
-    mirror = Mirror((x, y, z))
+    mirror = mirror_along(axis)
     signs = {joint.name: coordinate_signs(mirror, joint) for joint in elements.joints}
     return Elements(
         tuple(_body(mirror, body) for body in elements.bodies),
@@ -55,7 +96,8 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
         tuple(_marker(mirror, marker) for marker in elements.markers),
         tuple(_gear(gear, signs) for gear in elements.gears),
-    )
+        elements.states, elements.signals,
+    )  # fmt: skip
 
 
 def _body(mirror: Mirror, body: Body) -> Body:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from graphlib import CycleError, TopologicalSorter
 
 import sympy
 
 from cutjoint.model import document
+from cutjoint.model.circles import in_order
 from cutjoint.model.errors import worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import parameter_symbol, read_term, symbols_of
@@ -93,19 +93,10 @@ def _plain_number(value: int | float | str) -> float:
 
 def _in_order(used: Mapping[str, frozenset[str]], where: Mapping[str, Element]) -> list[str]:
     """The parameters, each behind those that it uses; circles are noted, and they and what follows from them are left out."""
-    place = {name: i for i, name in enumerate(used)}
-    graph = {name: sorted(others, key=place.__getitem__) for name, others in used.items()}
-    circles: set[str] = set()  # then what follows from them too
-    while True:
-        try:
-            ordered = list(TopologicalSorter(graph).static_order())
-            break
-        except CycleError as error:
-            circle = error.args[1][:0:-1]  # each uses the next, the last one the first
-            first = min(range(len(circle)), key=lambda i: place[circle[i]])
-            _note_circle(where, circle[first:] + circle[:first])
-            circles.update(circle)
-            graph = {name: [x for x in others if x not in circles] for name, others in graph.items() if name not in circles}
+    ordered, found = in_order(used)
+    for circle in found:
+        _note_circle(where, circle)
+    circles = {name for circle in found for name in circle}  # then what follows from them too
     order: list[str] = []
     for name in ordered:
         if circles.isdisjoint(used[name]):

@@ -1,13 +1,15 @@
-"""The quantities of each element that can be outputs, with units, and the bodies to which an output's element belongs."""
+"""The quantities of each element, with units, for outputs and expressions, and the bodies to which an element belongs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TypeAlias
 
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.elements.joint import rate_name
 from cutjoint.elements.joints import JOINTS
+from cutjoint.model.errors import nearest
+from cutjoint.model.expressions import quantities_read
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import (
     GROUND,
@@ -22,10 +24,12 @@ from cutjoint.model.records import (
     Output,
     Reaction,
     RodForce,
+    Scalar,
+    Signal,
     Vector,
 )
 
-Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker | FirstOrderState
+Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker | FirstOrderState | Signal
 
 _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -73,9 +77,68 @@ def quantities(element: Element) -> Mapping[str, str]:
             return _WRENCH
         case Force():
             return element.quantities
-        case FirstOrderState():
+        case FirstOrderState() | Signal():
             return {VALUE: element.unit}
     return QUANTITIES[type(element)]
+
+
+class QuantityError(ValueError):
+    """A name that is no quantity: a message and a hint; ``element`` is the full name of what it seems to mean."""
+
+    def __init__(self, element: str, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.element, self.message, self.hint = element, message, hint
+
+
+def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str], str], prefix: str) -> tuple[str, str]:
+    """The full name of an element and its quantity, which ``name`` means, "element.quantity", where names have a ``prefix``.
+
+    Raises:
+        QuantityError: there is none.
+    """
+    local, _, quantity = name.rpartition(".")
+    element = full(local)
+    if element not in known:
+        options = [other.removeprefix(prefix) for other in known if other.startswith(prefix)]
+        whole = f", such as {name}.{next(iter(quantities(known[full(name)])), '')}" if full(name) in known else ""
+        hint = nearest(local, options, "elements") if local else f"write element.quantity{whole}"
+        raise QuantityError(element, f"unknown element '{local or name}'", hint)
+    allowed = quantities(known[element])
+    if quantity not in allowed:
+        hint = nearest(quantity, allowed, "quantities") or "a joint without coordinates has no quantities"
+        raise QuantityError(element, f"'{local}' has no quantity '{quantity}'", hint)
+    return element, quantity
+
+
+def follows_from_forces(element: Element, quantity: str) -> bool:
+    """Return whether a quantity is an acceleration or a reaction, which follow from all forces."""
+    return isinstance(element, Reaction | RodForce | Gear) or (isinstance(element, Body | Marker) and quantity in ("ax", "ay", "az"))
+
+
+def readings_of(model: Model) -> tuple[Output, ...]:
+    """The quantities of bodies, markers, joints and forces that laws, rates of states and signals read, as if they were outputs."""
+    own = {element.name for group in (model.states, model.signals) for element in group}
+    found: dict[tuple[str, str], Output] = {}
+    for element, expressions in _expressions(model):
+        for name, quantity in (of for expression in expressions for of in quantities_read(expression) if of[0] not in own):
+            found.setdefault((name, quantity), Output(element=name, quantity=quantity, span=element.span))
+    return tuple(found.values())
+
+
+def reading_elements(model: Model) -> tuple[Force | FirstOrderState | Signal, ...]:
+    """The forces, states and signals that read quantities of bodies, markers, joints and forces, and all signals."""
+    states = {state.name for state in model.states}
+    return tuple(
+        element for element, expressions in _expressions(model)
+        if isinstance(element, Signal) or any(name not in states for e in expressions for name, _ in quantities_read(e))
+    )  # fmt: skip
+
+
+def _expressions(model: Model) -> Iterator[tuple[Force | FirstOrderState | Signal, tuple[Scalar, ...]]]:
+    """The expressions that may read quantities, by their elements."""
+    yield from ((force, force.expressions) for force in model.force_elements)
+    yield from ((state, (state.rate,)) for state in model.states)
+    yield from ((signal, (signal.value,)) for signal in model.signals)
 
 
 def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]:
@@ -93,7 +156,7 @@ def unit_of(model: Model, output: Output) -> str:
 
 def reported_element(model: Model, output: Output) -> Element:
     """The element that an output is a quantity of."""
-    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states)
+    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states, model.signals)
     return next(e for group in groups for e in group if e.name == output.element)
 
 

@@ -65,15 +65,15 @@ class DerivedParameter:
     span: Span
 
 
-#: The quantity of a first-order state.
+#: The quantity of a first-order state, and of a signal.
 VALUE = "value"
 
 
 @dataclass(frozen=True, kw_only=True)
 class FirstOrderState:
-    """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and states.
+    """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and quantities of elements.
 
-    ``symbol`` stands for it in expressions: the real symbol ``s_`` + name.  ``initial`` is its value where a run begins, of parameters.
+    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.
     """
 
     name: str
@@ -87,6 +87,17 @@ class FirstOrderState:
     def entry(self) -> str:
         """The name of its place in a state, and of its column."""
         return f"{self.name}.{VALUE}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions."""
+
+    name: str
+    symbol: Scalar
+    value: Scalar
+    unit: str
+    span: Span
 
 
 class ShapeKind(StrEnum):
@@ -501,10 +512,10 @@ class Scene:
 class Model:
     """A validated model: what the file says, flat and in SI units.
 
-    Element names are unique over bodies, joints, gears, forces, reactions and markers.  An element of a submodel's
+    Element names are unique over bodies, joints, gears, forces, reactions, markers, states and signals.  An element of a submodel's
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
-    for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism; no model file
-    has any yet.  ``assemblies`` are loops that a pass has replaced by functions.
+    for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
+    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions.
     """
 
     name: str
@@ -522,6 +533,7 @@ class Model:
     gears: tuple[Gear, ...] = ()
     derived: tuple[DerivedParameter, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
+    signals: tuple[Signal, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
 
     def __repr__(self) -> str:

@@ -18,7 +18,7 @@ from cutjoint.model.expressions import variable
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.quantities import Element as Quantified
-from cutjoint.model.quantities import quantities
+from cutjoint.model.quantities import QuantityError, find_quantity
 from cutjoint.model.ranges import RANGES, StepsError, count_steps
 from cutjoint.model.records import (
     STEP,
@@ -55,8 +55,7 @@ class _Stage:
 def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Scene]:
     """Read all scenes, with the outputs of the model and its instances as default."""
     elements = expansion.elements
-    groups = (elements.bodies, elements.joints, elements.gears, elements.forces, elements.reactions, elements.markers)
-    known: dict[str, Quantified] = {part.name: part for group in groups for part in group}
+    known = elements.by_name()
     joints = {joint.name: joint for joint in elements.joints}
     stage = _Stage(expansion, known, joints, ())
     stage = _Stage(expansion, known, joints, _default_outputs(model, stage))
@@ -298,19 +297,10 @@ def _outputs(where: Element, names: tuple[str, ...], path: Path, prefix: str, st
 
 
 def _output(where: Element, name: str, prefix: str, span: Span, stage: _Stage) -> Output | None:
-    local, _, quantity = name.rpartition(".")
-    full = prefix + local
-    if full not in stage.known:
-        if not where.scope.directory.misses(full):
-            options = [known.removeprefix(prefix) for known in stage.known if known.startswith(prefix)]
-            hint = nearest(local, options, "elements") if local else "write element.quantity"
-            message = f"output '{name}': unknown element '{local or name}'"
-            where.scope.problems.add(span, where.label, message, hint)
+    try:
+        element, quantity = find_quantity(stage.known, name, lambda local: prefix + local, prefix)
+    except QuantityError as error:
+        if not where.scope.directory.misses(error.element):
+            where.scope.problems.add(span, where.label, f"output '{name}': {error.message}", error.hint)
         return None
-    allowed = quantities(stage.known[full])
-    if quantity not in allowed:
-        hint = nearest(quantity, allowed, "quantities") or "a joint without coordinates has no quantities"
-        message = f"output '{name}': '{local}' has no quantity '{quantity}'"
-        where.scope.problems.add(span, where.label, message, hint)
-        return None
-    return Output(element=full, quantity=quantity, span=span)
+    return Output(element=element, quantity=quantity, span=span)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import sympy
 
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expressions import read_term, variable
+from cutjoint.model.expressions import READERS, Names, read_term, variable
 from cutjoint.model.opening import Opening, number_name
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import GROUND, Scalar, Span, Vector
@@ -52,6 +53,16 @@ class Scope:
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
     that never change.  ``connectors`` maps local body names to full ones.  ``opening`` makes parameters of numbers.
+
+    Expressions may have these names:
+
+    * of masses, points, starts and all other numbers the parameters that do not move, `constants`;
+    * of guides, and of a scene's inputs but for inputs, ``t`` and all parameters, `timed`;
+    * of laws of forces, of rates of states and of signals these, the law's variables, and the quantities of elements, `reading`: by
+      "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the scope;
+      ``read`` is what finds a quantity.
+
+    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters.
     """
 
     source: Source
@@ -66,14 +77,32 @@ class Scope:
     connectors: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, Vector] = field(default_factory=dict)
     opening: Opening = field(default_factory=Opening)
+    own: frozenset[str] = frozenset()
+    read: Callable[[Scope, str], Term] | None = None
+    sensed: frozenset[Scalar] = frozenset()
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""
         return self.connectors.get(name, self.prefix + name)
 
     def constants(self) -> dict[str, Term]:
-        """The symbols without inputs, and without what follows from these."""
-        return {name: term for name, term in self.names.items() if self.moving.isdisjoint(term.value.free_symbols)}
+        """The parameters that do not change with time."""
+        return {name: term for name, term in self.names.items() if not self.moves(term)}
+
+    def moves(self, term: Term) -> bool:
+        """Return whether a term changes with time: it follows from inputs or quantities."""
+        symbols = term.value.free_symbols
+        return not (self.moving.isdisjoint(symbols) and self.sensed.isdisjoint(symbols))
+
+    def timed(self) -> dict[str, Term]:
+        """The time and the parameters, without those that follow from quantities."""
+        known = {name: term for name, term in self.names.items() if self.sensed.isdisjoint(term.value.free_symbols)}
+        return {**known, "t": Term(variable("t"))}
+
+    def reading(self, *variables: str) -> Mapping[str, Term]:
+        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements."""
+        terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
+        return terms if self.read is None else Names(terms, self.own, partial(self.read, self))
 
 
 @dataclass(frozen=True)
@@ -110,10 +139,13 @@ class Element:
 
     def _explained(self, error: ExpressionError, names: Mapping[str, Term]) -> tuple[str, str]:
         """Message and hint; a parameter that is known elsewhere is named as such."""
+        for name in self.scope.own:
+            if error.message == f"unknown symbol '{name}'":
+                return f"the quantity '{name}' cannot stand here", READERS
         for name in self.scope.names.keys() - names.keys():
             if error.message == f"unknown symbol '{name}'":
                 takes_parameters = names or not self.scope.constants()
-                if takes_parameters and not self.scope.moving.isdisjoint(self.scope.names[name].value.free_symbols):
+                if takes_parameters and self.scope.moves(self.scope.names[name]):
                     remedy = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
                     return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{remedy}"
                 return f"the parameter '{name}' cannot stand here", "write a number"
@@ -186,10 +218,6 @@ class Element:
         """Three components of dimension ``expected``."""
         a, b, c = (self.scalar(value, expected, (*keys, index), names, in_triple=True) for index, value in enumerate(values))
         return (a, b, c)
-
-    def with_variables(self, *variables: str) -> dict[str, Term]:
-        """The symbols of a law: its variables, whose dimension fits everywhere, and all parameters."""
-        return {**self.scope.names, **{name: Term(variable(name)) for name in variables}}
 
     def body(self, name: str, keys: Path) -> str:
         """The full name of a body, :data:`UNKNOWN` when there is none."""

@@ -36,6 +36,8 @@ KINDS = {
     "forces": "force",
     "reactions": "reaction",
     "markers": "marker",
+    "states": "state",
+    "signals": "signal",
     "submodels": "submodel",
     "instances": "instance",
     "scenes": "scene",

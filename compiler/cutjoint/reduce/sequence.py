@@ -14,6 +14,7 @@ from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import Binding, Model, Scene
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
@@ -35,12 +36,18 @@ MOTIONS = ("exact", "guarded", "approximate")
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A pass by name, what it does to the motion (see MOTIONS), and whether it takes models with gears."""
+    """A pass by name, what it does to the motion (see MOTIONS), and whether it takes models with gears, and with laws that read quantities
+    or signals."""
 
     name: str
     reduce: Pass
     motion: str = "exact"
     gears: bool = True
+    readings: bool = False
+
+    def takes(self, model: Model) -> bool:
+        """Return whether the pass is tried on a model."""
+        return (self.gears or not model.gears) and (self.readings or not reading_elements(model))
 
 
 #: The passes in the order in which they are tried.
@@ -49,7 +56,7 @@ STEPS: tuple[Step, ...] = (
     Step(name="welded", reduce=weld_bodies),
     Step(name="half", reduce=halve, gears=False),
     Step(name="links", reduce=shorten_links),
-    Step(name="idle equations", reduce=drop_idle_equations),
+    Step(name="idle equations", reduce=drop_idle_equations, readings=True),
     Step(name="planar", reduce=flatten, gears=False),
     Step(name="guards", reduce=guard_idle, motion="guarded"),
 )
@@ -104,7 +111,7 @@ def reduction_sequence(model: Model, scene: Scene, method: str = DEFAULT_METHOD,
         MissingLibraryError: a library that orders the method's matrices is not installed.
         ToolchainError, SimulatorError: the C++ side failed where a pass runs the model.
     """
-    whole = Outcome(model=model, scene=scene, left=tuple(_geared(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
+    whole = Outcome(model=model, scene=scene, left=tuple(_ruled_out(model, STEPS + APPROXIMATIONS if approximate else STEPS)))
     variants = _reduce("full", "exact", whole, method)
     if approximate:
         _approximate(whole, variants, method)
@@ -149,8 +156,10 @@ def _derived(method: str, reduced: ReducedModel) -> ReducedModel:
     return _count(reduced.name, outcome, method, motion=reduced.motion)
 
 
-def _geared(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
-    """The passes that are not tried on a model with gears."""
+def _ruled_out(model: Model, steps: Sequence[Step]) -> Iterator[Note]:
+    """The passes that are not tried on a model with gears, or with laws that read quantities."""
+    words = f"rules out the passes {', '.join(step.name for step in steps if not step.readings)}, which change what it may read"
+    yield from (Note(element=e.name, words=words, span=e.span) for e in reading_elements(model))
     words = f"rules out the passes {', '.join(step.name for step in steps if not step.gears)}, which know no gears"
     yield from (Note(element=gear.name, words=words, span=gear.span) for gear in model.gears)
 
@@ -166,7 +175,7 @@ def _reduce(name: str, motion: str, outcome: Outcome, method: str) -> list[Reduc
 def _try_pass(variants: list[ReducedModel], step: Step) -> None:
     """Try a pass on the last model: add the reduced model where it costs less, else a note of why not to the last one."""
     below = variants[-1]
-    if below.model.gears and not step.gears:
+    if not step.takes(below.model):
         return
     reduced = step.reduce(below.model, below.scene)
     left, above = reduced.left, None
@@ -185,7 +194,7 @@ def _try_pass(variants: list[ReducedModel], step: Step) -> None:
 
 def _approximate(whole: Outcome, variants: list[ReducedModel], method: str) -> None:
     """Try each approximation on the whole model as approximated so far: add the model that all passes make of it, where it costs less."""
-    for step in (s for s in APPROXIMATIONS if s.gears or not whole.model.gears):
+    for step in (s for s in APPROXIMATIONS if s.takes(whole.model)):
         changed, below = step.reduce(whole.model, whole.scene), variants[-1]
         if not changed.done:
             variants[-1] = replace(below, left=tuple(dict.fromkeys((*below.left, *changed.left))))
@@ -236,5 +245,6 @@ def fix_inputs(outcome: Outcome) -> Outcome:
     settled = replace(
         model, parameters=tuple(p for p in model.parameters if p.binding is not Binding.INPUT),
         joints=tuple(put_in(j, laws) for j in model.joints), forces=tuple(put_in(f, laws) for f in model.forces), guards=tuple(guards),
+        states=tuple(put_in(s, laws) for s in model.states), signals=tuple(put_in(s, laws) for s in model.signals),
     )  # fmt: skip
     return replace(outcome, model=settled, scene=replace(scene, inputs={}))

@@ -14,6 +14,7 @@ from itertools import takewhile
 
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
 from cutjoint.model.expressions import variable
+from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
 
@@ -43,7 +44,7 @@ class SignedTurn:
 
 
 def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
-    """The uses of joints' coordinates by forces and outputs, by the joints' names."""
+    """The uses of joints' coordinates by forces, by what reads quantities and by outputs, by the joints' names."""
     joints = {joint.name: joint for joint in model.joints}
     uses: dict[str, list[Use]] = {}
     for force in model.force_elements:
@@ -53,14 +54,17 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
                 coordinate=force.coordinate_of, rate_alone=rate_alone, is_force=True,
                 reason=f"force '{force.name}' acts on its coordinate",
             ))  # fmt: skip
-    for scene in model.scenes.values():
-        for output in scene.outputs:
-            if output.element in joints:
-                rates = {rate_name(c): c for c in joints[output.element].element.coordinates}
-                uses.setdefault(output.element, []).append(Use(
-                    coordinate=rates.get(output.quantity, output.quantity), rate_alone=output.quantity in rates, is_force=False,
-                    reason=f"scene '{scene.name}' has its coordinate among the outputs",
-                ))  # fmt: skip
+    asked = [
+        (output, f"scene '{scene.name}' has its coordinate among the outputs")
+        for scene in model.scenes.values() for output in scene.outputs
+    ]  # fmt: skip
+    asked += [(reading, f"a law, a rate or a signal in line {reading.span.line} reads its coordinate") for reading in readings_of(model)]
+    for output, reason in asked:
+        if output.element in joints:
+            rates = {rate_name(c): c for c in joints[output.element].element.coordinates}
+            uses.setdefault(output.element, []).append(Use(
+                coordinate=rates.get(output.quantity, output.quantity), rate_alone=output.quantity in rates, is_force=False, reason=reason,
+            ))  # fmt: skip
     return {name: tuple(of_joint) for name, of_joint in uses.items()}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.laws import Numbers, Triple
+from cutjoint.export.laws import Numbers, Triple, require_mechanics_alone
 from cutjoint.export.start import Array, Start, find_start
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
@@ -49,6 +49,7 @@ class _Builder:
 
     def build(self) -> Mechanism:
         model = self.topology.model
+        require_mechanics_alone(model)
         roots = self.roots()
         joints = [(t, self.joint(t.joint, roots, t.reversed)) for t in self.topology.tree]
         bodies = tuple(self.rigid_body(root, members) for root, members in _groups(roots).items())

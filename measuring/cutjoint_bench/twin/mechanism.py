@@ -28,6 +28,7 @@ from cutjoint.elements.joint import (
     rate_name,
 )
 from cutjoint.elements.joint import Motion as ChainMotion
+from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.layout import Chart
@@ -59,6 +60,7 @@ def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ..
 def heading(trees: Trees) -> Json:
     """The beginning of the descriptions for all twins."""
     model = trees.model
+    require_mechanics_alone(model)
     return {
         "name": model.name,
         "scene": trees.scene.name,

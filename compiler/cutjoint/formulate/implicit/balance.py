@@ -1,7 +1,8 @@
 """Contributions of masses, force elements, cut joints and first-order states to the balance and to its tangent.
 
 An element acts on one body or on two.  Two bodies that both move along with a motion feel no change from it, seen from them; so only
-motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change:
+motions on the way between the element's bodies count, on which its wrench W and the columns s of the motions change.  (Of an element whose
+law reads more than its own bodies all motions count.)
 
     D_k (s_j^T W) = s_j^T D_k W + (xi_k x s_j)^T W          the last where k carries j along
 
@@ -102,12 +103,15 @@ def ways(motions: Motions, wrenches: Mapping[str, Block]) -> Iterator[tuple[str,
 
 
 def wrench_tangent(
-    motions: Motions, variations: Mapping[tuple[int, int], Variation], wrenches: Mapping[str, Block]
+    motions: Motions, variations: Mapping[tuple[int, int], Variation], wrenches: Mapping[str, Block], *, sees: bool = False
 ) -> Iterator[tuple[Motion, Motion, Block]]:
-    """The entries that the change of one element's wrenches makes, to be taken from the tangent: row, column, value."""
+    """The entries that the change of one element's wrenches makes, to be taken from the tangent: row, column, value.
+
+    Where the element ``sees`` more than its own bodies, all motions may change it.
+    """
     b = motions.k.builder
     parts = list(ways(motions, wrenches))
-    columns = {k.key: k for _, _, way in parts for k in way}
+    columns = {k.key: k for k in motions.all()} if sees else {k.key: k for _, _, way in parts for k in way}
     for _, wrench, rows in parts:
         for k in columns.values():
             change = variations[k.key].of(wrench)

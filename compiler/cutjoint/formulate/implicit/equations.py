@@ -59,6 +59,7 @@ from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loop
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
+from cutjoint.model.dependencies import seeing_forces
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
@@ -207,9 +208,10 @@ class _System:
         with b.section("tangent", "", "s^T (M^c c + B^c DV + xi x* F^c)", ""):
             yield from inertial_tangent(motions, whole)
         places = {f.name: f.span.place for f in self.start.topology.model.forces}
+        seeing = seeing_forces(self.start.topology.model)
         for element, wrenches in self.system.wrenches.items():
             with b.section("tangent", element, "s_j^T D_k W + (xi_k x s_j)^T W", places.get(element, "")):
-                for j, k, value in wrench_tangent(motions, variations, wrenches):
+                for j, k, value in wrench_tangent(motions, variations, wrenches, sees=element in seeing):
                     yield j, k, b.neg(value)
         for c in self.closed:
             with b.section("tangent", c.name, "J^T J, and the turning of J^T (penalty Phi + lambda)", c.loop.joint.span.place):
@@ -221,9 +223,12 @@ class _System:
                 yield from gear_tangent(motions, gear)
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
-                for j in {m.row: m for m in motions.of_body[body]}.values():
-                    for k in motions.of_body[body]:
-                        yield j, k, b.neg(b.element(variations[k.key].of(force), j.index))
+                own = motions.of_body[body]
+                for j in {m.row: m for m in own}.values():
+                    for k in motions.all() if seeing else own:
+                        change = b.element(variations[k.key].of(force), j.index)
+                        if k.body == body or not is_zero(change):
+                            yield j, k, b.neg(change)
 
     def constraint_residual(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""

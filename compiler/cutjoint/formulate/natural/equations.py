@@ -5,7 +5,8 @@ With constant M, Phi(q, t) = 0 and the forces Q(q, qd, t), both methods solve M 
     augmented   A + constraint Phi_q^T Phi_q                              A = M + damping C + stiffness K, its symmetric part
     classical   [A, constraint Phi_q^T; constraint Phi_q, 0]              C = -dQ/dqd, K = -dQ/dq
 
-Left out is the change of Phi_q^T lambda by q, as in the paper: it is small against the masses at the steps that the method takes.
+Left out is the change of Phi_q^T lambda by q, as in the paper: it is small against the masses at the steps that the method takes.  The
+symmetric tangent leaves out what first-order states and forces change by each other, too.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from cutjoint.formulate.records import (
     system_functions,
 )
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
+from cutjoint.formulate.states import placed_states, state_rates, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import (
     describe_domains,
     describe_switches,
@@ -49,9 +50,10 @@ from cutjoint.formulate.switches import (
     value_slots,
 )
 from cutjoint.methods import METHODS
-from cutjoint.model.quantities import unit_of
+from cutjoint.model.quantities import readings_of, unit_of
 from cutjoint.model.records import Model, Output, Scalar
 from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.differentiate import Differentiator
 from cutjoint.program.switches import find_domains, find_switches
 
 
@@ -68,10 +70,11 @@ def formulate_lagrangian(
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    require_coordinates(model, scene, outputs)
+    asked = (*outputs, *readings_of(model))
+    require_coordinates(model, scene, asked)
     translator = make_translator(b, model)
     k = derive_kinematics(b, translator, topology, {c.joint: c for c in start.charts})
-    layout = lay_out(topology, scene, outputs)
+    layout = lay_out(topology, scene, asked)
     states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
     motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
     maker = ForceMaker(motions, model, scene)
@@ -82,7 +85,8 @@ def formulate_lagrangian(
     guarded, margins = maker.guarded()
     reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, motions=motions, elements=reported, constraints=system.constraints
+        model=model, motions=motions, forces={name: e.quantities for name, e in reported.items()}, elements=reported,
+        constraints=system.constraints,
     )  # fmt: skip
     tangent = system.classical() if METHODS[method].saddle_point else system.augmented()
     placed = {
@@ -233,6 +237,7 @@ class _System:
         b, matrix = self.b, self._dynamic(symmetric=False)
         with b.section("tangent", "", "M + damping C + stiffness K", ""):
             results = self._elements(matrix.by_coordinate(), lower=False) | self._of_states(symmetric=False)
+            results |= self._coupling()
         _, _, weight = self._weights()
         offset, row = self._offsets(), len(self.state.v)
         for c in self.constraints:
@@ -247,10 +252,31 @@ class _System:
         return results
 
     def _of_states(self, *, symmetric: bool) -> dict[str, Block]:
-        """The entries of first-order states; what these and forces change by each other is left out."""
+        """The entries of first-order states by each other."""
         translator, model, (damping, _, _) = self.motions.translator, self.start.topology.model, self._weights()
         entries = state_tangent(self.b, translator, self.state, model, damping, symmetric=symmetric)
         return {f"tangent:{row},{column}": block for row, column, block in entries}
+
+    def _coupling(self) -> dict[str, Block]:
+        """The entries of forces by first-order states, and of these by coordinates and speeds."""
+        b, motions, model, (damping, stiffness, _) = self.b, self.motions, self.start.topology.model, self._weights()
+        offset, rates, results = self._offsets(), state_rates(motions.translator, model), dict[str, Block]()
+        nodes = [(node, motions.node(node)) for node in self.layout.coordinates]
+        differentiator = Differentiator(b, {block for _, m in nodes for block in (m.x, m.v)} | motions.states)
+        for place, state in enumerate(model.states, start=self.state.speeds):
+            push, x = NodalForce(motions=motions), b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION)
+            for element in self.elements.values():
+                for action in element.actions:
+                    if x in (jacobian := differentiator.jacobian(action.force)):
+                        push.add(element.name, action.form, b.neg(b.scale(damping, jacobian[x])))
+            for node, block in push.by_coordinate().items():
+                results |= {f"tangent:{offset[node] + i},{place}": b.element(block, i) for i in range(node.size)}
+            jacobian = differentiator.jacobian(rates[state.name])
+            for node, m in nodes:
+                parts = [b.scale(weight, jacobian[by]) for weight, by in ((stiffness, m.x), (damping, m.v)) if by in jacobian]
+                block = b.neg(b.total([b.zero(1, node.size), *parts]))
+                results |= {f"tangent:{place},{offset[node] + i}": b.element(block, 0, i) for i in range(node.size) if parts}
+        return results
 
     def _gradient(self, c: Constraint) -> dict[Node, Block]:
         """A constraint's Phi_q^T by the coordinates that it depends on."""

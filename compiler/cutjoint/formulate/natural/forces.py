@@ -6,7 +6,7 @@ perpendicular unit directions e_i works on them as half the sum of (T x e_i) . d
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -17,7 +17,10 @@ from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, forces_guarded, 
 from cutjoint.formulate.inputs import guide_rates
 from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
+from cutjoint.formulate.natural.quantities import let_laws_read
+from cutjoint.formulate.quantities import measured_forces
 from cutjoint.kernels.directions import slide_axis
+from cutjoint.model.dependencies import forces_in_order, seeing_forces
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
@@ -47,20 +50,24 @@ class Action:
 class Element:
     """A force element: its actions on forms, its reported quantities, and the forms ``by`` whose motion it depends on.
 
-    These are in the order in which they are asked for, each by its body and its value.
+    These are in the order in which they are asked for, each by its body and its value.  One whose law ``sees`` other bodies depends on any
+    coordinate.
     """
 
     name: str
+    sees: bool = False
     actions: list[Action] = field(default_factory=list)
     by: dict[tuple[str, Block], tuple[Form, Motion]] = field(default_factory=dict)
-    quantities: dict[str, Block] = field(default_factory=dict)
+    quantities: Mapping[str, Block] = field(default_factory=dict)
 
     def tangents(self, motions: NodeMotions) -> Iterator[Tangent]:
         """The element's tangents, without blocks that are zero."""
         b = motions.builder
-        leaves = {block for _, m in self.by.values() for block in (m.x, m.v) if block.binding is BindingTime.ITERATION} | motions.states
+        seen = [({node: 1}, motions.node(node)) for node in motions.layout.coordinates] if self.sees else []
+        ways = [*self.by.values(), *seen]
+        leaves = {block for _, m in ways for block in (m.x, m.v) if block.binding is BindingTime.ITERATION} | motions.states
         differentiator = Differentiator(b, leaves)
-        by = {motion.x: (form, motion) for form, motion in reversed(self.by.values())}.values()
+        by = {motion.x: (form, motion) for form, motion in reversed(ways)}.values()
         for action in self.actions:
             jacobian = differentiator.jacobian(action.force)
             for columns, motion in by:
@@ -78,15 +85,20 @@ class ForceMaker:
         self._m = motions
         self._model = model
         self._scene = scene
+        self._quantities: dict[str, Mapping[str, Block]] = {}
 
     def all(self) -> list[Element]:
-        """The force elements that the scene has switched on."""
-        elements = []
-        for force in self._model.forces:
+        """The force elements that the scene has switched on, each behind those whose quantities its law reads."""
+        elements, seeing = list[Element](), seeing_forces(self._model)
+        let_laws_read(self._m, self._model, self._quantities)
+        for force, names in measured_forces(self._model, self._scene):
+            values = force.interaction.values(force, self._mechanics(force, Element(name=force.name)))
+            self._quantities[force.name] = {name: block for name, block in values.items() if name in names}
+        for force in forces_in_order(self._model):
             if is_active(force, self._scene):
-                how, element = force.interaction, Element(name=force.name)
+                how, element = force.interaction, Element(name=force.name, sees=force.name in seeing)
                 with self._b.section("force", force.name, how.equation_of_points or how.equation, force.span.place):
-                    element.quantities = how.act(force, self._mechanics(force, element))
+                    element.quantities = self._quantities[force.name] = how.act(force, self._mechanics(force, element))
                     elements.append(self._labelled(element))
         return elements
 

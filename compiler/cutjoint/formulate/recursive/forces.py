@@ -5,31 +5,21 @@ Each element also yields its reported quantities, so that results and equilibriu
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import sympy
 
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
 from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, forces_guarded, is_active, reported_variables, smallest_margin
+from cutjoint.formulate.quantities import measured_forces
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.directions import slide_axis
+from cutjoint.model.dependencies import forces_in_order
 from cutjoint.model.records import COORDINATES, Body, Force, LawForce, Model, Scene
-from cutjoint.program.blocks import Block, Builder
-
-
-@dataclass(kw_only=True)
-class Forces:
-    """Reported quantities by element and name."""
-
-    quantities: dict[str, dict[str, Block]] = field(default_factory=dict)
-
-    def add(self, b: Builder, element: str, quantities: dict[str, Block]) -> None:
-        """The quantities of an element, each under its name."""
-        self.quantities[element] = quantities
-        for quantity, block in quantities.items():
-            b.name(block, quantity, element)
+from cutjoint.program.blocks import Block
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
@@ -66,9 +56,14 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
 
 
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
-    """The force elements that the scene has switched on."""
+    """The force elements that the scene has switched on; from now on laws know the quantities that they may read."""
     forces = Forces()
-    for force in model.forces:
+    let_laws_read(k, model, forces)
+    for force, names in measured_forces(model, scene):
+        mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force)
+        values = force.interaction.values(force, mechanics)
+        forces.quantities[force.name] = {name: block for name, block in values.items() if name in names}
+    for force in forces_in_order(model):
         if is_active(force, scene):
             system.source = force.name
             with k.builder.section("force", force.name, force.interaction.equation, force.span.place):

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeVar
 import sympy
 
 from cutjoint.model.geometry import GLOBAL_AXES, cross, least_component
-from cutjoint.model.mirror import Mirror
+from cutjoint.model.mirror import Image, Mirror, mirror_along
 from cutjoint.model.outcome import Note
 from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Span, Vector
 
@@ -20,10 +20,6 @@ _Record = TypeVar("_Record")
 
 #: A comparison: True if two values of records' fields count as the same.
 Same: TypeAlias = Callable[[Any, Any], bool]
-
-#: The angles of a body by the axis that each turns about.
-ANGLES: Mapping[str, str] = {"x": "roll", "y": "pitch", "z": "yaw"}
-
 
 class AsymmetryError(ValueError):
     """Something has no image, or cannot be cut in half; ``note`` names it."""
@@ -45,8 +41,7 @@ class Plane:
     @property
     def mirror(self) -> Mirror:
         """The reflection."""
-        x, y, z = (-1 if name == self.axis else 1 for name in "xyz")
-        return Mirror((x, y, z))
+        return mirror_along(self.axis)
 
     @property
     def normal(self) -> Vector:
@@ -63,10 +58,7 @@ class Plane:
 
         Quantities are by components (x, vy, az, Fx), an angle (roll) or a turn (wx, Mz).
         """
-        turns = {**{angle: axis for axis, angle in ANGLES.items()}, **{f"{name}{axis}": axis for name in "wM" for axis in "xyz"}}
-        if quantity in turns:
-            return 1 if turns[quantity] == self.axis else -1
-        return -1 if quantity[-1] == self.axis else 1
+        return Image(self.axis, {}).of_component(quantity)
 
     def along_normal(self, direction: Vector) -> bool:
         """Return whether a direction stands across the plane."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from cutjoint.elements.joint import ATTITUDE
+from cutjoint.model.mirror import ANGLES
 from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, reported_element
 from cutjoint.model.records import (
     GROUND,
@@ -20,10 +21,11 @@ from cutjoint.model.records import (
     RodForce,
     Scalar,
     Scene,
+    Signal,
     Vector,
 )
 from cutjoint.reduce.half.model import Half
-from cutjoint.reduce.half.plane import ANGLES, AsymmetryError, is_nought, is_same
+from cutjoint.reduce.half.plane import AsymmetryError, is_nought, is_same
 
 
 def half_scene(half: Half, scene: Scene) -> Scene:
@@ -101,7 +103,7 @@ def _output(half: Half, output: Output) -> Output:
             return _joint_output(half, element, output)
         case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
-    return output if isinstance(element, RodForce | Gear | FirstOrderState) else _force_output(half, element, output)
+    return output if isinstance(element, RodForce | Gear | FirstOrderState | Signal) else _force_output(half, element, output)
 
 
 def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:

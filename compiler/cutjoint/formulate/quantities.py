@@ -1,0 +1,43 @@
+"""Laws, rates and signals that read quantities of elements, as blocks: the part that all formulations share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.translate import Translator
+from cutjoint.model.expressions import quantities_read
+from cutjoint.model.quantities import readings_of
+from cutjoint.model.records import Force, Model, Output, Scalar, Scene
+from cutjoint.program.blocks import Block, Builder
+
+
+def reading(b: Builder, translator: Translator, model: Model, quantity: Callable[[Output], Block]) -> Translator:
+    """A translator that knows signals, and the quantities of bodies, markers, joints and forces as ``quantity`` makes them."""
+    signals = {signal.symbol: signal for signal in model.signals}
+
+    def read(symbol: Scalar) -> Block:
+        if symbol in signals:
+            signal = signals[symbol]
+            with b.section("signal", signal.name, "", signal.span.place):
+                return b.name(known.scalar(signal.value), "signal", signal.name)
+        ((element, name),) = quantities_read(symbol)
+        return quantity(Output(element=element, quantity=name, span=model.span))
+
+    known = translator.reading(read)
+    return known
+
+
+def measured_forces(model: Model, scene: Scene) -> Iterator[tuple[Force, frozenset[str]]]:
+    """The forces that act, with those of their quantities that something reads and that follow from the motion alone."""
+    read = readings_of(model)
+    for force in model.forces:
+        names = frozenset(o.quantity for o in read if o.element == force.name) & force.measured
+        if names and is_active(force, scene):
+            yield force, names
+
+
+def named_quantity(translator: Translator, model: Model, name: str) -> Block | None:
+    """The value of the state or signal of a name; None if there is none."""
+    symbols: Mapping[str, Scalar] = {element.name: element.symbol for group in (model.states, model.signals) for element in group}
+    return translator.scalar(symbols[name]) if name in symbols else None

@@ -1,0 +1,65 @@
+"""The order in which forces and signals follow from each other, and algebraic loops.
+
+A signal follows from the quantities of its expression, a force from those of its laws.  States and motions follow from the past.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from cutjoint.model.circles import in_order
+from cutjoint.model.errors import Problems
+from cutjoint.model.expressions import quantities_read
+from cutjoint.model.records import Force, Model, Signal
+
+
+def forces_in_order(model: Model) -> tuple[Force, ...]:
+    """The forces, each behind those whose quantities its law reads; the file's order where none reads any."""
+    forces = {force.name: force for force in model.forces}
+    uses = _uses(model.forces, model.signals)
+    if not any(uses.values()):
+        return model.forces
+    return tuple(forces[name] for name in in_order(uses)[0] if name in forces)
+
+
+def seeing_forces(model: Model) -> frozenset[str]:
+    """The forces whose laws read quantities of motion, be it by signals or by other forces, and so depend on more than their bodies."""
+    states = {state.name for state in model.states}
+    signals = {signal.name: signal.value for signal in model.signals}
+    forces = {force.name: force for force in model.force_elements}
+    sees: dict[str, bool] = {}
+    uses = _uses(model.force_elements, model.signals)
+    for name in in_order(uses)[0]:
+        expressions = forces[name].expressions if name in forces else (signals[name],)
+        read = {element for expression in expressions for element, _ in quantities_read(expression)}
+        sees[name] = any(element in forces or sees.get(element, element not in states) for element in read)
+    return frozenset(name for name, value in sees.items() if value and name in forces)
+
+
+def check_loops(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:
+    """Note forces and signals that follow from themselves."""
+    both: tuple[Force | Signal, ...] = (*forces, *signals)
+    elements = {element.name: element for element in both}
+    for circle in in_order(_uses(forces, signals))[1]:
+        first, *others = (elements[name] for name in (*circle, circle[0]))
+        way = ", which reads ".join(f"{_kind(element)} '{element.name}' (line {element.span.line})" for element in others)
+        label = f"{_kind(first)} '{first.name}'"
+        remedy = f"a state breaks it: one whose rate reads '{first.name}', and which '{circle[-1]}' reads instead of '{first.name}'"
+        problems.add(first.span, label, f"an algebraic loop: it reads {way}", remedy)
+
+
+def _kind(element: Force | Signal) -> str:
+    return "signal" if isinstance(element, Signal) else "force"
+
+
+def _uses(forces: Iterable[Force], signals: Iterable[Signal]) -> dict[str, list[str]]:
+    """The forces and signals that each of them follows from, in the file's order."""
+    expressions = {force.name: force.expressions for force in forces} | {signal.name: (signal.value,) for signal in signals}
+    measured = {force.name: force.measured for force in forces}
+    return {
+        name: [
+            element for expression in of for element, quantity in quantities_read(expression)
+            if element in expressions and quantity not in measured.get(element, ())
+        ]
+        for name, of in expressions.items()
+    }  # fmt: skip

@@ -1,0 +1,83 @@
+"""The quantities of a whole model, as laws of forces, rates of states and signals read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from cutjoint.model import document
+from cutjoint.model.errors import Unheard
+from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.mirror import Image
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.quantities import Element, QuantityError, find_quantity, follows_from_forces, quantities
+from cutjoint.model.records import VALUE, Joint, Signal
+from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Scope, element
+from cutjoint.model.units import Dimension, measure
+
+
+@dataclass
+class Machine:
+    """The elements of a model, which ``survey`` finds when the first of their quantities is asked for."""
+
+    survey: Callable[[], Mapping[str, Element]]
+    _signals: dict[str, tuple[Scope, int | float | str]] = field(default_factory=dict)
+    _dimensions: dict[str, Dimension | None] = field(default_factory=dict)
+
+    @cached_property
+    def _elements(self) -> Mapping[str, Element]:
+        return self.survey()
+
+    def expect(self, scope: Scope, part: document.Elements) -> None:
+        """Take note of the signals of a scope, whose dimensions others may ask for before they are read."""
+        self._signals.update({scope.prefix + name: (scope, value) for name, value in part.signals.items()})
+
+    def read(self, scope: Scope, name: str) -> Term:
+        """The term of "element.quantity", or of a state or a signal, as a scope calls it.
+
+        Raises:
+            ExpressionError: there is no such quantity, or no expression may read it.
+        """
+        found = self._found(scope, name)
+        return FAILED_TERM if found is None else self._term(*found)
+
+    def read_image(self, axis: str, scope: Scope, name: str) -> Term:
+        """The term of a scope that is mirrored along an axis: what the original would read."""
+        found = self._found(scope, name)
+        if found is None:
+            return FAILED_TERM
+        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)}
+        term, sign = self._term(*found), Image(axis, joints).sign(self._elements[found[0]], found[1])
+        return replace(term, value=sign * term.value)
+
+    def _found(self, scope: Scope, name: str) -> tuple[str, str] | None:
+        """An element and its quantity; None where one that could not be read may be meant."""
+        whole, elements = scope.full(name), self._elements
+        if whole in elements and VALUE in quantities(elements[whole]):
+            return whole, VALUE
+        try:
+            found = find_quantity(elements, name, scope.full, scope.prefix)
+        except QuantityError as error:
+            if error.element == UNKNOWN or scope.directory.misses(error.element):
+                return None
+            raise ExpressionError(f"quantity '{name}': {error.message}", error.hint) from None
+        if follows_from_forces(elements[found[0]], found[1]):
+            reason = "accelerations and reactions follow from all forces, and so from what reads them"
+            raise ExpressionError(f"the quantity '{name}' cannot stand here: {reason}", "use positions and speeds")
+        return found
+
+    def _term(self, name: str, quantity: str) -> Term:
+        found = self._elements[name]
+        unit = quantities(found)[quantity]
+        known = self._dimension(name) if isinstance(found, Signal) else measure(1.0, unit).dimension if unit else None
+        return Term(quantity_symbol(name, quantity), known)
+
+    def _dimension(self, signal: str) -> Dimension | None:
+        """The dimension of a signal's expression; None of one that follows from itself."""
+        if signal not in self._dimensions and signal in self._signals:
+            self._dimensions[signal] = None
+            scope, value = self._signals[signal]
+            where = element(replace(scope, problems=Unheard()), "signal", "signals", signal.removeprefix(scope.prefix))
+            self._dimensions[signal] = where.term(value, (), scope.reading("t")).dimension
+        return self._dimensions.get(signal)
