@@ -92,8 +92,9 @@ class Differentiator:
         }  # fmt: skip
 
     def _take(self, block: Block) -> Jacobian:
-        data: Any = block.data
-        return {leaf: self._b.take(d, data[0], (0, d.shape[1])) for leaf, d in self.jacobian(block.args[0]).items()}
+        rows, (first, last) = _ranges(block)
+        column = _column(block.args[0], first) if last == first + 1 else block.args[0]
+        return {leaf: self._b.take(d, rows, (0, d.shape[1])) for leaf, d in self.jacobian(column).items()}
 
     def _call(self, block: Block) -> Jacobian:
         data: Any = block.data
@@ -112,6 +113,20 @@ class Differentiator:
             return b.stack([[b.call("where", condition, *(b.element(p, 0, i) for p in parts)) for i in range(width)]])
 
         return {leaf: chosen(leaf) for leaf in dict.fromkeys([*jacobians[0], *jacobians[1]])}
+
+
+def _ranges(block: Block) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The rows and columns that a block takes."""
+    data: Any = block.data
+    rows, columns = data
+    return rows, columns
+
+
+def _column(block: Block, place: int) -> Block:
+    """The column at a place of columns that stand beside each other; the block itself where it is none of these."""
+    data: Any = block.data
+    are_beside = block.op == "stack" and len(data[0]) == 1 and set(data[1]) == {1}
+    return block.args[place] if are_beside else block
 
 
 def _same(block: Block) -> Block:

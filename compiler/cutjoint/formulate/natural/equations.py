@@ -70,11 +70,10 @@ def formulate_lagrangian(
     """
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
-    asked = (*outputs, *readings_of(model))
-    require_coordinates(model, scene, asked)
+    require_coordinates(model, scene, outputs)
     translator = make_translator(b, model)
     k = derive_kinematics(b, translator, topology, {c.joint: c for c in start.charts})
-    layout = lay_out(topology, scene, asked)
+    layout = lay_out(topology, scene, (*outputs, *readings_of(model)))
     states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
     motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
     maker = ForceMaker(motions, model, scene)

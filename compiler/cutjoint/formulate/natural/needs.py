@@ -15,6 +15,7 @@ from cutjoint.formulate.natural.nodes import NodeKind, NodeName
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Output, Reaction, Scalar, Scene, Vector
 
 #: A second moment of mass below this share of the largest is a shape without extent in that direction.
@@ -60,10 +61,11 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
     """Natural coordinates do not have all angles: a rod of a distance joint has no attitude.
 
     Raises:
-        ModelError: an output, a force, a gear or a guide asks for one that they do not have.
+        ModelError: an output, a law, a force, a gear or a guide asks for one that they do not have.
     """
     kinds = {j.name: j.kind for j in model.joints if not j.element.is_measured}
     asked = [(kinds[o.element], o.span, f"output '{o.column}'") for o in outputs if o.element in kinds]
+    asked += [(kinds[o.element], o.span, f"quantity '{o.column}' of a law or signal") for o in readings_of(model) if o.element in kinds]
     forces = [f for f in model.force_elements if f.joint_of in kinds and is_active(f, scene)]
     asked += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
     asked += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]

@@ -1,0 +1,222 @@
+"""Machines with controllers: laws of forces that read signals, states and other bodies, against equations by hand.
+
+A speed-controlled DC motor is linear, so that the exponential of its matrix is exact.  Two carts that see each other, and a rod between
+them that sees the speed of one, are integrated by SciPy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene as compile_code
+from cutjoint.export.fmu.archive import make_fmu
+from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+from cutjoint.stepping.load import load_scene
+from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
+from tests.conftest import needs_cpp
+from tests.fmu.slaves import write
+from tests.physics.simulation import compile_scene
+
+MOTOR = """
+cutjoint: 1
+name: motor
+gravity: [0, 0, 0]
+parameters:
+  wanted: {value: 12, unit: rad/s, binding: input}
+  resistance: {value: 0.4, unit: ohm, binding: param}
+bodies:
+  rotor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.02, 0.02, 0.02]}
+joints:
+  shaft: {kind: revolute, bodies: [ground, rotor], at: [0, 0, 0], axis: [0, 0, 1]}
+forces:
+  motor: {kind: joint_force, joint: shaft, law: 0.5*current - 0.01*rate}
+states:
+  integral: {start: 0 rad, rate: error}
+  current: {start: 0 A, rate: (voltage - resistance*current - 0.5*shaft.angle_rate)/0.02}
+signals:
+  error: wanted - shaft.angle_rate
+  voltage: 2*error + 9*integral
+outputs: [shaft.angle_rate, motor.force, current.value, integral.value, voltage.value]
+scenes:
+  run: {end: 1, output_step: 0.05, numerics: {dt: 2.5e-4}}
+"""
+
+#: The rates of speed, current and integral by themselves, and by the wanted speed.
+MATRIX = np.array([[-0.01 / 0.02, 0.5 / 0.02, 0], [(-2 - 0.5) / 0.02, -0.4 / 0.02, 9 / 0.02], [-1, 0, 0]])
+DRIVE = np.array([0, 2 / 0.02, 1]) * 12
+
+
+@cache
+def motor() -> Model:
+    return read_model_text(MOTOR, "motor.yaml")
+
+
+def exact_motor(t: np.ndarray) -> dict[str, np.ndarray]:
+    whole = np.zeros((4, 4))
+    whole[:3, :3], whole[:3, 3] = MATRIX, DRIVE
+    speed, current, integral = np.array([expm(whole * time)[:3, 3] for time in t]).T
+    voltage = 2 * (12 - speed) + 9 * integral
+    return {"shaft.angle_rate": speed, "current.value": current, "integral.value": integral, "voltage.value": voltage,
+            "motor.force": 0.5 * current - 0.01 * speed}  # fmt: skip
+
+
+CARTS = """
+cutjoint: 1
+name: carts
+gravity: [0, 0, -9.81]
+bodies:
+  one: {mass: 2, centre_of_mass: [0, 0, 0], inertia: [0.1, 0.1, 0.1]}
+  two: {mass: 1, centre_of_mass: [0, 1, 0], inertia: [0.1, 0.1, 0.1]}
+joints:
+  left: {kind: prismatic, bodies: [ground, one], at: [0, 0, 0], axis: [1, 0, 0]}
+  right: {kind: prismatic, bodies: [ground, two], at: [0, 1, 0], axis: [1, 0, 0]}
+forces:
+  rod: {kind: point_spring, bodies: [one, two], from: [0, 0, 0], to: [0, 1, 0], law: 40*stretch + 3*right.displacement_rate}
+  pull: {kind: joint_force, joint: left, law: -20*position + pushed}
+  push: {kind: load, body: two, at: [0, 1, 0], force: ["-8*x - heard + 0.2*rod.force", 0, 0]}
+states:
+  heard: {start: 0.5 N, rate: (pull.force - heard)/0.1}
+signals:
+  stretch: rod.length - 1
+  pushed: 6*two.x - 2*two.vx*one.x + 4*cos(3*t)
+outputs: [one.x, two.x, heard.value, pushed.value, stretch.value, rod.force]
+scenes:
+  run: {end: 1, output_step: 0.05, positions: {left.displacement: 0.3}, rates: {right.displacement_rate: -1}, numerics: {dt: 2.5e-4}}
+"""
+
+
+@cache
+def carts() -> Model:
+    return read_model_text(CARTS, "carts.yaml")
+
+
+@cache
+def exact_carts() -> dict[str, np.ndarray]:
+    """By SciPy, from equations by hand."""
+
+    def parts(t: float, y: np.ndarray) -> tuple[float, ...]:
+        x1, x2, _, v2, _ = y
+        length = np.hypot(x2 - x1, 1)
+        pushed = 6 * x2 - 2 * v2 * x1 + 4 * np.cos(3 * t)
+        return length - 1, pushed, 40 * (length - 1) + 3 * v2, (x2 - x1) / length
+
+    def derive(t: float, y: np.ndarray) -> list[float]:
+        x1, x2, v1, v2, heard = y
+        _, pushed, rod, along = parts(t, y)
+        pull = -20 * x1 + pushed
+        return [v1, v2, (pull + rod * along) / 2, -8 * x2 - heard + 0.2 * rod - rod * along, (pull - heard) / 0.1]
+
+    t = np.linspace(0, 1, 21)
+    y = solve_ivp(derive, (0, 1), [0.3, 0, 0, -1, 0.5], t_eval=t, rtol=1e-12, atol=1e-12).y
+    stretch, pushed, rod, _ = parts(t, y)
+    return {"one.x": y[0], "two.x": y[1], "heard.value": y[4], "pushed.value": pushed, "stretch.value": stretch, "rod.force": rod}
+
+
+def exact(model: Model) -> dict[str, np.ndarray]:
+    return exact_motor(np.linspace(0, 1, 21)) if model.name == "motor" else exact_carts()
+
+
+def error(run: Trajectory, expected: dict[str, np.ndarray]) -> float:
+    """The largest error of all columns, as a share of the largest value of each."""
+    assert run.failure is None, str(run.failure)
+    return max(float(np.abs(run.columns[name] - values).max() / np.abs(values).max()) for name, values in expected.items())
+
+
+#: Equal steps of second order are wrong by about rate^3 dt^2/12 a second, with rates up to 60 1/s, which decay.
+SECOND = 2e-4
+RUNS = {
+    "recursive": {"trapezoidal": SECOND, "rk4": 1e-8, "dormand-prince": 1e-6},
+    "recursive-newton": {"trapezoidal": SECOND, "sdirk4": 1e-6, "sdirk4-fixed": 1e-7, "generalised-alpha": SECOND},
+    "augmented": {"trapezoidal": SECOND},
+    "classical": {"trapezoidal": SECOND},
+}
+
+
+@pytest.mark.parametrize(("method", "integrator"), [(method, integrator) for method, rules in RUNS.items() for integrator in rules])
+@pytest.mark.parametrize("make", [motor, carts])
+def test_methods_and_integrators(make: object, method: str, integrator: str) -> None:
+    model = make()  # type: ignore[operator]
+    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "sdirk4") else {}
+    run = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method=method)), integrator=integrator, error=False, **options)
+    assert error(run, exact(model)) < RUNS[method][integrator]
+
+
+@pytest.mark.parametrize(("method", "integrator", "order"), [
+    ("recursive", "trapezoidal", 2), ("recursive", "rk4", 4), ("recursive-newton", "sdirk4-fixed", 4),
+    ("recursive-newton", "trapezoidal", 2), ("classical", "trapezoidal", 2),
+])  # fmt: skip
+def test_integrators_keep_their_order(method: str, integrator: str, order: int) -> None:
+    """Half the step leaves a share 2^-order of the error."""
+    model, errors = motor(), []
+    for dt in (0.01, 0.005):
+        scene = replace(model.scenes["run"], numerics=replace(model.scenes["run"].numerics, dt=dt, tolerance=1e-11))
+        run = simulate(compile_scene(model, scene, CompileOptions(method=method)), integrator=integrator, error=False)
+        errors.append(error(run, exact(model)))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.35)
+
+
+@needs_cpp
+@pytest.mark.parametrize("method", list(METHODS))
+def test_generated_code_has_the_motion_of_the_interpreter(method: str) -> None:
+    scene, options = carts().scenes["run"], CompileOptions(method=method)
+    runs = [simulate(each(carts(), scene, options), integrator="trapezoidal", error=False) for each in (compile_scene, compile_code)]
+    for name, column in runs[0].columns.items():
+        assert np.abs(column - runs[1].columns[name]).max() < 1e-9, name
+
+
+def test_a_controller_at_rest() -> None:
+    """No rate is left: the state has heard of the pull at the time 0."""
+    scene = replace(carts().scenes["run"], positions={}, rates={})
+    found = find_scene_equilibrium(carts(), scene).values
+    x1, x2 = found["one.x"], found["two.x"]
+    pull, length = -20 * x1 + 6 * x2 + 4, np.hypot(x2 - x1, 1)
+    rod = 40 * (length - 1)
+    assert pull + rod * (x2 - x1) / length == pytest.approx(0, abs=1e-6)
+    assert -8 * x2 - pull + 0.2 * rod - rod * (x2 - x1) / length == pytest.approx(0, abs=1e-6)
+
+
+def test_modes_are_those_of_the_controlled_motor() -> None:
+    model = motor()
+    scene = replace(model.scenes["run"], inputs={"wanted": 0})
+    found = [mode.eigenvalue for mode in find_scene_modes(model, scene, at=0.0).modes]
+    for value in (x for x in np.linalg.eigvals(MATRIX) if x.imag >= 0):
+        assert min(abs(value - x) for x in found) < 1e-6 * abs(value), value
+
+
+@needs_cpp
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_a_simulation_that_a_host_holds(method: str) -> None:
+    sim = load_scene(motor(), motor().scenes["run"], method=method, linearise=True)
+    sim.reset()
+    sim.advance(0.5)
+    expected = {name: column[10] for name, column in exact(motor()).items()}
+    for name, value in expected.items():
+        assert float(sim.outputs[name]) == pytest.approx(value, abs=SECOND * max(1, abs(value))), name
+    space = sim.linearise()
+    assert space.states[-2:] == ("integral.value", "current.value")
+    order = [1, 3, 2]  # speed, current, integral
+    np.testing.assert_allclose(space.A[np.ix_(order, order)], MATRIX, rtol=0, atol=1e-6)
+    assert space.C[space.outputs.index("voltage.value")][order] == pytest.approx([-2, 0, 9])
+
+
+@needs_cpp
+def test_hosts_of_fmus(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    for kind in ("me", "cs"):
+        file = write(make_fmu(motor(), motor().scenes["run"], version=2, kind=kind), tmp_path)
+        options = {"fmi_type": "ModelExchange", "relative_tolerance": 1e-10, "record_events": False} if kind == "me" else {}
+        table = fmpy.simulate_fmu(str(file), stop_time=1.0, output_interval=0.05, **options)
+        for name, values in exact(motor()).items():
+            assert np.abs(table[name] - values).max() < SECOND * max(1, np.abs(values).max()), (kind, name)
