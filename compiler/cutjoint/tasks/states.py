@@ -160,9 +160,9 @@ def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, f
 
 
 def _everything(model: Model) -> list[Output]:
-    """The pose of each body and every force."""
-    forces = (*model.forces, *model.reactions)
-    return [*_outputs(model.bodies, POSE), *(o for force in forces for o in _outputs([force], quantities(force)))]
+    """The pose of each body, every force, and every state and signal."""
+    others = (*model.forces, *model.reactions, *model.states, *model.signals)
+    return [*_outputs(model.bodies, POSE), *(o for element in others for o in _outputs([element], quantities(element)))]
 
 
 def _outputs(elements: Iterable[Element], names: Iterable[str]) -> Iterator[Output]:

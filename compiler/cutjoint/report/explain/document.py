@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from cutjoint.compile.systems import formulate_system
 from cutjoint.formulate.forces import is_active
+from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.outcome import Note
@@ -21,7 +22,7 @@ from cutjoint.report.explain.closures import explain_closures
 from cutjoint.report.explain.forces import explain_forces
 from cutjoint.report.explain.graph import class_entries, cut_table, elimination, loop_table, summarise, tree_lines
 from cutjoint.report.explain.joints import explain_joints
-from cutjoint.report.explain.latex import text
+from cutjoint.report.explain.latex import latex, parameter_symbols, text
 from cutjoint.report.explain.natural.document import explain_natural
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
 from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, make_table, render
@@ -49,13 +50,13 @@ def explain(model: Model, scene: Scene, method: str = DEFAULT_METHOD, *, done: S
         TopologyError: the model's own cuts cannot be honoured.
         ModelError: an output or a force that the method does not determine.
     """
-    reduction = explain_reduction(model, scene, done)
+    further = (*explain_signals(model), *explain_reduction(model, scene, done))
     if METHODS[method].formulation is Formulation.NATURAL:
-        return explain_natural(model, scene, method, reduction)
-    return _explain_recursive(model, scene, method, reduction)
+        return explain_natural(model, scene, method, further)
+    return _explain_recursive(model, scene, method, further)
 
 
-def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple[Chapter, ...]) -> str:
+def _explain_recursive(model: Model, scene: Scene, method: str, further: tuple[Chapter, ...]) -> str:
     # Model -> Program
     equations, program = derive(build_topology(model), scene)
     # Program -> Explanation
@@ -73,12 +74,25 @@ def _explain_recursive(model: Model, scene: Scene, method: str, reduction: tuple
             explain_closures(topology, scene.numerics, counterparts),
             explain_forces(equations, counterparts),
             *((explain_newton(equations, method),) if METHODS[method].formulation is Formulation.IMPLICIT else ()),
-            *reduction,
+            *further,
         ),
         operations=operations_table(topology, counts), costs=cost_table(parameter_costs(equations, program)),
     )  # fmt: skip
     # Explanation -> Markdown
     return render("explain.md.jinja", explanation)
+
+
+def explain_signals(model: Model) -> tuple[Chapter, ...]:
+    """The chapter of states and signals, none for a model without them."""
+    symbols = {**parameter_symbols(model), TIME: "t"}
+    rates = [rf"\dot {{{symbols[s.symbol]}}} = {latex(s.rate, symbols)}" for s in model.states]
+    values = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in model.signals]
+    if not rates + values:
+        return ()
+    return (Chapter(title="States and signals", notes=(_SIGNALS,), formulas=(*rates, *values), entries=()),)
+
+
+_SIGNALS = "Rates of states, which are integrated with the mechanism, and names for expressions. Quantities are those that outputs have."
 
 
 def is_reduced(model: Model, scene: Scene) -> bool:

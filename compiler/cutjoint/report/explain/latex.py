@@ -14,6 +14,8 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
 from cutjoint.formulate.inputs import input_parameters, input_symbols
+from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import Model, Scalar, Vector
 
 #: Digits of a number in the text.
@@ -143,11 +145,16 @@ def sum_lines(name: str, law: Scalar, symbols: Symbols) -> str:
 
 
 def parameter_symbols(model: Model) -> dict[Scalar, str]:
-    """The LaTeX of the model's parameters, and of the rates and accelerations of its inputs."""
+    """The LaTeX of the model's parameters, of the rates and accelerations of its inputs, and of quantities that expressions read."""
     symbols = {p.symbol: rf"\text{{ {p.name.replace('_', ' ')} }}" for p in model.parameters}
     for value, rate, acceleration in map(input_symbols, input_parameters(model)):
         symbols |= {rate: rf"\dot {{{symbols[value]}}}", acceleration: rf"\ddot {{{symbols[value]}}}"}
-    return symbols
+    symbols |= {element.symbol: _words(element.name) for group in (model.states, model.signals) for element in group}
+    return symbols | {quantity_symbol(o.element, o.quantity): _words(o.column) for o in readings_of(model)}
+
+
+def _words(name: str) -> str:
+    return rf"\text{{ {name.replace('_', ' ').replace('.', ' ')} }}"
 
 
 def text(expression: Scalar, model: Model) -> str:

@@ -79,7 +79,7 @@ def factorisation_rows(plan: Plan) -> list[tuple[str, str]]:
 
 
 #: The parts of a linearisation, in their order.
-_STAGES = ("inputs", "body", "joint", "inertia", "constraint", "force", "tangent")
+_STAGES = ("inputs", "body", "joint", "inertia", "constraint", "signal", "force", "tangent")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +94,8 @@ class NaturalExplanation(Explanation):
     operations: Table
 
 
-def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Chapter, ...] = ()) -> str:
-    """The Markdown of a model in a scene, by "augmented" or "classical"; ``reduction`` is the chapter of a reduced one.
+def explain_natural(model: Model, scene: Scene, method: str, further: tuple[Chapter, ...] = ()) -> str:
+    """The Markdown of a model in a scene, by "augmented" or "classical"; ``further`` are chapters that all methods share.
 
     Raises:
         TopologyError: the model's own cuts cannot be honoured.
@@ -116,7 +116,7 @@ def explain_natural(model: Model, scene: Scene, method: str, reduction: tuple[Ch
             explain_masses(d, counterparts),
             explain_forces(d.full, counterparts, PointPage, POINT_NOTES),
             explain_dependence(d),
-            *reduction,
+            *further,
         ),
         operations=operations_table(topology, count_operations(d.program, "linearise"), _STAGES, "all together"),
     )  # fmt: skip
