@@ -156,8 +156,13 @@ def unit_of(model: Model, output: Output) -> str:
 
 def reported_element(model: Model, output: Output) -> Element:
     """The element that an output is a quantity of."""
+    return elements_of(model)[output.element]
+
+
+def elements_of(model: Model) -> dict[str, Element]:
+    """All elements that have quantities, by their names."""
     groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states, model.signals)
-    return next(e for group in groups for e in group if e.name == output.element)
+    return {element.name: element for group in groups for element in group}
 
 
 def bodies_of(model: Model) -> dict[str, tuple[str, ...]]:

@@ -9,6 +9,7 @@ import sympy
 
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.quantities import elements_of
 from cutjoint.model.records import GROUND, Body, Joint, Marker, Model, Output, Scene
 from cutjoint.reduce.records import hand_over
 
@@ -93,7 +94,7 @@ def at_centre(model: Model, scene: Scene, body: Body) -> tuple[Model, Scene]:
     asked = [o for o in scene.outputs if o.element == body.name and o.quantity in _MOTION]
     if not asked:
         return model, scene
-    taken = {e.name for group in (model.bodies, model.joints, model.gears, model.forces, model.reactions, model.markers) for e in group}
+    taken = elements_of(model)
     name = f"{body.name}.centre"
     while name in taken:
         name += "_"

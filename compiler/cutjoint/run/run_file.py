@@ -93,7 +93,7 @@ def make_run_file(
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
         output_step=scene.output_step, pose=scene.pose, out=out,
-        **following(model, scene, parameters, (*_sources(model, scene), MASSES)),
+        **following(model, scene, parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
     """The parts of a run file that follow from open parameters, besides "parameters" itself; and `MASSES`."""
     symbols = {p.symbol for p in open_parameters(model)}
-    of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in _sources(model, scene).items()}
+    of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in sources_of_parts(model, scene).items()}
     masses = (MASSES,) if any(True for _ in _changing_bodies(model)) else ()
     return (*(name for name, used in of_part.items() if used & symbols), *masses)
 
@@ -117,7 +117,7 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     Raises:
         RunError: with these parameters one of them has no finite value, or no body can have a mass or an inertia.
     """
-    value, sources = Evaluator(model, parameters), _sources(model, scene)
+    value, sources = Evaluator(model, parameters), sources_of_parts(model, scene)
     made: dict[str, Any] = {
         part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts if part in sources
     }
@@ -144,7 +144,7 @@ def _changing_bodies(model: Model) -> Iterator[Body]:
     yield from (body for body in model.bodies if any(entry.free_symbols & symbols for entry in (body.mass, *body.inertia)))
 
 
-def _sources(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
+def sources_of_parts(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     """The expressions that these parts come from; of a road the wheel's radius."""
     radii = {f.name: f.radius for f in model.forces if f.has_road}
     states = {} if scene.pose == "equilibrium" else {state.entry: state.initial for state in model.states}

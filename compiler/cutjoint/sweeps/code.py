@@ -22,7 +22,7 @@ from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.model.starts import UNIT_BOUND
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
-from cutjoint.run.run_file import changing
+from cutjoint.run.run_file import changing, sources_of_parts
 from cutjoint.sweeps.expressions import symbol_of
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
@@ -84,7 +84,7 @@ def _following(
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
     calls = []
     for part, function, table in (("positions", "give_coordinate", "coordinate"), ("rates", "give_speed", "speed")):
-        given = getattr(scene, part)
+        given = sources_of_parts(model, scene)[part]
         for name, value in given.items():
             joint, _, component = name.rpartition(".")
             if component in ATTITUDE[1:]:
