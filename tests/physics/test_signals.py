@@ -176,6 +176,56 @@ def test_generated_code_has_the_motion_of_the_interpreter(method: str) -> None:
         assert np.abs(column - runs[1].columns[name]).max() < 1e-9, name
 
 
+IMAGES = """
+cutjoint: 1
+name: images
+gravity: [0, 0, -9.81]
+bodies: {hull: {mass: 20, centre_of_mass: [0, 0, 0.5], inertia: [2, 3, 4]}}
+joints: {free: {kind: free, bodies: [ground, hull], at: [0, 0, 0.5]}}
+submodels:
+  fin:
+    connectors: [hull]
+    parameters: [wish]
+    points: {P: [0.3, 0.5, 0.4], Q: [0.3, 0.9, 0.4]}
+    bodies: {fin: {mass: 2, centre_of_mass: Q, inertia: [0.1, 0.1, 0.1]}}
+    joints: {hinge: {kind: revolute, bodies: [hull, fin], at: P, axis: [1, 0, 0]}}
+    forces:
+      motor: {kind: joint_force, joint: hinge, law: "-60*position - rate + drive + 2*hull.vz - 3*fin.roll + 40*hull.roll"}
+    states: {lag: {start: 1, rate: "8*(1*fin.z - 0.4 + 2*fin.vy + 0.1*hinge.angle_rate - lag)"}}
+    signals: {drive: "5*lag + wish + 4*hull.wx"}
+    outputs: [hinge.angle, drive.value, fin.x, fin.y, fin.z]
+instances:
+  left: {use: fin, connect: {hull: hull}, with: {wish: 6*sin(5*lift)}}
+  right: {use: fin, connect: {hull: hull}, with: {wish: 6*sin(5*lift)}, mirror: y}
+signals: {lift: 1*hull.z}
+outputs: [hull.y, hull.roll, hull.yaw]
+scenes: {run: {end: 0.5, output_step: 0.05, numerics: {dt: 1.0e-3}}}
+"""
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_an_image_moves_as_its_original(method: str) -> None:
+    """A machine of two halves stays symmetric, although all laws see more than their own half."""
+    model = read_model_text(IMAGES, "images.yaml")
+    run = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method=method)), integrator="trapezoidal", error=False)
+    assert run.failure is None
+    assert np.ptp(run.columns["left.hinge.angle"]) > 0.05
+    for name in ("hinge.angle", "drive.value", "fin.x", "fin.z"):
+        assert np.abs(run.columns[f"left.{name}"] - run.columns[f"right.{name}"]).max() < 1e-8, name
+    assert np.abs(run.columns["left.fin.y"] + run.columns["right.fin.y"]).max() < 1e-8
+    for name in ("hull.y", "hull.roll", "hull.yaw"):
+        assert np.abs(run.columns[name]).max() < 1e-8, name
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_work_is_that_of_all_forces(method: str) -> None:
+    """The kinetic energy grows by the work of laws, whatever these read; the defect is that of the steps."""
+    run = simulate(compile_scene(carts(), carts().scenes["run"], CompileOptions(method=method)), integrator="trapezoidal")
+    assert run.energy is not None
+    assert run.energy.exchanged > 5
+    assert run.energy.defect < 1e-5 * run.energy.exchanged
+
+
 def test_a_controller_at_rest() -> None:
     """No rate is left: the state has heard of the pull at the time 0."""
     scene = replace(carts().scenes["run"], positions={}, rates={})

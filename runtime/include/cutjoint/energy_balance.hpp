@@ -41,7 +41,7 @@ class EnergyBalance {
 
   /// From a start on.
   EnergyBalance(Subject& subject, const State<Real>& start)
-      : subject_(subject), charts_(subject.description().charts), last_(start), between_(start), way_(start.v), rate_(start.v), delta_(start.v),
+      : subject_(subject), charts_(subject.description().charts), joints_(start.v.size() - subject.description().states), last_(start), between_(start), way_(start.v), rate_(start.v), delta_(start.v),
         speeds_(start.v), book_(start.t, measure(start)[0]) {}
 
   /// A step has ended; `between` makes a state that of a time within the step.  Accelerations and multipliers, which matter to guides, are on the
@@ -117,7 +117,7 @@ class EnergyBalance {
   /// The way from the last state to another in the chart of the former, and its rate there.
   void join(const State<Real>& end) {
     if (charts_.empty()) {
-      for (std::size_t i = 0; i < way_.size(); ++i) way_[i] = end.q[i] - last_.q[i];
+      for (std::size_t i = 0; i < joints_; ++i) way_[i] = end.q[i] - last_.q[i];
       rate_ = end.v;
       return;
     }
@@ -125,15 +125,17 @@ class EnergyBalance {
     chart_rates<Real>(charts_, way_.data(), end.v.data(), rate_.data());
   }
 
-  /// The state at the share s of the step.
+  /// The state at the share s of the step; first-order states by a cubic too.
   void follow(const State<Real>& end, Real s, State<Real>& state) {
     const Real h = end.t - last_.t, left = 1 - s;
-    for (std::size_t i = 0; i < way_.size(); ++i) {
+    for (std::size_t i = 0; i < joints_; ++i) {
       delta_[i] = s * s * (1 + 2 * left) * way_[i] + h * s * left * (left * last_.v[i] - s * rate_[i]);
       state.v[i] = 6 * s * left * way_[i] / h + left * (1 - 3 * s) * last_.v[i] + s * (3 * s - 2) * rate_[i];
     }
+    for (std::size_t i = joints_; i < state.v.size(); ++i)
+      state.v[i] = last_.v[i] + s * s * (1 + 2 * left) * (end.v[i] - last_.v[i]) + h * s * left * (left * last_.vdot[i] - s * end.vdot[i]);
     if (charts_.empty()) {
-      for (std::size_t i = 0; i < delta_.size(); ++i) state.q[i] = last_.q[i] + delta_[i];
+      for (std::size_t i = 0; i < joints_; ++i) state.q[i] = last_.q[i] + delta_[i];
       return;
     }
     retract<Real>(charts_, last_.q.data(), delta_.data(), state.q.data());
@@ -144,14 +146,14 @@ class EnergyBalance {
   std::size_t index_of_fastest(const State<Real>& state) const {
     using std::abs;
     std::size_t found = 0;
-    for (std::size_t i = 0; i < state.v.size(); ++i)
+    for (std::size_t i = 0; i < joints_; ++i)
       if (!(abs(state.v[i]) <= abs(state.v[found]))) found = i;
     return found;
   }
 
   Real fastest(const State<Real>& state) const {
     using std::abs;
-    return state.v.empty() ? Real(0) : abs(state.v[index_of_fastest(state)]);
+    return joints_ == 0 ? Real(0) : abs(state.v[index_of_fastest(state)]);
   }
 
   [[noreturn]] void give_up(const State<Real>& end) const {
@@ -169,6 +171,7 @@ class EnergyBalance {
 
   Subject& subject_;
   const std::vector<Chart>& charts_;
+  std::size_t joints_;  ///< speeds, before first-order states
   State<Real> last_, between_;
   std::vector<Real> way_, rate_, delta_, speeds_;
   EnergyBook<Real> book_;
