@@ -26,7 +26,7 @@ void report_moved(Subject& subject, const State<typename Subject::real_type>& st
   }
   const auto& charts = subject.description().charts;
   if (charts.empty())
-    for (std::size_t i = 0; i < way.size(); ++i) q[i] += way[i];
+    for (std::size_t i = 0; i < q.size(); ++i) q[i] += way[i];
   else
     retract<Real>(charts, state.q.data(), way.data(), q.data());
   subject.report(q.data(), v.data(), state.vdot.data(), state.lambda.data(), column);
