@@ -11,6 +11,7 @@ from cutjoint.analysis.natural import call
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.read import read_model_text
 from cutjoint.sparse.pattern import dense, make_pattern, places
 from cutjoint.topology.build import build_topology
 from tests.formulate.test_implicit import System, verify_tangent
@@ -36,6 +37,32 @@ def test_recursive_newton_has_the_exact_tangent(seed: int, states: int) -> None:
         start = formulate_recursive(build_topology(model), random_models.scene(), ())
         system = WithStates(formulate_implicit(start, ()), {name: Hills() for name in start.roads})
         assert verify_tangent(system, seed) > 0
+
+
+def test_laws_of_every_kind_read_where_their_own_parts_are() -> None:
+    """Of springs, displacements and bushings: no loop, since places follow from the motion, and forces that act later."""
+    text = """
+cutjoint: 1
+name: own
+gravity: [0, 0, -9.81]
+bodies: {one: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}, two: {mass: 1, centre_of_mass: [1, 0, 0], inertia: [1, 1, 1]}}
+joints:
+  first: {kind: free, bodies: [ground, one], at: [0, 0, 0]}
+  second: {kind: planar, bodies: [one, two], at: [1, 0, 0], axis: [0, 1, 0.2]}
+forces:
+  spring: {kind: point_spring, bodies: [ground, two], from: [0, 0, 2], to: [1, 0, 0], law: -far - 2*rate - pad.Fx}
+  slide: {kind: axial_force, bodies: [ground, one], origin: [0, 0, 0], point: [0, 1, 0], axis: [1, 1, 0], law: pulled - spring.rate}
+  pad: {kind: bushing, bodies: [one, two], at: [0.5, 0, 0], laws: [soft, -position, -position, -4*pad.rx, -rate, -position]}
+signals:
+  pulled: -3*slide.travel
+  far: 2*spring.length*slide.travel
+  soft: -3*pad.dx - 2*pad.rz - here
+  here: one.y*one.yaw
+scenes: {run: {end: 1}}
+"""
+    model = read_model_text(text, "own.yaml")
+    start = formulate_recursive(build_topology(model), model.scenes["run"], ())
+    assert verify_tangent(System(formulate_implicit(start, ()), {}), 2) == 9
 
 
 @pytest.mark.parametrize("seed", [1, 3])

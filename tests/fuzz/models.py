@@ -199,6 +199,13 @@ ODD_VALUES: tuple[Any, ...] = (
 )
 
 
+#: Quantities of forces.
+_REPORTS = {
+    "point_spring": ("force", "length", "rate"), "axial_force": ("travel", "force"), "load": ("Fx",), "bushing": ("dx", "My"),
+    "joint_force": ("force", "stiffness"), "tyre": ("Fz", "slip"),
+}  # fmt: skip
+
+
 class Maker:
     """Makes the document of one valid model."""
 
@@ -420,7 +427,34 @@ class Maker:
         made["outputs"] = list(dict.fromkeys([*made["outputs"], *(f"{gear}.force" for gear in made.get("gears", {}))]))
         if self.chance(0.9):
             made["scenes"] = {self.name("scene"): self.scene(trees) for _ in range(rng.randint(1, 2))}
+        if self.chance(0.3):
+            self.control(made)
         return made
+
+    def control(self, made: Node) -> None:
+        """States and signals that read bodies, joints, forces and each other, now and then in a circle, and laws that read them."""
+        rng = self.rng
+        known = [f"{body}.{rng.choice(('x', 'vy', 'roll', 'wz', 'y', 'az' if self.chance(0.1) else 'z'))}" for body in self.bodies]
+        known += [f"{joint}.{name}" for joint, part in self.joints.items() if "cut" not in part for name in JOINTS[part["kind"]].units]
+        known += [f"{force}.{rng.choice(_REPORTS[part['kind']])}" for force, part in made["forces"].items()]
+        known += [f"{side}.{rng.choice(('level', 'level.value', 'hub.angle', 'wheel.y', 'ask'))}" for side in made.get("instances", {})]
+        states = [self.name("state") for _ in range(rng.randint(0, 2))]
+        signals = [self.name("signal") for _ in range(rng.randint(0, 3))]
+
+        def term() -> str:
+            one, two = (rng.choice([*known, *states, *signals, "drive", "size", "t"]) for _ in range(2))
+            return rng.choice((f"0.5*{one}", f"-2*{one} + sin({two})", f"where({one} < 0.1, {two}, 0.3)", f"max(0.2*{one}, -{two})"))
+
+        made["states"] = {name: {"start": rng.choice((0, 0.5, "size", "0.2 m")), "rate": term()} for name in states}
+        made["signals"] = {name: term() for name in signals}
+        for force in made["forces"].values():
+            if isinstance(force.get("law"), str) and self.chance():
+                force["law"] += f" + 3*({term()})"
+        if "submodels" in made:
+            side = made["submodels"]["side"]
+            side["states"] = {"level": {"start": 0.1, "rate": "ask - 2*level"}}
+            side["signals"] = {"ask": rng.choice(("0.1*wheel.vy + t", "spring.length - reach", "base.x*wheel.roll", "0.1*spring.force"))}
+            side["forces"]["push"]["force"][1] = "level - vy*reach"
 
     def gear(self, trees: list[str]) -> Node:
         """A gear between two joints of the tree, now and then with a wrong name or unit."""

@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu
@@ -25,7 +26,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes
-from tests.conftest import needs_cpp
+from tests.conftest import MODELS, needs_cpp
 from tests.fmu.slaves import write
 from tests.physics.simulation import compile_scene
 
@@ -270,3 +271,40 @@ def test_hosts_of_fmus(tmp_path: Path) -> None:
         table = fmpy.simulate_fmu(str(file), stop_time=1.0, output_interval=0.05, **options)
         for name, values in exact(motor()).items():
             assert np.abs(table[name] - values).max() < SECOND * max(1, np.abs(values).max()), (kind, name)
+
+
+def controlled_crank() -> Model:
+    """A spatial slider-crank, a loop, whose motor sees the rod's turn and the slider, and a spring that hears the motor."""
+    text = (MODELS / "slider_crank.yaml").read_text(encoding="utf-8")
+    controls = """
+forces:
+  motor: {kind: joint_force, joint: crank_pin, law: later - 0.05*rate + 0.5*rod.wy - 8*slider.vx*slide.displacement}
+  brake: {kind: point_spring, bodies: [ground, rod], from: [0.3, 0.3, 0], to: C, law: 20*(length - 0.2) + 0.2*motor.force + cross.angle_1}
+states: {later: {start: 0.3, rate: 5*(wish - later)}}
+signals: {wish: 0.1*(7 - crank_pin.angle_rate) + rod.roll}
+outputs: [later.value, wish.value, motor.force, brake.force, """
+    return read_model_text(text.replace("outputs: [", controls), "crank.yaml")
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_loops_with_controllers_move_alike_by_all_methods(method: str) -> None:
+    """Relative and natural coordinates find what laws read in ways of their own; steps of 0.25 ms are of second order."""
+    scene = replace(controlled_crank().scenes["turn"], end=0.5)
+    runs = [
+        simulate(compile_scene(controlled_crank(), scene, CompileOptions(method=each)), integrator=rule, dt=2.5e-4, error=False)
+        for each, rule in (("recursive", "rk4"), (method, "trapezoidal"))
+    ]
+    assert runs[1].failure is None
+    for name, column in runs[0].columns.items():
+        assert np.abs(column - runs[1].columns[name]).max() < 1e-3 * max(1, np.abs(column).max()), name
+
+
+def test_functions_that_close_loops_move_what_laws_read() -> None:
+    scene = replace(controlled_crank().scenes["turn"], end=0.5)
+    model = controlled_crank()
+    closed = assemble_loops(model, scene).model
+    assert closed.assemblies
+    artifacts = [compile_scene(each, scene) for each in (model, closed)]
+    exact, by_functions = (simulate(artifact, integrator="rk4", dt=2.5e-4, error=False) for artifact in artifacts)
+    for name, column in exact.columns.items():
+        assert np.abs(column - by_functions.columns[name]).max() < 1e-7 * max(1, np.abs(column).max()), name

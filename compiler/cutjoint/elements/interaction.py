@@ -296,7 +296,7 @@ class Interaction(ABC):
         """Act on the bodies; the quantities that the force reports."""
 
     def values(self, force: Any, m: Mechanics) -> dict[str, Block]:
-        """The variables of the force's law by name, for guards."""
+        """The variables of the force's law by name, for guards and for laws that read them."""
         raise NotImplementedError
 
     def swapped(self, force: Any) -> Mapping[str, Any]:

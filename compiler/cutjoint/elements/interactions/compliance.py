@@ -54,6 +54,11 @@ class Compliance(Interaction):
         m.twist(self.frame, twist)
         return quantities
 
+    def values(self, force: Force, m: Mechanics) -> dict[str, Block]:
+        """The displacements and the rotations."""
+        columns = {"d": m.along(self.base, self.follower, self.frame).x, "r": m.rotation(self.frame).x}
+        return {f"{name}{axis}": m.b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
+
     def explain(self, force: Force, page: Page) -> Explanation:
         """Displacements, rotations and their laws."""
         carried = "$E$ holds the axes $e_k$ carried by the base, $G$ the axes $g_k$ carried by the follower; "
