@@ -35,7 +35,7 @@ STAGES = {
 #: Errors that become another error, with its place in the user's file, before anybody is told.
 CONVERTED = {
     "AsymmetryError", "ExpressionError", "GlbError", "NoAssemblyError", "NoMassError", "NoPivotError", "NotReachedError",
-    "OverflowedConstantError", "SingularError", "StepsError", "UnitError",
+    "OverflowedConstantError", "QuantityError", "SingularError", "StepsError", "UnitError",
 }  # fmt: skip
 
 #: Signals between functions that are no errors.
