@@ -151,6 +151,14 @@ def test_a_state_breaks_a_loop_and_a_law_reads_its_own_length() -> None:
     read(("command: 30*error", "command: later + 30*error"), ("states:", "states:\n  later: {start: 0, rate: (motor.force - later)/lag}"))
 
 
+def test_signals_that_read_each_other_in_a_long_row() -> None:
+    row = "".join(f"  s{i}: s{i + 1}*0.9 + sin(s{i + 1})\n" for i in range(80)) + "  s80: tip.roll\n"
+    assert problems(("  stretch:", f"{row}  stretch:")) == [
+        "m.yaml:31:3: signal 's4': its expression is nested 152 levels deep with the signals and forces that it reads; "
+        "at most 150: read fewer of them in a row"
+    ]
+
+
 SUBMODEL = """
 cutjoint: 1
 name: two

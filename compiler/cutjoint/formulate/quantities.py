@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
+from cutjoint.model.dependencies import signals_below
 from cutjoint.model.expressions import quantities_read
 from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import Force, Model, Output, Scalar, Scene
@@ -15,12 +16,15 @@ from cutjoint.program.blocks import Block, Builder
 def reading(b: Builder, translator: Translator, model: Model, quantity: Callable[[Output], Block]) -> Translator:
     """A translator that knows signals, and the quantities of bodies, markers, joints and forces as ``quantity`` makes them."""
     signals = {signal.symbol: signal for signal in model.signals}
+    made: dict[Scalar, Block] = {}
 
     def read(symbol: Scalar) -> Block:
         if symbol in signals:
-            signal = signals[symbol]
-            with b.section("signal", signal.name, "", signal.span.place):
-                return b.name(known.scalar(signal.value), "signal", signal.name)
+            for signal in signals_below(signals, symbol):  # each behind those that it reads
+                if signal.symbol not in made:
+                    with b.section("signal", signal.name, "", signal.span.place):
+                        made[signal.symbol] = b.name(known.scalar(signal.value), "signal", signal.name)
+            return made[symbol]
         ((element, name),) = quantities_read(symbol)
         return quantity(Output(element=element, quantity=name, span=model.span))
 

@@ -5,12 +5,13 @@ A signal follows from the quantities of its expression, a force from those of it
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
+from cutjoint.model.choices import bottom_up
 from cutjoint.model.circles import in_order
 from cutjoint.model.errors import Problems
 from cutjoint.model.expressions import quantities_read
-from cutjoint.model.records import Force, Model, Signal
+from cutjoint.model.records import Force, Model, Scalar, Signal
 
 
 def forces_in_order(model: Model) -> tuple[Force, ...]:
@@ -34,6 +35,47 @@ def seeing_forces(model: Model) -> frozenset[str]:
         read = {element for expression in expressions for element, _ in quantities_read(expression)}
         sees[name] = any(element in forces or sees.get(element, element not in states) for element in read)
     return frozenset(name for name, value in sees.items() if value and name in forces)
+
+
+def signals_below(signals: Mapping[Scalar, Signal], symbol: Scalar) -> list[Signal]:
+    """The signal of a symbol and those that it follows from by signals alone, each behind those that it reads."""
+    uses: dict[str, list[str]] = {}
+    by_name = {signal.name: signal for signal in signals.values()}
+    waiting = [signals[symbol].name]
+    while waiting:
+        name = waiting.pop()
+        if name not in uses:
+            read = sorted(signals[x].name for x in by_name[name].value.free_symbols & signals.keys())
+            uses[name] = read
+            waiting += read
+    return [by_name[name] for name in in_order(uses)[0]]
+
+
+#: The most operations within each other, those of the signals and forces that an expression reads included.
+MAX_LEVELS = 150
+
+
+def check_levels(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:
+    """Note forces and signals whose expressions are nested too deep with those that they read."""
+    both: tuple[Force | Signal, ...] = (*forces, *signals)
+    elements, uses = {element.name: element for element in both}, _uses(forces, signals)
+    levels: dict[str, int] = {}
+    for name in in_order(uses)[0] if any(uses.values()) else ():
+        element, below = elements[name], max((levels.get(other, 0) for other in uses[name]), default=0)
+        expressions = (element.value,) if isinstance(element, Signal) else element.expressions
+        levels[name] = below + max((_levels(expression) for expression in expressions), default=0)
+        if below <= MAX_LEVELS < levels[name] and below:
+            message = f"its expression is nested {levels[name]} levels deep with the signals and forces that it reads"
+            problems.add(element.span, f"{_kind(element)} '{name}'", message, f"at most {MAX_LEVELS}: read fewer of them in a row")
+
+
+def _levels(expression: Scalar) -> int:
+    """The operations within each other; a sum or a product of n counts n - 1."""
+    found: dict[Scalar, int] = {}
+    for part in bottom_up(expression):
+        own = max(len(part.args) - 1, 1) if part.args else 0
+        found[part] = own + max((found[x] for x in part.args if x in found), default=0)
+    return found.get(expression, 0)
 
 
 def check_loops(forces: Sequence[Force], signals: Sequence[Signal], problems: Problems) -> None:

@@ -13,7 +13,7 @@ from glob import escape
 from itertools import chain
 
 from cutjoint.model import document
-from cutjoint.model.dependencies import check_loops
+from cutjoint.model.dependencies import check_levels, check_loops
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, Unheard, nearest
 from cutjoint.model.expressions import quantities_read
@@ -52,6 +52,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     scope = replace(scope, own=_own(scope, model), read=machine.read)
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
+    check_levels(elements.forces, elements.signals, problems)
     return Expansion(parameters.given, parameters.derived, scope, elements)
 
 
