@@ -1,4 +1,4 @@
-"""First-order states beside a mechanism, which no model file has: every walker of states takes them along.
+"""First-order states beside a mechanism, made here without a model file: every walker of states takes them along.
 
 A pendulum is turned by a motor whose torque lags behind a wish, T x' = wish(t) - x; beside it a number decays, and another
 grows three times as fast from a half on.

@@ -51,13 +51,13 @@ def by_state(b: Builder, name: str, damping: Block) -> Variation:
 def state_tangent(
     b: Builder, translator: Translator, layout: StateLayout, model: Model, damping: Block, *, symmetric: bool
 ) -> Iterator[Entry]:
-    """The derivatives of the states' equations by the states, or the lower triangle of their symmetric part."""
+    """The derivatives of the states' equations by the states, of a symmetric tangent those of each by its own state: most states drive
+    others that do not act on them, whose symmetric part may have no positive pivots."""
     rates = state_rates(translator, model)
     changes = {s.name: by_state(b, s.name, damping) for s in model.states}
     for i, row in enumerate(model.states):
         with b.section("tangent", row.name, "1 - df/dx", row.span.place):
-            for j, column in enumerate(model.states[: i + 1] if symmetric else model.states):
-                change = changes[column.name].of(rates[row.name])
-                if symmetric:
-                    change = b.scale(b.number(0.5), b.add(change, changes[row.name].of(rates[column.name])))
-                yield layout.speeds + i, layout.speeds + j, b.sub(b.number(float(i == j)), change)
+            for j, column in enumerate(model.states):
+                if i == j or not symmetric:
+                    change = changes[column.name].of(rates[row.name])
+                    yield layout.speeds + i, layout.speeds + j, b.sub(b.number(float(i == j)), change)

@@ -6,7 +6,7 @@ With constant M, Phi(q, t) = 0 and the forces Q(q, qd, t), both methods solve M 
     classical   [A, constraint Phi_q^T; constraint Phi_q, 0]              C = -dQ/dqd, K = -dQ/dq
 
 Left out is the change of Phi_q^T lambda by q, as in the paper: it is small against the masses at the steps that the method takes.  The
-symmetric tangent leaves out what first-order states and forces change by each other, too.
+symmetric tangent leaves out what first-order states change by each other, and forces and states by each other, too.
 """
 
 from __future__ import annotations
