@@ -19,6 +19,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.methods import METHODS
+from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import VALUE, FirstOrderState, Model, Output
 from cutjoint.reduce.sequence import STEPS
@@ -216,3 +217,17 @@ def test_reductions_leave_states() -> None:
         if step.motion == "exact" and (outcome := step.reduce(model, scene)).done:
             model, scene = outcome.model, outcome.scene
     require_exact(simulate(compile_scene(model, scene), integrator="dormand-prince", tolerance=1e-9, error=False), 1e-7)
+
+
+@pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "sdirk4")])
+def test_steps_are_as_short_as_a_state_needs(method: str, integrator: str) -> None:
+    """A number that follows a fast wave, while the mechanism rests: x' = 100 (sin 60 t - x)."""
+    model = lagging()
+    fast = replace(model.states[1], name="fast", symbol=DECAY, rate=100 * (sympy.sin(60 * TIME) - DECAY), initial=sympy.Integer(0))
+    scene = replace(model.scenes["run"], outputs=(Output(element="fast", quantity=VALUE, span=model.span),))
+    still = replace(model, gravity=(sympy.Integer(0),) * 3, states=(fast,), forces=(replace(model.forces[0], law=-variable("rate")),))
+    run = simulate(compile_scene(still, scene, CompileOptions(method=method)), integrator=integrator, tolerance=1e-8, error=False)
+    assert run.failure is None
+    t, share = run.t, 100 / (100**2 + 60**2)
+    expected = share * (100 * np.sin(60 * t) - 60 * np.cos(60 * t) + 60 * np.exp(-100 * t))
+    assert np.abs(run.columns["fast.value"] - expected).max() < 1e-6

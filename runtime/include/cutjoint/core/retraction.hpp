@@ -75,10 +75,15 @@ template <class Real>
     if (balls.number > 0) balls.turn(q_0, delta, q);
 }
 
-/// Numbers of the first-order states, which stand behind the speeds of the charts, are copied.
+/// The place of the first-order states, which stand behind the speeds of the charts.
+inline std::size_t first_state(std::span<const Chart> charts) {
+  return charts.empty() ? 0 : static_cast<std::size_t>(charts.back().v + charts.back().scalars + (charts.back().ball ? 3 : 0));
+}
+
+/// Numbers of the first-order states are copied.
 template <class Numbers, class Copies>
 void copy_states(std::span<const Chart> charts, const Numbers& from, Copies to) {
-  const std::size_t first = charts.empty() ? 0 : static_cast<std::size_t>(charts.back().v + charts.back().scalars + (charts.back().ball ? 3 : 0));
+  const std::size_t first = first_state(charts);
   std::copy(from.begin() + static_cast<std::ptrdiff_t>(first), from.end(), to + static_cast<std::ptrdiff_t>(first));
 }
 
