@@ -44,7 +44,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
-        *([("gears", str(len(model.gears)))] if model.gears else []),
+        *((name, str(len(part))) for name, part in (("gears", model.gears), ("states", model.states), ("signals", model.signals)) if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
         *([("assemblies", _assemblies(model))] if model.assemblies else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),

@@ -10,6 +10,7 @@ from cutjoint.export.fmu.dependencies import Dependencies, StartDependencies, fi
 from cutjoint.formulate.inputs import TIME, guided_by, input_functions
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import INTEGRATORS
+from cutjoint.model.records import VALUE
 from cutjoint.run.record import RunFile
 from cutjoint.run.run_file import Evaluator
 
@@ -183,6 +184,7 @@ def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]
     units = {
         f"{joint.name}.{name}": unit for joint in equations.topology.model.joints for name, unit in JOINTS[joint.kind].units.items()
     }
+    units |= {state.entry: state.unit for state in equations.topology.model.states}
     for kind, part, names in (
         ("coordinate", run_file.positions, equations.coordinate_names), ("speed", run_file.rates, equations.speed_names),
     ):  # fmt: skip
@@ -191,8 +193,9 @@ def _starts(equations: RecursiveEquations, run_file: RunFile) -> Iterator[Start]
 
 
 def _of_start(start: Start) -> Variable:
+    what = VALUE if start.name.endswith(f".{VALUE}") else start.kind
     return Variable(
-        name=f"start.{start.name}", causality="parameter", variability="fixed", description=f"The {start.kind} at the start",
+        name=f"start.{start.name}", causality="parameter", variability="fixed", description=f"The {what} at the start",
         unit=start.unit, start=start.value,
     )  # fmt: skip
 
