@@ -174,7 +174,7 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_calls_right_and_wrong": ("recursive",),
         "test_its_table_is_that_of_the_command_line_bit_by_bit": ("press-None-recursive-newton",),
         "test_a_force_that_was_left_out_and_would_act_ends_the_motion": ("recursive-newton",),
-        "test_any_name_will_do": ("install",),
+        "test_any_name_will_do": ("main",),
     },
     "tests/standalone/test_impacts.py": {
         "test_steps_are_those_of_the_command_line": tuple(f"cart-0.2037-{rule[1:]}" for rule in _IMPACTS[1:2]),

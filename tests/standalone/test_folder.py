@@ -142,7 +142,7 @@ def test_a_force_that_was_left_out_and_would_act_ends_the_motion(method: str, tm
     assert re.fullmatch(words, done.stderr)
 
 
-@pytest.mark.parametrize("name", ["test", "install", "math", "string", "press_sim"])
+@pytest.mark.parametrize("name", ["test", "install", "math", "string", "press_sim", "main", "linux", "errno", "new"])
 def test_any_name_will_do(name: str, tmp_path: Path) -> None:
     text = (MODELS / "press.yaml").read_text(encoding="utf-8").replace("name: press", f"name: {name}")
     place = write(folder_of(text, "press.yaml"), tmp_path)
