@@ -79,11 +79,11 @@ def test_a_model_may_be_called_as_what_the_runtime_has(name: str, kind: str, tmp
 
 #: Words of C++ and macros of its headers.
 WORDS = re.findall(r"\w+", """
-    alignas and asm auto bool break case catch char class concept const constexpr const_cast continue co_await decltype default delete do double
-    else enum explicit export extern float for friend goto if import inline int long module mutable namespace new noexcept not nullptr operator
-    or private protected public register requires return short signed sizeof static struct switch template this throw try typedef typeid typename
-    union unsigned using virtual void volatile wchar_t while xor EOF INFINITY NAN NULL assert errno i386 linux main std stderr stdin stdout unix
-    Real q v t
+    alignas and asm auto bool break case catch char class concept const constexpr const_cast continue co_await decltype default
+    delete do double else enum explicit export extern float for friend goto if import inline int long module mutable namespace new
+    noexcept not nullptr operator or private protected public register requires return short signed sizeof static struct switch
+    template this throw try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor EOF INFINITY NAN
+    NULL assert errno i386 linux main std stderr stdin stdout unix Real q v t
 """)
 
 
