@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import sympy
@@ -52,12 +53,26 @@ class Wanted:
         return 5 * self.harmonics // 2
 
 
-def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
-    """Series as they are wanted on the largest range that they reach.
+#: The ranges that functions reached, by the ways of the coordinates that lead: an equal or mirrored block reaches as far.
+Ranges: TypeAlias = dict[tuple[float, ...], Interval]
+
+
+def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
+    """Series as they are wanted on the largest range that they reach, which joins the ``known`` ones.
 
     Raises:
         NoAssemblyError: no range is long enough.
     """
+    way = *(round(x, 9) for x in (lead.lower, lead.upper, lead.value)), *(u.lower, u.upper)
+    if (found := known.get(way)) is not None:
+        with suppress(NoAssemblyError):
+            return _fit(loops, replace(lead, turns=lead.turns and found.half > 3), found, u, wanted)
+    functions = _fit_longest(loops, lead, u, wanted)
+    known[way] = functions.range
+    return functions
+
+
+def _fit_longest(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
     whole = Interval(lower=lead.lower, upper=lead.upper)
     if lead.turns:
         with suppress(NoAssemblyError):
