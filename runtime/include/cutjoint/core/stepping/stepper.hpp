@@ -75,7 +75,7 @@ class Stepper {
   /// `end` is where the integration ends: no step goes beyond.  `how` is what else the scheme is made with.
   template <class Dynamics, class... How>
   Stepper(Dynamics& dynamics, const Tolerances<Real>& tolerances, Real end, How&&... how)
-      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), counts_(scheme_.cells().size()) {
+      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), relative_(tolerances.relative), counts_(scheme_.cells().size()) {
     now_.limit = end;
   }
 
@@ -287,6 +287,30 @@ class Stepper {
     return std::clamp(share, least, 1 - least);
   }
 
+  /// The share of a step in which a switch leaves the regime together with the one that leaves it at the share s: wheels side by side meet an edge of
+  /// the road, and a law has conditions that say the same in other units.  That is ten times less than a whole step may err by, or what rounding moves.
+  Real share_together(Real s) {
+    constexpr Real most(0x1p-10);
+    using std::abs;
+    const Real parts = now_.h / (scheme_.follow(2) - scheme_.follow(1));
+    const Real least = std::clamp(relative_ / 10 * parts, Real(0x1p-34), Real(0x1p-14));
+    scheme_.follow(s);
+    const std::size_t which = scheme_.found();
+    if (which == counts_.by_switch.size()) return least;
+    const auto& cells = scheme_.cells().memory();
+    const Real value = cells.values[which];
+    scheme_.follow(s + least);
+    scheme_.found();
+    return std::clamp(16 * cells.noise[which] * least / abs(cells.values[which] - value), least, most);
+  }
+
+  /// How many of the switches that are sought the state at a share of the last step has out of the regime.
+  std::size_t out_at(Real s) {
+    scheme_.follow(s);
+    scheme_.found();
+    return scheme_.cells().count_out();
+  }
+
   /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
   Fault locate(Real limit) {
     const Real low(1);
@@ -295,6 +319,7 @@ class Stepper {
     if (!scheme_.seek()) return {};
     const Real at_high = beyond(high), at_low = beyond(low);
     if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
+    if (const Real more = share_together(high); out_at(high + more) > out_at(high)) high += more;
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
       if (const Fault fault = scheme_.finish()) return fault;
@@ -318,11 +343,19 @@ class Stepper {
     return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
-  /// The regime of the state begins.
+  /// The regime of the state begins, of which `which` is the first switch that it has out of the last one.
   Fault change(std::size_t which) {
-    if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
+    leave_by(which);
+    for (std::size_t i = which + 1; i < counts_.by_switch.size(); ++i)
+      if (scheme_.cells().is_sought_out(i)) leave_by(i);
     if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
+    return count_event();
+  }
+
+  /// A switch leaves the regime, or none that explains why it ends.
+  void leave_by(std::size_t which) {
+    if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
     ++counts_.events;
     now_.switched = which;
     now_.since = time();
@@ -330,7 +363,6 @@ class Stepper {
       ++counts_.by_switch[which];
       now_.latest = which;
     }
-    return count_event();
   }
 
   /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
@@ -356,7 +388,7 @@ class Stepper {
 
   Scheme scheme_;
   StepControl<Real, Scheme::order> control_;
-  Real end_;
+  Real end_, relative_;
   long most_ = std::numeric_limits<long>::max();
   Progress<Real> now_;
   Watch watch_;

@@ -66,11 +66,21 @@ class SwitchCells {
     return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
   }
 
+  /// Whether a switch is one of those sought, and out of its cell.
+  bool is_sought_out(std::size_t i) const { return now_.sought[i] && is_out(i, Real(0)); }
+
   /// The first of those sought that is out of its cell; as many as there are if none is.
   std::size_t found() const {
     std::size_t i = 0;
-    while (i < now_.cells.size() && !(now_.sought[i] && is_out(i, Real(0)))) ++i;
+    while (i < now_.cells.size() && !is_sought_out(i)) ++i;
     return i;
+  }
+
+  /// How many of those sought are out of their cells.
+  std::size_t count_out() const {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) count += is_sought_out(i);
+    return count;
   }
 
   /// How far the switches sought are out of their cells at most; negative where all are inside.
