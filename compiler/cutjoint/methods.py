@@ -234,6 +234,10 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
         largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(
+        name="dop853", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
+        largest_penalty=_EXPLICIT_PENALTY,
+    ),
+    Integrator(
         name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
     ),
     Integrator(name="sdirk4-fixed", methods=("recursive-newton",), uses_solver=True, settings=("absolute_tolerance",)),

@@ -58,8 +58,8 @@ _GATHERED = (
 class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
-    ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
-    whether a number of iterations can be set, ``adaptive`` whether tolerances can.
+    ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
+    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can.
     """
 
     header: str
@@ -81,6 +81,10 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         ),
         "dormand-prince": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
+            adaptive=True,
+        ),
+        "dop853": Steps(
+            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::Dop853Table>", stages=20, finds_events=True,
             adaptive=True,
         ),
     },
