@@ -85,7 +85,7 @@ def test_projected_steps_do_not_allocate(check: Check) -> None:
 def test_events_do_not_allocate(integrator: str, method: str, check: Check) -> None:
     model = read_model_text(bouncing_text(0.0, 0.5), "bounce.yaml")
     artifact = compile_scene(model, find_scene(model, None), CompileOptions(method=method))
-    check(artifact, 5.0, integrator=integrator, tolerance=1e-8, events="located")
+    check(artifact, 7.0, integrator=integrator, tolerance=1e-8, events="located")
 
 
 @cache

@@ -34,7 +34,7 @@ class Case:
 
     @property
     def text(self) -> str:
-        """Its name in the table."""
+        """The name in the table."""
         return f"{self.model}{f', {self.scene}' if self.scene else ''}, {self.end:g} s"
 
 
@@ -68,7 +68,7 @@ def rows(case: Case, folder: Path) -> list[str]:
 
 
 def integrators() -> tuple[str, ...]:
-    """Those that choose their steps, of the method recursive."""
+    """Integrators of the method recursive that choose their steps."""
     return names_of(INTEGRATORS, lambda i: i.adaptive and i.methods == ("recursive",))
 
 
