@@ -117,7 +117,7 @@ def test_augmented_holds_it(tmp_path: Path) -> None:
 
 
 def test_classical_drops_nothing_on_the_one_pose(tmp_path: Path) -> None:
-    """Where the scene gives positions, nobody knows beforehand that there is no other pose; its equations are independent beside it."""
+    """A scene with positions is not refused beforehand; beside the pose the equations are independent."""
     text = six_text(scene=", positions: {j0.angle: 0}")
     model = read_model_text(text, "six.yaml")
     with pytest.raises(RunError, match=r"'b4': what holds it follows from what holds other elements .* which classical cannot solve"):

@@ -85,7 +85,7 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     return [_moving(equations, pose, rng) for pose in explore(equations.start)]
 
 
-#: How far (m, rad) free speeds take a pose that has no other beside it.
+#: The way (m, rad) that free speeds take a pose that has no other beside it.
 _OFF = 0.05
 
 
