@@ -59,7 +59,7 @@ def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:
 
 
 def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
-    """The speed and the equation of a structure that is rigid, but not to first order; None of other mechanisms, and of those with guides."""
+    """The speed and the equation of a structure that is rigid, but not to first order; None of others, and of those with guides."""
     guides = any(t.joint.guide is not None for t in equations.topology.tree)
     if guides or not 0 < equations.speeds <= len(equations.equation_names):
         return None

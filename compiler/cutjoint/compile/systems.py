@@ -85,7 +85,8 @@ def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Outp
     if not METHODS[method].saddle_point:
         return equations, []
     states = closed_states(equations)
-    return without(equations, dependent_equations(equations, [*states, *states_off_a_single_pose(equations, states)])), states
+    dependent = dependent_equations(equations, [*states, *states_off_a_single_pose(equations, states)])
+    return without(equations, dependent, watched=len(states) == 1), states
 
 
 def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:

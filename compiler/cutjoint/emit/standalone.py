@@ -16,7 +16,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
-from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS, Formulation
@@ -270,7 +270,7 @@ def _truth(value: object) -> str:
 
 def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
-    guards = guards_of(equations.topology.model, equations.scene)
+    guards = guards_in(equations)
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
