@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import cutjoint
 from cutjoint.analysis.shaky import ShakyError, find_shakiness
 from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
@@ -172,3 +173,12 @@ def test_equations_that_classical_leaves_out_in_one_pose_are_watched(compiled: C
     )
     assert torn.failure.time == pytest.approx(0.224, abs=1.5e-3)
     assert completed(whole)["bar.x"][-1] == pytest.approx(1 + np.sin(0.02 * 0.4), abs=1e-6)
+
+
+@needs_cpp
+def test_folders_watch_them_too(tmp_path: Path) -> None:
+    path = tmp_path / "cranks.yaml"
+    path.write_text(CRANKS.replace("1 - LENGTH", "0.5"), encoding="utf-8")
+    sim = cutjoint.load(path, method="classical").reset(dt=1e-3)
+    with pytest.raises(cutjoint.SimulationError, match=r"at 0.224 s: .*or the equation stands open: 'three.f' \(cranks.yaml:8\)"):
+        sim.advance(0.4)
