@@ -40,6 +40,7 @@ struct Progress {
   std::size_t latest = 0;    ///< the switch by which a regime was left last
   std::size_t switched = 0;  ///< that of the last event
   Real since{before_all<Real>};  ///< when that was
+  Real soon{-1};  ///< how far the next event is, where the last step has told it and does not reach there; below zero else
   long number = 0, events_in_a_row = 0;
   bool begun = false;
 };
@@ -49,7 +50,8 @@ struct Progress {
 /// A step all of whose stages are in one regime is as accurate as the formulas are smooth.  One that leaves the regime is taken again,
 /// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where a switch leaves its cell.  There
 /// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
-/// order of the interpolant's, and there are as many such ends as events, however short the steps.
+/// order of the interpolant's, and there are as many such ends as events, however short the steps.  Beyond a step of a method of high order its
+/// interpolant loses hundreds of times as much as within (such a scheme has no `reaches_beyond`): another, short step then ends before the event.
 ///
 /// A scheme has a present state, and a trial one beside it:
 ///
@@ -101,6 +103,7 @@ class Stepper {
   /// Go on where the scheme has been given its state.
   void go_on() {
     control_.restart();
+    now_.soon = Real(-1);
     if (time() < now_.since) now_.since = before_all<Real>;
   }
 
@@ -208,7 +211,8 @@ class Stepper {
     const Real left = limit - time();
     Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
     if (left - h < h / 1000) h = left;
-    Real way(-1);  // to where the regime is left, if it is
+    Real way = std::exchange(now_.soon, Real(-1));  // to where the regime is left, if it is
+    if (way >= Real(0)) h = std::min(h, std::max(Real(0.9) * way, shortest()));
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
       const Attempt<Real> attempt = scheme_.attempt(h, whole, now_.number);
@@ -228,7 +232,7 @@ class Stepper {
         if (!(way >= Real(0))) return {};
         if (whole)
           if (const Fault fault = count_event()) return fault;
-        return locate(limit);
+        return locate(limit, h);
       }
       if (!scheme_.adaptive() || !(h > least(time()))) return scheme_.give_up(attempt, counts_.steps, now_.number);
       now_.h = h = attempt.found ? control_.instead_of(h, attempt.size) : h / 4;
@@ -287,13 +291,12 @@ class Stepper {
     return std::clamp(share, least, 1 - least);
   }
 
-  /// The share of a step in which a switch leaves the regime together with the one that leaves it at the share s: wheels side by side meet an edge of
+  /// The share of a step in which a switch leaves the regime together with the one that leaves it at the share s of h: wheels side by side meet an edge of
   /// the road, and a law has conditions that say the same in other units.  That is ten times less than a whole step may err by, or what rounding moves.
-  Real share_together(Real s) {
+  Real share_together(Real s, Real h) {
     constexpr Real most(0x1p-10);
     using std::abs;
-    const Real parts = now_.h / (scheme_.follow(2) - scheme_.follow(1));
-    const Real least = std::clamp(relative_ / 10 * parts, Real(0x1p-34), Real(0x1p-14));
+    const Real least = std::clamp(relative_ / 10 * now_.h / h, Real(0x1p-34), Real(0x1p-14));
     scheme_.follow(s);
     const std::size_t which = scheme_.found();
     if (which == counts_.by_switch.size()) return least;
@@ -311,15 +314,19 @@ class Stepper {
     return scheme_.cells().count_out();
   }
 
-  /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
-  Fault locate(Real limit) {
+  /// Go on from the end of the last step, of length h, to where the regime ends, if that is near, or to the limit, if that is nearer.
+  Fault locate(Real limit, Real h) {
     const Real low(1);
     Real high(1.3);
     scheme_.follow(high);
     if (!scheme_.seek()) return {};
     const Real at_high = beyond(high), at_low = beyond(low);
     if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
-    if (const Real more = share_together(high); out_at(high + more) > out_at(high)) high += more;
+    if (!Scheme::reaches_beyond && high > Real(1.01) && h > Real(0.3) * now_.h) {
+      now_.soon = (high - low) * h;
+      return {};
+    }
+    if (const Real more = share_together(high, h); out_at(high + more) > out_at(high)) high += more;
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
       if (const Fault fault = scheme_.finish()) return fault;
