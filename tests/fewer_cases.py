@@ -46,6 +46,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
         "test_what_cannot_be_linearised_is_told", "test_a_wheel_on_a_road", "test_a_ball_that_has_turned_far_is_poor",
         "test_a_pendulum_that_swings", "test_laws_have_the_derivatives_of_sympy",
     ),
+    "tests/standalone/test_dop853.py": ("test_hosts_have_one_table",),
     "tests/standalone/test_folder.py": ("test_random_calls_under_sanitizers", "test_a_project_takes_it_in_both_ways"),
     "tests/standalone/test_impacts.py": (
         "test_an_event_of_an_fmu_is_the_impact", "test_a_sweep_has_the_rows_of_single_runs", "test_a_loaded_simulation_tells_of_the_event",
