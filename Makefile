@@ -23,6 +23,7 @@ quick: setup
 # All tests, as before a release; tests of motions run generated code
 full: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "heavy or not heavy"
+	$(BIN)/python scripts/sanitize --twin
 
 sanitize: setup
 	$(BIN)/python scripts/sanitize

@@ -61,6 +61,7 @@ class Method:
     ``symmetric`` is whether the tangent of a step is, ``saddle_point`` whether multipliers are unknowns beside the coordinates, so that
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
+    ``holds_structures`` is whether it goes on in the one pose of a structure that loops hold to second order only.
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``twin`` is whether it has a generic twin, ``fixed_cost`` whether
     steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report
@@ -79,6 +80,7 @@ class Method:
     fixed_cost: bool = False
     batch: bool = False
     tangents: bool = False
+    holds_structures: bool = False
 
     @property
     def has_system(self) -> bool:
@@ -203,7 +205,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
-        twin=True,
+        twin=True, holds_structures=True,
     ),
     Method(
         name="classical", formulation=Formulation.NATURAL, saddle_point=True, instead=("augmented", "recursive-newton"),
@@ -231,6 +233,10 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     ),
     Integrator(
         name="dormand-prince", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
+        largest_penalty=_EXPLICIT_PENALTY,
+    ),
+    Integrator(
+        name="dop853", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
         largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(

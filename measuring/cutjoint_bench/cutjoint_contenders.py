@@ -20,6 +20,7 @@ from cutjoint.methods import (
     METHODS,
     Events,
     Implementation,
+    Loops,
     names_of,
 )
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
@@ -27,6 +28,7 @@ from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
@@ -118,6 +120,12 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
                 prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
             )  # fmt: skip
+    for integrator in (DEFAULT_INTEGRATOR, "dormand-prince"):
+        name = "recursive" if integrator == DEFAULT_INTEGRATOR else f"recursive/{integrator}"
+        yield _contender(
+            f"{name}/functions", f"{name.replace('/', ', ')}, loops as functions", "functions", method="recursive", integrator=integrator,
+            loops=Loops.COMPILED,
+        )  # fmt: skip
     for method in METHODS:
         for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
             yield _contender(f"{method}/{solver}", f"{method}, {solver}", "solvers", method=method, solver=solver)
@@ -149,10 +157,18 @@ def _contender(name: str, label: str, group: str, **how: Any) -> Contender:
 def _prepare(
     case: Case, *, method: str, solver: str | None = None, lanes: bool = True, precision: str = DEFAULT_PRECISION,
     tolerance: float | None = None, integrator: str = DEFAULT_INTEGRATOR, located: bool = False,
+    loops: str | None = None,
 ) -> OwnRunner:  # fmt: skip
+    """The runner of a case.
+
+    Raises:
+        RunError: functions are asked for, and no loop can be closed by them.
+    """
     additions = (solver,) if solver in ADDED_SOLVERS else ()
     options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
-    artifact = compile_scene(case.model, case.scene, options)
+    artifact = compile_scene(case.model, with_loops(case.scene, loops), options)
+    if loops == Loops.COMPILED and not artifact.topology.model.assemblies:
+        raise RunError("no loops can be closed by functions")
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
     )
@@ -168,10 +184,10 @@ def _runner(integrator: str) -> type[OwnRunner]:
 
 def identify_code(
     case: Case, *, method: str, implementation: str = Implementation.GENERATED, lanes: bool = True, precision: str = DEFAULT_PRECISION,
-    solver: str | None = None, **_: object,
+    solver: str | None = None, loops: str | None = None, **_: object,
 ) -> Mapping[str, str]:  # fmt: skip
     """The `identity` of what a case's generated code is now, without compiling it."""
-    made = generate(case.model, case.scene, case.outputs, method=method, lanes=lanes, precision=precision)
+    made = generate(case.model, with_loops(case.scene, loops), case.outputs, method=method, lanes=lanes, precision=precision)
     added = implementation == Implementation.GENERIC or precision != DEFAULT_PRECISION or solver in ADDED_SOLVERS
     return identity(made[-1], added=added)
 

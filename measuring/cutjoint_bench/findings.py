@@ -138,7 +138,7 @@ def fastest_spot(lines: Sequence[Line], error: float, *, peers: bool) -> Spot | 
 
 def fastest_ours(lines: Sequence[Line], error: float) -> tuple[str, float] | None:
     """The fastest generated code at an error, of the full or the reduced model, with any integrator."""
-    return best(lines, error, lambda line: line["group"] in ("generated", "integrators", "reduced", "reductions"))
+    return best(lines, error, lambda line: line["group"] in ("generated", "integrators", "reduced", "reductions", "functions"))
 
 
 def fastest_peer(lines: Sequence[Line], error: float) -> tuple[str, float] | None:

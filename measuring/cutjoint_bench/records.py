@@ -97,7 +97,7 @@ def _always() -> bool:
 class Contender:
     """A way to run a case.  ``prepare`` compiles it and raises an error of the user's making where the case does not suit it.
 
-    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "solvers", "generic",
+    ``label`` is for legends, ``group`` what belongs together in them: "generated", "scalar", "reduced", "functions", "solvers", "generic",
     "precision", "peer".  ``identify`` finds, without compiling, the part of the configuration by which stored results are known to be
     of this version: digests of generated code and runtime, or a peer's version.
     """

@@ -36,7 +36,7 @@ void fill(Description& d, const constants::Mechanism& mechanism) {
   take(d.columns, mechanism.columns);
   take(d.cuts, mechanism.cuts);
   take(d.inputs, mechanism.inputs);
-  take(d.guards, mechanism.guards, [](const constants::Guard& x) { return Guard{.force = x.force, .place = x.place, .ends = x.ends}; });
+  take(d.guards, mechanism.guards, [](const constants::Guard& x) { return Guard{.force = x.force, .place = x.place, .ends = x.ends, .left_out = x.left_out}; });
   take(d.domains, mechanism.domains,
        [](const constants::Domain& x) { return Domain{.what = x.what, .element = x.element, .place = x.place, .strict = x.strict}; });
   take(d.switches, mechanism.switches,

@@ -29,9 +29,12 @@ CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::ClassicalTable>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::DormandPrinceTable>;
+CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::Dop853Table>;
 CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>;
 CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>;
+CUTJOINT_INSTANTIATE class runge_kutta::Scheme<CompiledDynamics, runge_kutta::Dop853Table>;
 CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::ClassicalTable>>;
 CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::DormandPrinceTable>>;
+CUTJOINT_INSTANTIATE class stepping::Stepper<runge_kutta::Scheme<CompiledDynamics, runge_kutta::Dop853Table>>;
 
 }  // namespace cutjoint

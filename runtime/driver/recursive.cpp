@@ -20,7 +20,7 @@ using M = AnyMechanism<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate},
-    .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince},
+    .integrators = {Integrator::trapezoidal, Integrator::rk4, Integrator::dormand_prince, Integrator::dop853},
     .added = is_added<M>,
 };
 
@@ -35,6 +35,8 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnyMechani
       return run_by<Simulated<ExplicitSteps<M, runge_kutta::ClassicalTable>>>(start, mechanism, settings, file);
     case Integrator::dormand_prince:
       return run_by<Simulated<ExplicitSteps<M, runge_kutta::DormandPrinceTable>>>(start, mechanism, settings, file);
+    case Integrator::dop853:
+      return run_by<Simulated<ExplicitSteps<M, runge_kutta::Dop853Table>>>(start, mechanism, settings, file);
     default:
       if (settings.events) return run_by<Simulated<SplitSteps<stepping::TrapezoidalRule<M>>>>(start, mechanism, settings, file);
       return run_by<Simulated<FixedPointSteps<M>>>(start, mechanism, settings, file);

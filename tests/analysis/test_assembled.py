@@ -23,7 +23,7 @@ from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
 from cutjoint.tasks.batch import compile_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium
-from tests.conftest import ROOT, needs_cpp
+from tests.conftest import ROOT, needs_cpp, with_heavy
 from tests.mechanisms.one_degree import four_bar, spatial
 from tests.standalone.test_folder import check_table
 
@@ -48,7 +48,7 @@ def apart(model: Model, scene: Scene, *, joints: int = 1) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("make", [four_bar, spatial])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", with_heavy(range(100), *range(4, 100)))
 def test_random_mechanisms_move_as_by_their_loops_equations(make, seed: int) -> None:  # type: ignore[no-untyped-def]
     """Bodies that hang on a body of the block, a free carrier, a force inside, and reactions of a joint that functions close."""
     model = read_model_text(make(seed), "random.yaml")

@@ -220,7 +220,8 @@ def test_every_method_is_a_contender() -> None:
     assert [c.name for c in choose(["generated"])] == list(METHODS)
     assert {f"{m}/generic" for m in names_of(METHODS, lambda m: m.twin)} < set(CONTENDERS)
     implicit = ("sdirk4", "sdirk4-fixed", "generalised-alpha")
-    others = ["recursive/rk4", "recursive/dormand-prince", *(f"recursive-newton/{i}" for i in implicit)]
+    explicit = ("rk4", "dormand-prince", "dop853")
+    others = [*(f"recursive/{i}" for i in explicit), *(f"recursive-newton/{i}" for i in implicit)]
     assert [c.name for c in choose(["integrators"])] == [*others, "recursive/events", "recursive-newton/events"]
     with pytest.raises(RunError, match="no contender 'gauss'; there is recursive, augmented, classical"):
         choose(["gauss"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -75,6 +75,42 @@ def check(files: Mapping[str, str], kind: str, folder: Path) -> None:
 )  # fmt: skip
 def test_a_model_may_be_called_as_what_the_runtime_has(name: str, kind: str, tmp_path: Path) -> None:
     check(named(name, kind), kind, tmp_path)
+
+
+#: Words of C++ and macros of its headers.
+WORDS = re.findall(r"\w+", """
+    alignas and asm auto bool break case catch char class concept const constexpr const_cast continue co_await decltype default
+    delete do double else enum explicit export extern float for friend goto if import inline int long module mutable namespace new
+    noexcept not nullptr operator or private protected public register requires return short signed sizeof static struct switch
+    template this throw try typedef typeid typename union unsigned using virtual void volatile wchar_t while xor EOF INFINITY NAN
+    NULL assert errno i386 linux main std stderr stdin stdout unix Real q v t
+""")
+
+
+def chain(words: Sequence[str]) -> str:
+    """A chain whose bodies, joints, parameters and forces have words as names, four words a link; a road under its first wheel."""
+    bodies, joints, parameters, forces, last = [], [], [], [], "ground"
+    for i, (body, joint, parameter, force) in enumerate(zip(*[iter(words)] * 4, strict=False)):
+        bodies.append(f"  {body}: {{mass: 1, centre_of_mass: [{i}.5, 0, 0], inertia: [0.1, 0.1, 0.1]}}")
+        joints.append(f"  {joint}: {{kind: revolute, bodies: [{last}, {body}], at: [{i}, 0, 0], axis: [0, 1, 0]}}")
+        parameters.append(f"  p_{parameter}: {{value: 1, binding: param}}")
+        forces.append(f"  {force}: {{kind: joint_force, joint: {joint}, law: '-p_{parameter}*sign(rate)'}}")
+        last = body
+    parts = {"parameters": parameters, "bodies": bodies, "joints": joints, "forces": forces}
+    sections = "".join(f"{name}:\n" + "\n".join(lines) + "\n" for name, lines in parts.items())
+    return f"cutjoint: 1\nname: namespace\ngravity: [0, 0, -9.81]\n{sections}scenes: {{class: {{end: 1}}}}\n"
+
+
+@needs_cpp
+@pytest.mark.parametrize("kind", ["recursive", "augmented"])
+def test_words_of_cpp_are_names(kind: str, tmp_path: Path) -> None:
+    check(files_of(chain(WORDS[:40] if kind == "augmented" else WORDS), kind), kind, tmp_path)
+
+
+@needs_cpp
+@pytest.mark.parametrize("name", ["main", "float", "new", "std", "errno", "linux", "evaluate", "class"])
+def test_a_model_may_be_called_by_a_word_of_cpp(name: str, tmp_path: Path) -> None:
+    check(named(name, "recursive"), "recursive", tmp_path)
 
 
 def with_tyres(*names: str) -> str:

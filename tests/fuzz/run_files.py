@@ -53,7 +53,7 @@ def make(rng: random.Random) -> str:
         elif kind < 0.17 and isinstance(container, dict):
             container[rng.choice(("", "a", "x" * 300, "\x1b[31m"))] = copy.deepcopy(container[key])
         elif key not in ("out", "steps_out"):
-            container[key] = rng.choice(rng.choice((_ENDS, _REALS, _OTHERS)))
+            container[key] = copy.deepcopy(rng.choice(rng.choice((_ENDS, _REALS, _OTHERS))))
     text = json.dumps(file)
     if rng.random() < 0.1:
         i = rng.randrange(len(text))

@@ -201,11 +201,6 @@ NAMES = [
     ),
     (
         DRAG,
-        '§while: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
-        "@: force 'while': the name 'while' has a meaning of its own in C++; write for example 'while_1'",
-    ),
-    (
-        DRAG,
         '§ground: {kind: joint_force, joint: hinge, law: "-0.1*rate"}',
         "@: force 'ground': the name 'ground' belongs to the fixed world; choose another name",
     ),

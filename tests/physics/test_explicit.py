@@ -63,6 +63,18 @@ def test_errors_follow_the_tolerance(name: str, end: float) -> None:
     check_proportional(error, (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), within=6.0)
 
 
+@pytest.mark.parametrize(("name", "end", "tolerances"), [("A01", 10.0, (1e-8, 1e-10, 1e-12)), ("SC3D", 5.0, (1e-6, 1e-8, 1e-10))])
+def test_eighth_order(name: str, end: float, tolerances: tuple[float, ...]) -> None:
+    """With rows closer than the pendulum's steps, so that its errors are those of the interpolant too."""
+    problem = BY_NAME[name]
+    artifact = compiled(problem.model) if name == "SC3D" else with_rows(compiled(problem.model), 5e-3)
+    runs = [completed(simulate(artifact, integrator="dop853", tolerance=x, end=end)) for x in tolerances]
+    assert name == "SC3D" or all(run.steps < len(run.t) / 7 for run in runs)
+    coarse, fine = runs[0], runs[-1]
+    order = np.log(measure_errors(problem, coarse).largest / measure_errors(problem, fine).largest) / np.log(fine.steps / coarse.steps)
+    assert order == pytest.approx(8, abs=0.6)
+
+
 @pytest.mark.parametrize(("name", "end"), [("A01", 10.0), ("A02", 0.6), ("SC3D", 5.0)])
 def test_fifth_order(name: str, end: float) -> None:
     """With steps of the tolerance's fifth root the error goes with the fifth power of the number of steps.
@@ -113,12 +125,25 @@ def test_rows_do_not_limit_steps() -> None:
     assert errors[0] < 3 * errors[1]
 
 
+def test_rows_ask_for_what_lies_between() -> None:
+    """Steps of dop853 are the same with any rows; three more evaluations go to each step that a row lies in."""
+    many, few = (
+        completed(simulate(with_rows(compiled("pendulum"), row), integrator="dop853", tolerance=1e-8, end=5.0, error=False))
+        for row in (1e-3, 1.0)
+    )  # fmt: skip
+    assert (many.steps, many.effort.rejected) == (few.steps, few.effort.rejected)
+    assert many.evaluations - few.evaluations == 3 * (many.steps - len(few.t))
+    assert many["bob.x"][::1000] == pytest.approx(few["bob.x"], abs=1e-13)
+
+
 def with_rows(artifact: Artifact, row: float) -> Artifact:
     return replace(artifact, scene=replace(artifact.scene, output_step=row))
 
 
 @pytest.mark.parametrize("model", ["four_bar", "slider_crank", "andrews"])
-@pytest.mark.parametrize("how", [{"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-5}])
+@pytest.mark.parametrize(
+    "how", [{"integrator": "rk4"}, {"integrator": "dormand-prince", "tolerance": 1e-5}, {"integrator": "dop853", "tolerance": 1e-6}]
+)
 def test_loops_stay_closed(model: str, how: dict[str, float | str], tmp_path: Path) -> None:
     end = {"four_bar": 0.6, "slider_crank": 2.0, "andrews": 0.05}[model]
     run = completed(simulate(compiled(model), end=end, steps=tmp_path / "steps.csv", **how))  # type: ignore[arg-type]

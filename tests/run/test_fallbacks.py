@@ -91,7 +91,7 @@ def test_what_is_said_to_help_helps(case: str) -> None:
 def test_the_message_has_what_was_tried_and_what_was_not() -> None:
     with pytest.raises(FailedRunError) as error:
         simulate(press("penalty"), dt=1e-3, parameters={"stiffness": 1e9})
-    assert re.search(r"tried up to 0\.021 s: integrator dormand-prince and dt 0\.0001 go on", str(error.value))
+    assert re.search(r"tried up to 0\.021 s: integrator dormand-prince, integrator dop853 and dt 0\.0001 go on", str(error.value))
     assert "not tried: closure proximal, method recursive-newton" in str(error.value)
     with pytest.raises(FailedRunError) as error:
         simulate(block(), dt=0.01, parameters=STIFF)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 
 import numpy as np
 
-from cutjoint.analysis.assemblies import DriveMotion, Wanted, drive_motion, fit
+from cutjoint.analysis.assemblies import DriveMotion, Ranges, Wanted, drive_motion, fit
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
-from cutjoint.analysis.leads import fastest_joints, find_leads, follow, spanning_cuts
+from cutjoint.analysis.leads import Followed, fastest_joints, find_leads, follow, spanning_cuts
 from cutjoint.formulate.inputs import input_functions
 from cutjoint.methods import join_and
 from cutjoint.model.outcome import Note, Outcome
@@ -40,10 +40,10 @@ def assemble_loops(model: Model, scene: Scene) -> Outcome:
 
 
 def _assemble_loops(model: Model, scene: Scene) -> Outcome:
-    topology, done, left = build_topology(model), list[_Assembled](), list[Note]()
+    topology, done, left, seen = build_topology(model), list[_Assembled](), list[Note](), _Seen()
     for block in find_blocks(topology):
         try:
-            done.append(_assemble(model, topology, block, scene))
+            done.append(_assemble(model, topology, block, scene, seen))
         except NoAssemblyError as error:
             left.append(_stays(block, str(error)))
     while True:
@@ -55,6 +55,14 @@ def _assemble_loops(model: Model, scene: Scene) -> Outcome:
         left += [_stays(found.block, "it hangs on other loops that are eliminated at once") for found in inside]
         done = [found for found in done if found not in inside]
     return Outcome(model=whole, scene=scene, done=tuple(_leads(found) for found in done), left=tuple(left))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Findings of other blocks of the model, which equal ones take over: how they move, and how far functions reach."""
+
+    curves: Followed = field(default_factory=list)
+    ranges: Ranges = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +87,7 @@ def _leads(found: _Assembled) -> Note:
     return Note(element=found.assembly.leader, words=words, span=found.assembly.span)
 
 
-def _assemble(model: Model, topology: Topology, block: Block, scene: Scene) -> _Assembled:
+def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen: _Seen) -> _Assembled:
     """A block as an assembly."""
     _require_simple(model, block)
     names = {joint.name for joint in block.joints}
@@ -98,7 +106,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene) -> _
         cuts = spanning_cuts(block, joint, used)
         tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
         loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), drive), block)
-        leads = find_leads(loops, follow(loops, u.middle))
+        leads = find_leads(loops, follow(loops, u.middle, seen.curves))
         best = next((lead for lead in leads if not given or lead.joint.name in given), None)
         own = next((lead for lead in leads if lead.joint is joint), None)
         tried.append(joint.name)
@@ -107,7 +115,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene) -> _
         if best is None or best.joint.name in tried:
             raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
         joint = best.joint
-    functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms))
+    functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms), seen.ranges)
     assembly = Assembly(
         leader=joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import sympy
@@ -52,12 +53,26 @@ class Wanted:
         return 5 * self.harmonics // 2
 
 
-def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
-    """Series as they are wanted on the largest range that they reach.
+#: The ranges that functions reached, by the ways of the coordinates that lead: an equal or mirrored block reaches as far.
+Ranges: TypeAlias = dict[tuple[float, ...], Interval]
+
+
+def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted, known: Ranges) -> LoopFunctions:
+    """Series as they are wanted on the largest range that they reach, which joins the ``known`` ones.
 
     Raises:
         NoAssemblyError: no range is long enough.
     """
+    way = *(round(x, 9) for x in (lead.lower, lead.upper, lead.value)), *(u.lower, u.upper)
+    if (found := known.get(way)) is not None:
+        with suppress(NoAssemblyError):
+            return _fit(loops, replace(lead, turns=lead.turns and found.half > 3), found, u, wanted)
+    functions = _fit_longest(loops, lead, u, wanted)
+    known[way] = functions.range
+    return functions
+
+
+def _fit_longest(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunctions:
     whole = Interval(lower=lead.lower, upper=lead.upper)
     if lead.turns:
         with suppress(NoAssemblyError):
@@ -68,11 +83,7 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunct
     while length > wanted.terms:
         if whole.half < 0.5 * STEP * loops.scales[lead.place]:
             raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
-        parts = ((_SHORTER, 1.0), (1.0, _SHORTER)) if length < np.inf else ((_SHORTER, _SHORTER),)
-        shorter = [
-            Interval(lower=lead.value + part * (whole.lower - lead.value), upper=lead.value + other * (whole.upper - lead.value))
-            for part, other in parts
-        ]
+        shorter = _shorter(whole, lead.value, length > wanted.nodes)
         lengths = [_terms(loops, lead, one, middle, wanted) for one in shorter]
         length = min(lengths)
         whole = shorter[lengths.index(length)]
@@ -88,6 +99,19 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted) -> LoopFunct
 
 #: The part of a side of the range that is left where functions would need too many terms.
 _SHORTER = 0.85
+#: The least side beside the whole range that is made shorter still.
+_LEAST_SIDE = 0.05
+
+
+def _shorter(whole: Interval, value: float, unresolved: bool) -> list[Interval]:
+    """Shorter ranges about a value: one side or the other, or where functions say nothing of either, the longer one."""
+    sides = value - whole.lower, whole.upper - value
+    found = [
+        Interval(lower=value - (_SHORTER if first else 1.0) * sides[0], upper=value + (1.0 if first else _SHORTER) * sides[1])
+        for first in (True, False)
+        if sides[0 if first else 1] >= (max(sides) if unresolved else _LEAST_SIDE * sum(sides))
+    ]
+    return found[:1] if unresolved else found
 
 
 def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted) -> float:

@@ -7,7 +7,8 @@ the part of this curve around the start on which it moves one way, and not much 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -36,13 +37,48 @@ class Curve:
     closes: bool
 
 
-def follow(loops: BlockLoops, u: float) -> Curve:
-    """Follow a block from where the scene has it, both ways, until its equations come near to depending on each other.
+#: Blocks that were followed, and how they move.
+Followed: TypeAlias = list[tuple[BlockLoops, Curve]]
+
+
+def follow(loops: BlockLoops, u: float, known: Followed) -> Curve:
+    """Follow a block from where the scene has it, both ways, until its equations come near to depending on each other; an equal block or a
+    mirrored one moves as a ``known`` one, which it joins.
 
     Raises:
         NoAssemblyError: the block does not close, or has another number of degrees of freedom than one.
     """
     start, rank = _start(loops, u)
+    alike = (_as_another(loops, other, curve, u, mirrored) for other, curve in known for mirrored in (False, True))
+    found = next((curve for curve in alike if curve is not None), None) or _follow(loops, start, rank, u)
+    known.append((loops, found))
+    return found
+
+
+def _as_another(loops: BlockLoops, other: BlockLoops, curve: Curve, u: float, mirrored: bool) -> Curve | None:
+    """The motion of another block as that of this one, or of one ``mirrored`` in y, if it closes this one's loops from where it is."""
+    kinds = [[(chart.scalars, chart.ball) for chart in block.own] for block in (loops, other)]
+    if kinds[0] != kinds[1]:
+        return None
+    q, speeds = loops.design(len(curve.q)), np.zeros_like(curve.speeds)
+    for own, theirs in zip(loops.own, other.own, strict=True):
+        n, m = len(own.coordinate_names), len(own.speed_names)
+        signs = np.array([1.0] * own.scalars + ([1.0, -1.0, 1.0, -1.0] if mirrored else [1.0] * 4) * own.ball)
+        turns = np.array([1.0] * own.scalars + ([-1.0, 1.0, -1.0] if mirrored else [1.0] * 3) * own.ball)
+        first, there = loops.speeds[own.joint], other.speeds[theirs.joint]
+        q[:, own.q : own.q + n] = signs * curve.q[:, theirs.q : theirs.q + n]
+        speeds[:, first : first + m] = turns * curve.speeds[:, there : there + m]
+    residual, jacobian = loops.evaluate(q, np.full(len(q), u))
+    drift = np.abs(np.einsum("nij,nj->ni", jacobian, speeds)).max(initial=0.0)
+    begins = np.abs(q[curve.start] - loops.design()[0]).max() < _ALIKE
+    return replace(curve, q=q, speeds=speeds) if begins and max(np.abs(residual).max(initial=0.0), drift) < _ALIKE else None
+
+
+#: The largest gap, and drift of one at unit speeds, of a motion that is taken over.
+_ALIKE = 1e-7
+
+
+def _follow(loops: BlockLoops, start: Poses, rank: int, u: float) -> Curve:
     tangent, condition = _tangent(loops, start, rank, None)
     limit = min(_WORST, _WORSE * max(condition, 3.0))
     forth, closes = _march(loops, start, rank, tangent, u, limit)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs
+from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs, retract
 from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
@@ -83,6 +83,28 @@ def closed_states(equations: LagrangianEquations) -> list[NaturalState]:
     """The poses of the recursive equations that close the loops, in natural coordinates, moving along a free direction of each."""
     rng = np.random.default_rng(0)
     return [_moving(equations, pose, rng) for pose in explore(equations.start)]
+
+
+#: The way (m, rad) that free speeds take a pose that has no other beside it.
+_OFF = 0.05
+
+
+def states_off_a_single_pose(equations: LagrangianEquations, states: Sequence[NaturalState]) -> list[NaturalState]:
+    """States with open loops along free speeds of the only pose of which ``closed_states`` has found the state.
+
+    Equations that depend on each other there too do so by the mechanism's kind, as those of a plane loop; others for the moment only.
+    None where other poses say it, and where no speed is free: what is kept then holds the pose.
+    """
+    if len(states) > 1:
+        return []
+    pose = explore(equations.start)[0]
+    free = pose.free
+    if not free.size:
+        return []
+    rng = np.random.default_rng(1)
+    ways = (free @ rng.standard_normal(free.shape[1]) for _ in range(2))
+    poses = (replace(pose, q=retract(equations.start, pose.q, _OFF * way / np.abs(way).max())) for way in ways)
+    return [_moving(equations, off, rng) for off in poses]
 
 
 def _moving(equations: LagrangianEquations, pose: Pose, rng: np.random.Generator) -> NaturalState:

@@ -9,6 +9,7 @@ from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
+from cutjoint.analysis.shaky import describe_shakiness, find_shakiness
 from cutjoint.analysis.skew import describe_geometry
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -52,6 +53,8 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
             options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
     for motion in find_momentary_motions(equations, poses):
         options.out.print(describe_momentary(checked, motion), markup=False)
+    if shaky := find_shakiness(equations):
+        options.out.print(describe_shakiness(equations, shaky), markup=False)
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)

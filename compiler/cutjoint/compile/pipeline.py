@@ -13,6 +13,7 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.analysis.mobility import require_soundness
+from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.folders import plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
 from cutjoint.emit.simulator import emit
@@ -96,8 +97,9 @@ def schedule_method(
     if METHODS[method].has_system:
         from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
 
-        return schedule_system(derive(model, with_loops(scene, Loops.EXACT), ()).starting, method, tuple(outputs), lanes=lanes)
-    recursive = derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name)
+        start = require_firmness(derive(model, with_loops(scene, Loops.EXACT), ()), method)
+        return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
+    recursive = require_firmness(derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
 

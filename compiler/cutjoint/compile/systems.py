@@ -13,7 +13,14 @@ import numpy as np
 
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions
-from cutjoint.analysis.natural import NaturalState, closed_states, dependent_equations, evaluate_results, tangent_samples
+from cutjoint.analysis.natural import (
+    NaturalState,
+    closed_states,
+    dependent_equations,
+    evaluate_results,
+    states_off_a_single_pose,
+    tangent_samples,
+)
 from cutjoint.emit.classes import System
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.interpreted import emit_interpreted_system
@@ -78,7 +85,8 @@ def formulate_system(start: RecursiveEquations, method: str, outputs: tuple[Outp
     if not METHODS[method].saddle_point:
         return equations, []
     states = closed_states(equations)
-    return without(equations, dependent_equations(equations, states)), states
+    dependent = dependent_equations(equations, [*states, *states_off_a_single_pose(equations, states)])
+    return without(equations, dependent, watched=len(states) == 1), states
 
 
 def plan_system(equations: E, states: Sequence[NaturalState], *, lanes: bool) -> tuple[E, Program]:

@@ -11,7 +11,7 @@ from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
 from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
 from cutjoint.emit.view import FunctionView, Viewer
-from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
@@ -290,7 +290,7 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
-        "guards": len(guards_of(equations.topology.model, equations.scene)), "switches": len(equations.switches),
+        "guards": len(guards_in(equations)), "switches": len(equations.switches),
         **({"states": states} if states else {}),
     }}  # fmt: skip
 

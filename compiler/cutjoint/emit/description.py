@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.emit.source import Page, Piece, quotable, switches_of
-from cutjoint.formulate.forces import guards_of
-from cutjoint.formulate.records import RecursiveEquations, SystemEquations
+from cutjoint.formulate.forces import guards_in
+from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.model.records import Assembly, Parameter
+from cutjoint.model.records import Assembly, Guard, Parameter
 
 
 def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
@@ -28,8 +28,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "driven": any(joint.guide is not None for joint in model.joints),
         "guides_jump": guides_jump(model, scene),
         "guards": [
-            {"name": guard.name, "place": quotable(guard.span.place), **({"ends": 1} if isinstance(guard, Assembly) else {})}
-            for guard in guards_of(model, scene)
+            {"name": guard.name, "place": quotable(guard.span.place), **_kind(guard)} for guard in guards_in(equations)
         ],
         "columns": equations.columns,
         "domains": [
@@ -38,6 +37,13 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "switches": switches_of(equations),
         "states": len(equations.state.states),
     }  # fmt: skip
+
+
+def _kind(guard: Guard | Assembly | LeftOut) -> dict[str, int]:
+    """The flags of a guard that is not a force's."""
+    if isinstance(guard, LeftOut):
+        return {"ends": 0, "left_out": 1}
+    return {"ends": 1} if isinstance(guard, Assembly) else {}
 
 
 def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str, ...]:

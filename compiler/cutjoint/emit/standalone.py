@@ -16,7 +16,7 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
-from cutjoint.formulate.forces import guards_of
+from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS, Formulation
@@ -58,8 +58,8 @@ _GATHERED = (
 class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
-    ``stages`` is the number of slopes that an explicit one holds, ``finds_events`` whether its steps can end at events, ``is_iterated``
-    whether a number of iterations can be set, ``adaptive`` whether tolerances can.
+    ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
+    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can.
     """
 
     header: str
@@ -81,6 +81,10 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         ),
         "dormand-prince": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
+            adaptive=True,
+        ),
+        "dop853": Steps(
+            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::Dop853Table>", stages=20, finds_events=True,
             adaptive=True,
         ),
     },
@@ -266,7 +270,7 @@ def _truth(value: object) -> str:
 
 def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, Any]]:
     """Names, units and places in the model's file."""
-    guards = guards_of(equations.topology.model, equations.scene)
+    guards = guards_in(equations)
     tables = {
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 
 import sympy
 
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import Function
+from cutjoint.formulate.records import Equations, Function, LeftOut
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Assembly, Force, Guard, Model, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
@@ -30,6 +30,11 @@ def guards_of(model: Model, scene: Scene) -> tuple[Guard | Assembly, ...]:
     return *forces_guarded(model, scene), *(assembly for assembly in model.assemblies if not assembly.functions.turns or assembly.drive)
 
 
+def guards_in(equations: Equations) -> tuple[Guard | Assembly | LeftOut, ...]:
+    """All guards of equations: of forces, of assemblies, and of equations that are left out."""
+    return *guards_of(equations.topology.model, equations.scene), *equations.left_out
+
+
 def forces_guarded(model: Model, scene: Scene) -> tuple[Guard, ...]:
     """The guards of forces that the scene has switched on."""
     return tuple(guard for guard in model.guards if is_active(guard.force, scene))
@@ -48,9 +53,9 @@ def guard_function(margins: Mapping[str, Block]) -> tuple[Function, ...]:
     return (Function(name="guard", arguments=arguments, results=results),) if margins else ()
 
 
-def margin_slots(model: Model, scene: Scene) -> dict[str, Slot]:
+def margin_slots(model: Model, scene: Scene, left_out: Iterable[LeftOut] = ()) -> dict[str, Slot]:
     """The places of the guards' margins."""
-    names = [guard.name for guard in guards_of(model, scene)]
+    names = [guard.name for guard in (*guards_of(model, scene), *left_out)]
     return {f"margin:{name}": Slot(array="margin", offset=i, names=("margin",)) for i, name in enumerate(names)}
 
 

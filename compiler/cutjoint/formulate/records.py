@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from cutjoint.formulate.layout import Chart, Closure, Slot, StateLayout
-from cutjoint.model.records import Output, Parameter, Scene
+from cutjoint.model.records import Output, Parameter, Scene, Span
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -74,6 +74,14 @@ class Function:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """An equation that is not held since others imply it in the only pose known: its residual is watched; ``span`` is its element's."""
+
+    name: str
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Equations:
     """The symbolic mechanics of one model in one scene, by any formulation; ``domains`` describe the margins of the function of that name.
 
@@ -81,6 +89,7 @@ class Equations:
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
     arguments of the generated ``load``.
     ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills.
+    ``left_out`` are equations that guards watch.
     """
 
     topology: Topology
@@ -97,6 +106,7 @@ class Equations:
     domains: tuple[DomainPlace, ...] = ()
     inputs: tuple[Parameter, ...] = ()
     input_values: int = 0
+    left_out: tuple[LeftOut, ...] = ()
 
     def __repr__(self) -> str:
         sizes = f"{self.unknowns} unknowns, {len(self.equation_names)} equations of loops, {len(self.columns)} columns"

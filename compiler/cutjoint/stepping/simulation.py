@@ -66,8 +66,8 @@ class Simulation:
         """Start at time 0, and return the simulation: from the scene's start, with other ``coordinates`` and ``speeds`` (SI units) of
         joints of the spanning tree for this start alone.
 
-        ``dt`` is the length of steps (s), by dormand-prince and sdirk4 how far `step` goes on.  ``iterations``, of the trapezoidal rule of
-        method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of dormand-prince and sdirk4, is what the
+        ``dt`` is the length of steps (s), by adaptive integrators how far `step` goes on.  ``iterations``, of the trapezoidal rule of
+        method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of adaptive integrators, is what the
         error of a step may be, absolute (SI units) and as a share.  ``equilibrium`` is whether the pose is one at rest, in which forces
         hold given coordinates where the scene's is one too; False takes the pose as it is given.  These settings stay.
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.folders import fits_lanes
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive
@@ -87,7 +88,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)
     begin = perf_counter()
-    derived = derive(model, scene, scene.outputs, closure=closure)
+    derived = require_firmness(derive(model, scene, scene.outputs, closure=closure), METHOD)
     equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing
     source = emit_batch(schedule_recursive(equations, lanes=False), equations)
     generated = perf_counter()

@@ -25,6 +25,7 @@ COLOURS = (
 STYLES: Mapping[str, tuple[str, str]] = {
     "generated": ("-", "o"), "scalar": ("-", "x"), "solvers": (":", "."), "generic": ("--", "s"), "precision": ("-", "o"),
     "peer": ("-.", "^"), "reduced": ("--", "D"), "reductions": ("--", "v"), "integrators": (":", "P"),
+    "functions": ("--", "*"),
 }  # fmt: skip
 
 def new_figure(width: float, height: float) -> Figure:
@@ -68,8 +69,8 @@ def draw_work_precision(case: Mapping[str, Any]) -> str:
 def _colours(lines: Sequence[Line]) -> list[str]:
     """A colour a formulation and a further one a peer, precision or integrator; twins and solvers of a formulation share its colour, and
     reduced models that of the full one."""
-    splits = ("peer", "precision", "integrators", "reduced")
-    names = [(line["contender"].removesuffix("/reduced"), line["group"]) for line in lines]
+    splits = ("peer", "precision", "integrators", "reduced", "functions")
+    names = [(line["contender"].removesuffix("/reduced").removesuffix("/functions"), line["group"]) for line in lines]
     families = [name if group in splits else name.partition("/")[0] for name, group in names]
     of = {family: COLOURS[i % len(COLOURS)] for i, family in enumerate(dict.fromkeys(families))}
     return [of[family] for family in families]

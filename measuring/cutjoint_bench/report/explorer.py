@@ -15,6 +15,7 @@ Data = Mapping[str, Any]
 #: The name of a group of contenders in the chart's filters.
 KINDS = {
     "generated": "full model", "integrators": "full model", "reduced": "reduced model", "reductions": "reduced model", "peer": "peer",
+    "functions": "loops as functions",
     "generic": "generic twin", "precision": "number types", "solvers": "linear solvers", "scalar": "without lanes",
 }  # fmt: skip
 

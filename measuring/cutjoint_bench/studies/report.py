@@ -50,14 +50,14 @@ def paper() -> Plan:
 def reductions() -> Plan:
     """One of the paper's scenes, with and without lanes, in full and reduced, model by model, by each integrator."""
     case = make_case(MODELS / "iltis.yaml", "simul1", row=0.0075)
-    contenders = choose(["generated", "scalar", "reductions", "integrators", "reduced"])
+    contenders = choose(["generated", "scalar", "reductions", "integrators", "reduced", "functions"])
     return Plan(cases=[case], contenders=contenders, reference="extended", title="lanes, reduced models and integrators")
 
 
 def vehicle() -> Plan:
     """A vehicle that all tools can run, ours in the same variant."""
     case = make_case(MODELS / "iltis.yaml", IAVSD, row=0.005, parameters={"chassis_mass": 1248.0}, link_masses=LINKS)
-    contenders = choose(["generated", "integrators", "reduced", "peer"])
+    contenders = choose(["generated", "integrators", "reduced", "functions", "peer"])
     return Plan(cases=[case], contenders=contenders, reference="extended", title="with link masses, and peers")
 
 

@@ -37,7 +37,7 @@ struct Named {
 struct Guard {
   const char* force;
   const char* place;
-  bool ends = false;
+  bool ends = false, left_out = false;
 };
 
 struct Domain {

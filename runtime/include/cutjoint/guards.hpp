@@ -1,4 +1,4 @@
-// Watches that forces which were left out of a model do not act.
+// Watches that forces which were left out of a model do not act, and that equations which were left out hold.
 #pragma once
 
 #include <cstddef>
@@ -21,6 +21,10 @@ Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Re
   }
   const std::string name(guards[worst].force), place(guards[worst].place);
   const bool ends = guards[worst].ends;
+  if (guards[worst].left_out)
+    return Failure("equation '" + name + "' (" + place + ") stands open: it was left out, since others implied it in the only pose that was known", t,
+                   number, name, static_cast<double>(-margins[worst]),
+                   "the joint is not held there, as of loops that close in one pose only: look at its axes and points, or take method augmented or recursive");
   Failure failure("the guard of '" + name + "' (" + place + ") is violated: " + (ends ? "the functions of its loops end there" : "the force would act"),
                   t, number, name, static_cast<double>(-margins[worst]),
                   ends ? "run with loops: exact, with on_violation: restart, or with more loop_terms" : "run the full model, or with on_violation: restart");

@@ -21,7 +21,7 @@ struct Named {
 struct Guard {
   std::string_view force;
   std::string_view place;
-  bool ends = false;
+  bool ends = false, left_out = false;
 };
 
 /// A value at whose change of sign a force, a guide or a drive goes over to another formula, or a tyre at a break of its road; the element that it

@@ -32,6 +32,7 @@ inline constexpr std::array integrators{
     Meaning<Integrator>{"trapezoidal", Integrator::trapezoidal},
     Meaning<Integrator>{"rk4", Integrator::rk4},
     Meaning<Integrator>{"dormand-prince", Integrator::dormand_prince},
+    Meaning<Integrator>{"dop853", Integrator::dop853},
     Meaning<Integrator>{"sdirk4", Integrator::sdirk4},
     Meaning<Integrator>{"sdirk4-fixed", Integrator::sdirk4_fixed},
     Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
@@ -110,14 +111,14 @@ class SettingsReader {
   /// Check that settings agree with each other.
   void require_agreement(const RunSettings& s) const {
     const Integrator integrator = s.integrator;
-    const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince;
+    const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince || integrator == Integrator::dop853;
     const bool is_diagonal = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed;
     if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
     if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");
     const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;
     if (s.stabilisation.closure == Closure::proximal && !can_be_proximal)
-      refuse("closure", "is \"proximal\", which trapezoidal, rk4 and dormand-prince take; write \"penalty\"");
+      refuse("closure", "is \"proximal\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\"");
   }
 
   [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }

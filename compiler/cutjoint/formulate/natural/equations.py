@@ -32,6 +32,7 @@ from cutjoint.formulate.records import (
     EQUATION_ARRAYS,
     LOAD_ARGUMENTS,
     Column,
+    LeftOut,
     RecursiveEquations,
     SystemEquations,
     energy_results,
@@ -58,12 +59,12 @@ from cutjoint.program.switches import find_domains, find_switches
 
 
 def formulate_lagrangian(
-    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = ()
+    start: RecursiveEquations, method: str, outputs: tuple[Output, ...], left_out: Collection[str] = (), *, watched: bool = False
 ) -> LagrangianEquations:
     """The functions of a system in natural coordinates, see runtime/include/cutjoint/lagrangian/system.hpp.
 
     ``start`` are the recursive equations of the same model and scene; ``method`` is "augmented" or "classical"; equations named in
-    ``left_out`` are not held.
+    ``left_out`` are not held; if they are ``watched``, guards stop a run in which they stand open.
 
     Raises:
         ModelError: outputs that natural coordinates do not determine.
@@ -77,11 +78,14 @@ def formulate_lagrangian(
     states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
     motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
     maker = ForceMaker(motions, model, scene)
+    constraints = tuple(ConstraintMaker(motions, model).all())
     system = _System(
-        b=b, motions=motions, layout=layout, constraints=tuple(_without(b, ConstraintMaker(motions, model).all(), left_out)),
+        b=b, motions=motions, layout=layout, constraints=tuple(_without(b, constraints, left_out)),
         elements={e.name: e for e in maker.all()}, masses=tuple(_masses(layout, model)), maker=maker, start=start,
     )  # fmt: skip
     guarded, margins = maker.guarded()
+    unheld = dict(_unheld(b, model, constraints, left_out if watched else ()))
+    margins |= {equation.name: margin for equation, margin in unheld.items()}
     reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
         model=model, motions=motions, forces={name: e.quantities for name, e in reported.items()}, elements=reported,
@@ -111,17 +115,35 @@ def formulate_lagrangian(
         ), method=method,
         slots={
             **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
-            **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots,
+            **column_slots(outputs), **margin_slots(model, scene, unheld), **value_slots(switches), **domain_slots(domains), **laws.slots,
             **energy_slots(),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, state=system.state, layout=layout, constraints=system.constraints, load_arguments=LOAD_ARGUMENTS,
+        left_out=tuple(unheld),
     )  # fmt: skip
 
 
-def without(equations: LagrangianEquations, left_out: Collection[str]) -> LagrangianEquations:
-    """The system without the equations named in ``left_out``."""
-    return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out) if left_out else equations
+def without(equations: LagrangianEquations, left_out: Collection[str], *, watched: bool = False) -> LagrangianEquations:
+    """The system without the equations named in ``left_out``, which guards watch if they are ``watched``."""
+    if not left_out:
+        return equations
+    return formulate_lagrangian(equations.start, equations.method, equations.outputs, left_out, watched=watched)
+
+
+#: The size of a residual, of lengths of vectors near 1 and of m, beyond which an equation that is left out stands open.
+_OPEN = 1e-5
+
+
+def _unheld(
+    b: Builder, model: Model, constraints: Iterable[Constraint], left_out: Collection[str]
+) -> Iterator[tuple[LeftOut, Block]]:  # fmt: skip
+    """The equations that are left out, with their margins: negative where one stands open."""
+    for c in constraints if left_out else ():
+        for i, name in enumerate(c.names):
+            if (full := f"{c.element}.{name}") in left_out:
+                equation = LeftOut(name=full, span=model.constraint_spans.get(c.element, model.span))
+                yield equation, b.sub(b.number(_OPEN), b.call("abs", b.take(c.residual, (i, i + 1))))
 
 
 def _without(b: Builder, constraints: Iterable[Constraint], left_out: Collection[str]) -> Iterator[Constraint]:

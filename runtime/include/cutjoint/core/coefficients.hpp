@@ -1,4 +1,4 @@
-// The coefficients of Runge-Kutta methods as fractions: exact in any precision.
+// The coefficients of Runge-Kutta methods: fractions, exact in any precision, or decimals of thirty digits.
 #pragma once
 
 #include <array>
@@ -14,16 +14,33 @@ struct Fraction {
   Real as() const {
     return Real(above) / Real(below);
   }
+
+  constexpr bool is_zero() const { return above == 0; }
 };
 
 template <std::size_t stages>
 using Coefficients = std::array<Fraction, stages>;
 
+/// A number that is no fraction: the nearest double, and what that leaves of it for number types with more digits.
+struct Decimal {
+  double nearest = 0, rest = 0;
+
+  template <class Real>
+  Real as() const {
+    return Real(nearest) + Real(rest);
+  }
+
+  constexpr bool is_zero() const { return nearest == 0; }
+};
+
+template <std::size_t stages>
+using Decimals = std::array<Decimal, stages>;
+
 /// sum += h times the weighted slopes.
-template <class Real, std::size_t stages, class Slopes, class Numbers>
-void add_slopes(Real h, const Coefficients<stages>& weights, const Slopes& slopes, Numbers& sum) {
+template <class Real, class Weight, std::size_t stages, class Slopes, class Numbers>
+void add_slopes(Real h, const std::array<Weight, stages>& weights, const Slopes& slopes, Numbers& sum) {
   for (std::size_t j = 0; j < stages; ++j) {
-    if (weights[j].above == 0) continue;
+    if (weights[j].is_zero()) continue;
     const Real weight = h * weights[j].template as<Real>();
     for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += weight * slopes[j][i];
   }

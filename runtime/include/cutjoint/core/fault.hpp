@@ -73,7 +73,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::no_assembly: return "the loop cannot close from the given coordinates";
     case Cause::speeds_contradict: return "the given speeds contradict the loops";
     case Cause::infinite_acceleration: return "an acceleration has no finite value at the start";
-    case Cause::guard_violated: return "a guard is violated: the force would act";
+    case Cause::guard_violated: return "a guard is violated: the force would act, or the equation stands open";
     case Cause::tolerance_not_met:
     case Cause::stiff: return "no step is small enough for the tolerance";
     case Cause::accelerations_not_finite: return "the accelerations have no finite value";

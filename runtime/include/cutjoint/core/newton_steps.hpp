@@ -26,6 +26,47 @@ inline NewtonSettings newton_settings(const SimulationSettings& settings) {
           .rule = settings.spectral_radius ? generalised_alpha(*settings.spectral_radius) : StepRule{}};
 }
 
+/// Accelerations and multipliers of single states by a `Method`, with factors of their own; a singular pose keeps the accelerations that it has.
+template <class S, class Method, class LinearSolver>
+struct SingleStates {
+  using Settings = typename SettingsOf<LinearSolver>::type;
+
+  LinearSolver solver;
+  Method newton;
+  StateOf<S> completed;
+
+  SingleStates(S& system, const Settings& settings)
+      : solver(solver_for<LinearSolver>(system, settings)),
+        newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
+        completed(design_state(system)) {}
+
+  void accelerate(StateOf<S>& state) {
+    completed = state;
+    if (!newton.go_on(completed)) state = completed;
+  }
+
+  const StateOf<S>& with_reactions(const StateOf<S>& state) {
+    completed = state;
+    return newton.begin(completed, Real(1)) ? state : completed;
+  }
+
+ private:
+  using Real = typename S::real_type;
+};
+
+/// The same of a system that is driven, as its description says; other states are as they are.
+template <class S, class Method, class LinearSolver>
+struct SingleStatesOfDriven {
+  std::optional<SingleStates<S, Method, LinearSolver>> single;
+
+  SingleStatesOfDriven(S& system, const typename SettingsOf<LinearSolver>::type& settings) {
+    if (system.description().driven) single.emplace(system, settings);
+  }
+
+  void accelerate(StateOf<S>& state) { single->accelerate(state); }
+  const StateOf<S>& with_reactions(const StateOf<S>& state) { return single ? single->with_reactions(state) : state; }
+};
+
 /// The integrator of a simulation (simulation.hpp) by the trapezoidal rule of a `Method` with its solver, over a system S in whatever coordinates;
 /// the mechanism M starts.  Steps go over events.
 template <class M, class S, class Method, class LinearSolver>
@@ -114,41 +155,8 @@ class NewtonSteps {
   }
 
  private:
-  /// Single states, with factors of their own; a singular pose keeps the accelerations that it has.
-  struct Single {
-    Solver solver;
-    Newton newton;
-    StateOf<S> completed;
-
-    Single(S& system, const Settings& settings)
-        : solver(solver_for<Solver>(system, settings)),
-          newton(system, solver, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-9, .iterations = 100, .multiplier_updates = 4}),
-          completed(design_state(system)) {}
-
-    void accelerate(StateOf<S>& state) {
-      completed = state;
-      if (!newton.go_on(completed)) state = completed;
-    }
-
-    const StateOf<S>& with_reactions(const StateOf<S>& state) {
-      completed = state;
-      return newton.begin(completed, Real(1)) ? state : completed;
-    }
-  };
-
-  /// The steps of a system that is driven, as its description says.
-  struct SingleOfDriven {
-    std::optional<Single> single;
-
-    SingleOfDriven(S& system, const Settings& settings) {
-      if (system.description().driven) single.emplace(system, settings);
-    }
-
-    void accelerate(StateOf<S>& state) { single->accelerate(state); }
-    const StateOf<S>& with_reactions(const StateOf<S>& state) { return single ? single->with_reactions(state) : state; }
-  };
-
-  using SingleOf = std::conditional_t<!Sized<S>, SingleOfDriven, std::conditional_t<can_jump<S>, Single, NoImpacts>>;
+  using SingleOf = std::conditional_t<!Sized<S>, SingleStatesOfDriven<S, Newton, Solver>,
+                                      std::conditional_t<can_jump<S>, SingleStates<S, Newton, Solver>, NoImpacts>>;
 
   /// The next step goes on from a state with accelerations and multipliers.
   void take(const StateOf<S>& state) {

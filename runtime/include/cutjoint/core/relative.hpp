@@ -106,7 +106,7 @@ class Relative {
   }
 
   M& mechanism_;
-  StateOf<M> state_;
+  StateOf<M> state_, complete_;
   Experience experience_;
 
  private:
@@ -158,7 +158,6 @@ class Relative {
     rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 
-  StateOf<M> complete_;
   Real tolerance_;
   Speeds<M> before_;
   Equations<M> correction_;

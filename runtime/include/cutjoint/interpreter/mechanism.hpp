@@ -59,7 +59,7 @@ inline Description read_description(const Json& d) {
   found.inputs = read_named(d.at("inputs"));
   found.roads = read_names(d.at("roads"));
   found.columns = read_named(d.at("columns"));
-  for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1), g.size() > 2});
+  for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1), g.size() == 3, g.size() > 3});
   for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>()});
   const Json& switches = d.at("switches");
   for (const Json& s : switches)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
@@ -48,6 +49,16 @@ class ClosedLoopDynamics : public Relative<M> {
     evaluate_switches();
     cells_.look(t);
     cells_.pass(t);
+  }
+
+  /// The slope at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no switch is looked at there.
+  void derive_between(Real t, const Vector& y, Vector& slope) {
+    const auto [effect, age, before] = this->experience_;
+    complete_ = state_;
+    predict(t);
+    Relative<M>::derive(t, y, slope);
+    std::swap(complete_, state_);
+    this->experience_ = {effect, age, this->experience_.evaluations};
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
@@ -145,7 +156,7 @@ class ClosedLoopDynamics : public Relative<M> {
   }
 
  private:
-  using Relative<M>::mechanism_, Relative<M>::state_;
+  using Relative<M>::complete_, Relative<M>::mechanism_, Relative<M>::state_;
 
   /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {

@@ -14,9 +14,10 @@ namespace cutjoint::runge_kutta {
 ///
 /// Between the ends, with s the share of the step,
 ///
-///     y(s) = y + s (d + (1 - s) (b + s (c + (1 - s) w)))      d = end - y,  b = h f(y) - d,  c = d - h f(end) - b
+///     y(s) = y + s (d + (1 - s) (b + s (c + (1 - s) (w + s (...)))))      d = end - y,  b = h f(y) - d,  c = d - h f(end) - b
 ///
-/// where w is h times the slopes weighted by the table's `dense`.
+/// where w and those that follow are h times the slopes weighted by the rows of the table's `dense`.  Stages that stand there alone are found when the
+/// first place between the ends is asked for.
 template <class Dynamics, class Table>
 class Formula {
  public:
@@ -24,6 +25,8 @@ class Formula {
   using Vector = typename Dynamics::Vector;
 
   static constexpr int order = Table::order;
+
+  using Errors = std::array<Vector, Table::errors.size()>;
 
   explicit Formula(Dynamics& dynamics) : dynamics_(dynamics), at_(dynamics.size()), before_(at_) {
     slopes_.fill(at_);
@@ -46,8 +49,8 @@ class Formula {
     begun_ = memory.begun;
   }
 
-  /// A step of h from y at t, into `end`; the estimate of its error, into `error`.
-  void attempt(Real t, Real h, const Vector& y, Vector& end, Vector& error) {
+  /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.
+  void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors) {
     if (!begun_) dynamics_.derive(t, y, slopes_[0]);
     begun_ = true;
     for (std::size_t stage = 1; stage < Table::stages; ++stage) {
@@ -57,8 +60,7 @@ class Formula {
       dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
     }
     end = at_;
-    std::fill(error.begin(), error.end(), Real(0));
-    add_slopes(h, Table::error, slopes_, error);
+    for (std::size_t i = 0; i < errors.size(); ++i) weigh(h, Table::errors[i], errors[i]);
   }
 
   /// h times the largest eigenvalue, from the last two stages, both at the end (Hairer, Wanner, Solving Ordinary Differential Equations
@@ -74,11 +76,10 @@ class Formula {
     return below > Real(0) ? h * sqrt(above / below) : Real(0);
   }
 
-  /// The attempted step from y counts; its interpolant stays until the next one does.
-  void accept(Real h, const Vector& y, const Vector& end) {
+  /// The attempted step from y at t counts; its interpolant stays until the next one does.
+  void accept(Real t, Real h, const Vector& y, const Vector& end) {
     const auto &first = slopes_[0], &last = slopes_[Table::stages - 1];
-    std::fill(parts_[4].begin(), parts_[4].end(), Real(0));
-    add_slopes(h, Table::dense, slopes_, parts_[4]);
+    if constexpr (Table::all == Table::stages) weigh_between(h);
     for (std::size_t i = 0; i < y.size(); ++i) {
       const Real way = end[i] - y[i], bend = h * first[i] - way;
       parts_[0][i] = y[i];
@@ -87,20 +88,57 @@ class Formula {
       parts_[3][i] = way - h * last[i] - bend;
     }
     slopes_[0].swap(slopes_[Table::stages - 1]);
+    accepted_ = {t, h, Table::all > Table::stages};
   }
 
   /// The accepted step at the share s of its length; s somewhat above 1 goes on from it.
-  void interpolate(Real s, Vector& y) const {
+  void interpolate(Real s, Vector& y) {
+    if constexpr (Table::all > Table::stages)
+      if (accepted_.lacks_stages) find_stages_between();
     const Real left = Real(1) - s;
-    for (std::size_t i = 0; i < y.size(); ++i)
-      y[i] = parts_[0][i] + s * (parts_[1][i] + left * (parts_[2][i] + s * (parts_[3][i] + left * parts_[4][i])));
+    for (std::size_t i = 0; i < y.size(); ++i) {
+      Real sum = parts_.back()[i];
+      for (std::size_t k = parts_.size() - 2; k > 0; --k) sum = parts_[k][i] + (k % 2 > 0 ? left : s) * sum;
+      y[i] = parts_[0][i] + s * sum;
+    }
   }
 
  private:
+  /// h times weighted slopes.
+  void weigh(Real h, const typename Table::Row& weights, Vector& sum) const {
+    std::fill(sum.begin(), sum.end(), Real(0));
+    add_slopes(h, weights, slopes_, sum);
+  }
+
+  void weigh_between(Real h) {
+    for (std::size_t i = 0; i < Table::dense.size(); ++i) weigh(h, Table::dense[i], parts_[4 + i]);
+  }
+
+  /// The slopes of the step's ends stand in their places meanwhile.
+  void find_stages_between() {
+    const auto [t, h, lacks_stages] = accepted_;
+    slopes_[0].swap(slopes_[Table::stages - 1]);
+    for (std::size_t stage = Table::stages; stage < Table::all; ++stage) {
+      at_ = parts_[0];
+      add_slopes(h, Table::weights[stage], slopes_, at_);
+      dynamics_.derive_between(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
+    }
+    weigh_between(h);
+    slopes_[0].swap(slopes_[Table::stages - 1]);
+    accepted_.lacks_stages = false;
+  }
+
+  /// The step whose interpolant there is, and whether stages of that are still to be found.
+  struct Accepted {
+    Real t{0}, h{0};
+    bool lacks_stages = false;
+  };
+
   Dynamics& dynamics_;
   Vector at_, before_;
-  std::array<Vector, Table::stages> slopes_;
-  std::array<Vector, 5> parts_;
+  std::array<Vector, Table::all> slopes_;
+  std::array<Vector, 4 + Table::dense.size()> parts_;
+  Accepted accepted_;
   bool begun_ = false;
 };
 

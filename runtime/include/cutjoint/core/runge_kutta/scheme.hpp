@@ -23,9 +23,12 @@ class Scheme {
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Table::order;
+  static constexpr bool reaches_beyond = Table::all == Table::stages;
 
   Scheme(Dynamics& dynamics, const stepping::Tolerances<Real>& tolerances)
-      : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), error_(y_), trial_(y_), unsettled_(y_) {}
+      : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), trial_(y_), unsettled_(y_) {
+    errors_.fill(y_);
+  }
 
   static constexpr bool adaptive() { return Table::adaptive; }
   Real time() const { return t_; }
@@ -46,17 +49,17 @@ class Scheme {
 
   Attempt attempt(Real h, bool, long) {
     dynamics_.begin_attempt(t_);
-    formula_.attempt(t_, h, y_, end_, error_);
+    formula_.attempt(t_, h, y_, end_, errors_);
     return {cells().crossed() ? Real(0) : error_size()};
   }
 
   void advance(Real h) {
-    if constexpr (adaptive()) stiff_ += formula_.stiffness(h, end_) > Real(3);
+    if constexpr (adaptive()) stiff_ += formula_.stiffness(h, end_) > Real(Table::stiff);
     dynamics_.advance(t_ + h);
   }
 
   Fault accept(Real h) {
-    formula_.accept(h, y_, end_);
+    formula_.accept(t_, h, y_, end_);
     before_ = t_;
     h_last_ = h;
     trial_ = end_;
@@ -156,12 +159,22 @@ class Scheme {
   }
 
  private:
-  /// The largest error by its allowed size; infinite where one is no number.
+  /// The size of the error; of two estimates of it the second, of lower order, guards the first against chance (Hairer, Norsett, Wanner, Solving Ordinary
+  /// Differential Equations I, section II.10).
   Real error_size() {
+    if constexpr (Table::errors.size() == 1) return size_of(errors_[0]);
+    using std::sqrt;
+    const Real guard = size_of(errors_.back()), size = size_of(errors_[0]);
+    const Real both = sqrt(size * size + Real(0.01) * guard * guard);
+    return size > Real(0) && both < std::numeric_limits<Real>::infinity() ? size * (size / both) : size;
+  }
+
+  /// The largest error by its allowed size; infinite where one is no number.
+  Real size_of(const Vector& error) {
     using std::abs;
     Real largest(0);
     for (std::size_t i = 0; i < y_.size(); ++i) {
-      const Real size = (abs(error_[i]) + Real(0) * end_[i]) / tolerances_.of(std::max(abs(y_[i]), abs(end_[i])));
+      const Real size = (abs(error[i]) + Real(0) * end_[i]) / tolerances_.of(std::max(abs(y_[i]), abs(end_[i])));
       if (size <= largest) continue;
       largest = size;
       worst_ = i;
@@ -183,9 +196,10 @@ class Scheme {
     const Real short_(1e-5), guess = value < short_ || slope < short_ ? Real(1e-6) : Real(0.01) * value / slope;
     const Real probe = std::min(guess, left);
     for (std::size_t i = 0; i < y_.size(); ++i) trial_[i] = y_[i] + probe * end_[i];
-    dynamics_.derive(t_ + probe, trial_, error_);
-    for (std::size_t i = 0; i < y_.size(); ++i) error_[i] -= end_[i];
-    const Real bend = std::max(slope, largest(error_) / probe);
+    Vector& change = errors_[0];
+    dynamics_.derive(t_ + probe, trial_, change);
+    for (std::size_t i = 0; i < y_.size(); ++i) change[i] -= end_[i];
+    const Real bend = std::max(slope, largest(change) / probe);
     const Real by_bend = bend <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / bend, Real(1) / Real(Table::order));
     return std::min(Real(100) * probe, by_bend);
   }
@@ -196,7 +210,8 @@ class Scheme {
   Formula<Dynamics, Table> formula_;
   stepping::Tolerances<Real> tolerances_;
   Real t_{0}, before_{0}, h_last_{1}, trial_time_{0};
-  Vector y_, end_, error_, trial_, unsettled_;  ///< the last: before the loops of a trial state were closed
+  typename Formula<Dynamics, Table>::Errors errors_;
+  Vector y_, end_, trial_, unsettled_;  ///< the last: before the loops of a trial state were closed
   std::size_t worst_ = 0;
   long stiff_ = 0;
 };

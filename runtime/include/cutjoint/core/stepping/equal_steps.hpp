@@ -23,6 +23,7 @@ namespace cutjoint::stepping {
 /// - `start`, which takes over a first state, and `restart`, accelerations and multipliers of a state's coordinates and speeds,
 /// - `step`, a step of a given length; where it fails the state is that before,
 /// - `keep`, after a step that counts, and `go_back`, before another attempt from the last state that does,
+/// - `complete`, if accelerations and multipliers of a step only come near to those that guides need,
 /// - `enter`, which makes a time the present one, and `project`, which closes the loops of a state as far as the rule does.
 ///
 /// Less than the share `least` of a step is left to the parabola of the last accelerations, with new ones at its end: a rule that divides by the
@@ -79,8 +80,10 @@ class EqualSteps {
 
   const State& present() const { return start_; }
 
-  /// Accelerations and multipliers of a state as guides need them: those that it has.
-  void accelerate(State&) const {}
+  /// Accelerations and multipliers of a state as guides need them: those that it has, unless the rule has better ones.
+  void accelerate(State& state) {
+    if constexpr (requires { rule_.complete(state); }) rule_.complete(state);
+  }
 
   /// The displacement by the last step, in the chart of its start.
   const Speeds<Subject>& moved() const { return moved_; }

@@ -26,6 +26,7 @@ class ImplicitScheme {
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Stages::order;
+  static constexpr bool reaches_beyond = true;
 
   ImplicitScheme(Stages& stages, const Tolerances<Real>& tolerances, bool adaptive)
       : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), unsettled_(trial_.v), between_(stages.size()),
@@ -122,7 +123,7 @@ class ImplicitScheme {
     follow_to(t);
     state.q = trial_.q;
     state.v = trial_.v;
-    stages_.accelerate(state);
+    if constexpr (Stages::estimates) stages_.accelerate(state);  // those of equal steps are between those of their ends
   }
 
   Fault read(Real t, bool lies_between, Vector& y) {

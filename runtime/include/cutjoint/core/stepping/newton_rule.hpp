@@ -25,7 +25,7 @@ class NewtonRule {
 
   NewtonRule(S& system, const Settings& settings)
       : system_(system), solver_(solver_for<Solver>(system, settings)), newton_(system, solver_, newton_settings(settings)), dt_(settings.dt), h_(dt_),
-        restarted_(design_state(system)), means_(restarted_.v) {}
+        restarted_(design_state(system)), means_(restarted_.v), single_(system, settings) {}
 
   const S& subject() const { return system_; }
 
@@ -64,6 +64,11 @@ class NewtonRule {
 
   Fault project(StateOf<S>& state) { return newton_.close_loops(state); }
 
+  /// A state gets the accelerations and multipliers that guides need: those of a step only come near to them.
+  void complete(StateOf<S>& state) {
+    if constexpr (!Sized<S>) state = single_.with_reactions(state);
+  }
+
   void enter(Real t) { system_.begin_step(t, Real(1)); }
 
   void events(const StateOf<S>& state, Real* values) {
@@ -84,6 +89,7 @@ class NewtonRule {
   Real dt_, h_;
   StateOf<S> restarted_;
   Speeds<S> means_;
+  [[no_unique_address]] std::conditional_t<Sized<S>, NoImpacts, SingleStatesOfDriven<S, Newton, Solver>> single_;
   Residuals worst_;
 };
 

@@ -40,6 +40,7 @@ struct Progress {
   std::size_t latest = 0;    ///< the switch by which a regime was left last
   std::size_t switched = 0;  ///< that of the last event
   Real since{before_all<Real>};  ///< when that was
+  Real soon{-1};  ///< how far the next event is, where the last step has told it and does not reach there; below zero else
   long number = 0, events_in_a_row = 0;
   bool begun = false;
 };
@@ -49,7 +50,8 @@ struct Progress {
 /// A step all of whose stages are in one regime is as accurate as the formulas are smooth.  One that leaves the regime is taken again,
 /// shorter, so that it ends a little before.  Its interpolant knows one regime only, and goes on to where a switch leaves its cell.  There
 /// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
-/// order of the interpolant's, and there are as many such ends as events, however short the steps.
+/// order of the interpolant's, and there are as many such ends as events, however short the steps.  Beyond a step of a method of high order its
+/// interpolant loses hundreds of times as much as within (such a scheme has no `reaches_beyond`): another, short step then ends before the event.
 ///
 /// A scheme has a present state, and a trial one beside it:
 ///
@@ -75,7 +77,7 @@ class Stepper {
   /// `end` is where the integration ends: no step goes beyond.  `how` is what else the scheme is made with.
   template <class Dynamics, class... How>
   Stepper(Dynamics& dynamics, const Tolerances<Real>& tolerances, Real end, How&&... how)
-      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), counts_(scheme_.cells().size()) {
+      : scheme_(dynamics, tolerances, std::forward<How>(how)...), end_(end), relative_(tolerances.relative), counts_(scheme_.cells().size()) {
     now_.limit = end;
   }
 
@@ -101,6 +103,7 @@ class Stepper {
   /// Go on where the scheme has been given its state.
   void go_on() {
     control_.restart();
+    now_.soon = Real(-1);
     if (time() < now_.since) now_.since = before_all<Real>;
   }
 
@@ -208,7 +211,8 @@ class Stepper {
     const Real left = limit - time();
     Real h = scheme_.adaptive() ? std::min(now_.h, left) : left;
     if (left - h < h / 1000) h = left;
-    Real way(-1);  // to where the regime is left, if it is
+    Real way = std::exchange(now_.soon, Real(-1));  // to where the regime is left, if it is
+    if (way >= Real(0)) h = std::min(h, std::max(Real(0.9) * way, shortest()));
     for (;; ++counts_.rejected) {
       const bool whole = h <= shortest();
       const Attempt<Real> attempt = scheme_.attempt(h, whole, now_.number);
@@ -228,7 +232,7 @@ class Stepper {
         if (!(way >= Real(0))) return {};
         if (whole)
           if (const Fault fault = count_event()) return fault;
-        return locate(limit);
+        return locate(limit, h);
       }
       if (!scheme_.adaptive() || !(h > least(time()))) return scheme_.give_up(attempt, counts_.steps, now_.number);
       now_.h = h = attempt.found ? control_.instead_of(h, attempt.size) : h / 4;
@@ -287,14 +291,42 @@ class Stepper {
     return std::clamp(share, least, 1 - least);
   }
 
-  /// Go on from the end of the last step to where the regime ends, if that is near, or to the limit, if that is nearer.
-  Fault locate(Real limit) {
+  /// The share of a step in which a switch leaves the regime together with the one that leaves it at the share s of h: wheels side by side meet an edge of
+  /// the road, and a law has conditions that say the same in other units.  That is ten times less than a whole step may err by, or what rounding moves.
+  Real share_together(Real s, Real h) {
+    constexpr Real most(0x1p-10);
+    using std::abs;
+    const Real least = std::clamp(relative_ / 10 * now_.h / h, Real(0x1p-34), Real(0x1p-14));
+    scheme_.follow(s);
+    const std::size_t which = scheme_.found();
+    if (which == counts_.by_switch.size()) return least;
+    const auto& cells = scheme_.cells().memory();
+    const Real value = cells.values[which];
+    scheme_.follow(s + least);
+    scheme_.found();
+    return std::clamp(16 * cells.noise[which] * least / abs(cells.values[which] - value), least, most);
+  }
+
+  /// How many of the switches that are sought the state at a share of the last step has out of the regime.
+  std::size_t out_at(Real s) {
+    scheme_.follow(s);
+    scheme_.found();
+    return scheme_.cells().count_out();
+  }
+
+  /// Go on from the end of the last step, of length h, to where the regime ends, if that is near, or to the limit, if that is nearer.
+  Fault locate(Real limit, Real h) {
     const Real low(1);
     Real high(1.3);
     scheme_.follow(high);
     if (!scheme_.seek()) return {};
     const Real at_high = beyond(high), at_low = beyond(low);
     if (at_high > Real(0)) high = at_low > Real(0) ? low : find_end(low, high, at_low, at_high);
+    if (!Scheme::reaches_beyond && high > Real(1.01) && h > Real(0.3) * now_.h) {
+      now_.soon = (high - low) * h;
+      return {};
+    }
+    if (const Real more = share_together(high, h); out_at(high + more) > out_at(high)) high += more;
     if (scheme_.follow(high) > limit + shortest()) {
       scheme_.follow_to(limit);
       if (const Fault fault = scheme_.finish()) return fault;
@@ -318,11 +350,19 @@ class Stepper {
     return scheme_.seek() ? change(scheme_.found()) : count_event();
   }
 
-  /// The regime of the state begins.
+  /// The regime of the state begins, of which `which` is the first switch that it has out of the last one.
   Fault change(std::size_t which) {
-    if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
+    leave_by(which);
+    for (std::size_t i = which + 1; i < counts_.by_switch.size(); ++i)
+      if (scheme_.cells().is_sought_out(i)) leave_by(i);
     if (const Fault fault = scheme_.adopt()) return fault;
     control_.restart();
+    return count_event();
+  }
+
+  /// A switch leaves the regime, or none that explains why it ends.
+  void leave_by(std::size_t which) {
+    if (strike_.call) strike_.call(strike_.who, scheme_, which, now_.since);
     ++counts_.events;
     now_.switched = which;
     now_.since = time();
@@ -330,7 +370,6 @@ class Stepper {
       ++counts_.by_switch[which];
       now_.latest = which;
     }
-    return count_event();
   }
 
   /// Count an event, or a shortest step before one, if the last one was less than a thousandth of a step ago.  The run fails when the count
@@ -356,7 +395,7 @@ class Stepper {
 
   Scheme scheme_;
   StepControl<Real, Scheme::order> control_;
-  Real end_;
+  Real end_, relative_;
   long most_ = std::numeric_limits<long>::max();
   Progress<Real> now_;
   Watch watch_;

@@ -45,7 +45,7 @@ class SwitchCells {
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
       if (places_[i].road >= 0) now_.sides[i] = places_[i].across >= 0 ? now_.values[static_cast<std::size_t>(places_[i].across)] : Real(0);
       weigh(i);
-      now_.cells[i] = now_.sought[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i);
+      enter(i, now_.sought[i] && is_out(i, Real(0)) ? cell_of(i) : decided_cell_of(i));
       now_.sought[i] = 0;
     }
     now_.start = now_.values;
@@ -55,7 +55,7 @@ class SwitchCells {
   void advance() {
     for (std::size_t i = 0; i < now_.cells.size(); ++i) {
       weigh(i);
-      if (now_.cells[i] == undecided) now_.cells[i] = decided_cell_of(i);
+      if (now_.cells[i] == undecided) enter(i, decided_cell_of(i));
     }
     now_.start = now_.values;
   }
@@ -66,22 +66,28 @@ class SwitchCells {
     return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
   }
 
+  /// Whether a switch is one of those sought, and out of its cell.
+  bool is_sought_out(std::size_t i) const { return now_.sought[i] && is_out(i, Real(0)); }
+
   /// The first of those sought that is out of its cell; as many as there are if none is.
   std::size_t found() const {
     std::size_t i = 0;
-    while (i < now_.cells.size() && !(now_.sought[i] && is_out(i, Real(0)))) ++i;
+    while (i < now_.cells.size() && !is_sought_out(i)) ++i;
     return i;
+  }
+
+  /// How many of those sought are out of their cells.
+  std::size_t count_out() const {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) count += is_sought_out(i);
+    return count;
   }
 
   /// How far the switches sought are out of their cells at most; negative where all are inside.
   Real beyond() const {
     Real most = -std::numeric_limits<Real>::infinity();
-    for (std::size_t i = 0; i < now_.cells.size(); ++i) {
-      if (!now_.sought[i] || now_.cells[i] == undecided) continue;
-      const auto cell = static_cast<std::size_t>(now_.cells[i]);
-      if (cell < levels(i).size()) most = std::max(most, now_.values[i] - levels(i)[cell]);
-      if (cell > 0) most = std::max(most, levels(i)[cell - 1] - now_.values[i]);
-    }
+    for (std::size_t i = 0; i < now_.cells.size(); ++i)
+      if (now_.sought[i]) most = std::max({most, now_.values[i] - now_.upper[i], now_.lower[i] - now_.values[i]});
     return most;
   }
 
@@ -123,10 +129,12 @@ class SwitchCells {
     Switches<int> cells;
     Switches<unsigned char> sought;
     Switches<Real> sides, values, start, previous, largest, noise;  ///< the first: places across the road, where it has one
+    Switches<Real> lower, upper;                                    ///< the levels at which cells end
     Real previous_time{0}, crossing{0};
     std::size_t first = 0;
 
-    explicit Memory(std::size_t n) : cells(n, undecided), sought(n), sides(n), values(n), start(n), previous(n), largest(n), noise(n) {}
+    explicit Memory(std::size_t n) : cells(n, undecided), sought(n), sides(n), values(n), start(n), previous(n), largest(n), noise(n),
+        lower(n, -unbounded), upper(n, unbounded) {}
   };
 
   const Memory& memory() const { return now_; }
@@ -134,6 +142,7 @@ class SwitchCells {
 
  private:
   static constexpr int undecided = -1;
+  static constexpr Real unbounded = std::numeric_limits<Real>::infinity();
   static constexpr Real zero[1] = {Real(0)};
 
   /// Bound the change of a value by rounding until the next step begins.
@@ -159,16 +168,17 @@ class SwitchCells {
     return on_next || on_last ? undecided : static_cast<int>(cell);
   }
 
-  bool is_above(std::size_t i, Real by) const {
-    const auto cell = static_cast<std::size_t>(now_.cells[i]);
-    return cell < levels(i).size() && now_.values[i] - levels(i)[cell] > by;
+  /// A switch gets a cell, and the levels at which it ends.
+  void enter(std::size_t i, int cell) {
+    const auto number = static_cast<std::size_t>(cell);
+    const bool bounded = cell != undecided;
+    now_.cells[i] = cell;
+    now_.lower[i] = bounded && cell > 0 ? levels(i)[number - 1] : -unbounded;
+    now_.upper[i] = bounded && number < levels(i).size() ? levels(i)[number] : unbounded;
   }
 
-  bool is_out(std::size_t i, Real by) const {
-    if (now_.cells[i] == undecided) return false;
-    const auto cell = static_cast<std::size_t>(now_.cells[i]);
-    return is_above(i, by) || (cell > 0 && levels(i)[cell - 1] - now_.values[i] > by);
-  }
+  bool is_above(std::size_t i, Real by) const { return now_.values[i] - now_.upper[i] > by; }
+  bool is_out(std::size_t i, Real by) const { return is_above(i, by) || now_.lower[i] - now_.values[i] > by; }
 
   /// Whether a stage meets the end of its cell: where the start was clear of it, as soon as rounding may take it for the other side.
   bool is_reached(std::size_t i) {
@@ -181,8 +191,7 @@ class SwitchCells {
 
   /// Where the straight line from the stage before to this one leaves the cell.
   Real crossing_of(std::size_t i, Real t) const {
-    const auto cell = static_cast<std::size_t>(now_.cells[i]);
-    const Real level = is_above(i, -now_.noise[i]) ? levels(i)[cell] : levels(i)[cell - 1];
+    const Real level = is_above(i, -now_.noise[i]) ? now_.upper[i] : now_.lower[i];
     const Real share = (level - now_.previous[i]) / (now_.values[i] - now_.previous[i]);
     return now_.previous_time + (share > Real(0) ? std::min(share, Real(1)) : Real(0)) * (t - now_.previous_time);
   }

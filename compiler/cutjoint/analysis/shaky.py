@@ -1,0 +1,91 @@
+"""Structures that loops hold to second order only: in the one pose that they have some speeds are free, and no motion follows them.
+
+With Phi(q) = 0 and a free direction d, Phi_q d = 0, a motion along s d + s^2 e has w . Phi_qq(d, d) = 0 for each w with w^T Phi_q = 0.
+Where that form is definite for one of these w, there is none.  Forces across such a pose would have to be infinite: neither accelerations
+nor reactions are determined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, retract
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.methods import METHODS, join_or, names_of
+from cutjoint.package.errors import EquationsError
+from cutjoint.topology.geometry import TOLERANCE
+
+#: The part of the largest singular value by which the form bends at least; differences have an error of 1e-8.
+_BENDS = 1e-4
+_DIFFERENCE = 1e-4
+
+
+class ShakyError(EquationsError, ValueError):
+    """A structure whose loops hold it to second order only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shakiness:
+    """The speed that is free for a moment most of all, and the equation of a joint or gear that bends away most."""
+
+    speed: str
+    equation: str
+    joint: str
+
+
+def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEquations:
+    """The equations, unless a method cannot solve them in the one pose of a structure.
+
+    Raises:
+        ShakyError: the loops hold the design position, where the scene begins, to second order only.
+    """
+    found = None if METHODS[method].holds_structures or equations.scene.positions else find_shakiness(equations)
+    if found is None:
+        return equations
+    raise ShakyError(describe_shakiness(equations, found))
+
+
+def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:
+    """The fault of the design position, at the line of a joint or gear, and what to do."""
+    spans = equations.topology.model.constraint_spans
+    others = join_or(f"--method {name}" for name in names_of(METHODS, lambda m: m.holds_structures))
+    return (
+        f"{spans.get(found.joint, equations.scene.span)}: '{found.joint}': the loops hold this structure to second order only: in its one "
+        f"pose '{found.speed}' is free for a moment, and '{found.equation}' lets no motion follow, so that accelerations and reactions "
+        f"would have to be infinite; move an axis or a point, or use {others}, which lets loops give way a little"
+    )
+
+
+def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
+    """The speed and the equation of a structure that is rigid, but not to first order; None of others, and of those with guides."""
+    guides = any(t.joint.guide is not None for t in equations.topology.tree)
+    if guides or not 0 < equations.speeds <= len(equations.equation_names):
+        return None
+    q = design_coordinates(equations)
+    residual, jacobian = evaluate_closures(equations, q)
+    left, values, right = np.linalg.svd(jacobian)
+    rank = int(np.sum(values > TOLERANCE * values.max(initial=0.0)))
+    if rank == equations.speeds or np.abs(residual).max(initial=0.0) > CLOSED:
+        return None
+    free, across = right[rank:], left[:, rank:]
+    bend = _bend(equations, q, free, across)
+    spread = np.linalg.eigvalsh(bend)
+    definite = np.where((spread > 0).all(axis=1) | (spread < 0).all(axis=1), np.abs(spread).min(axis=1), 0.0)
+    if not definite.max(initial=0.0) > _BENDS * values.max():
+        return None
+    equation = int(np.argmax(np.abs(across[:, np.argmax(definite)])))
+    return Shakiness(
+        speed=equations.speed_names[int(np.argmax(np.abs(free).max(axis=0)))], equation=equations.equation_names[equation],
+        joint=next(c.joint for c in equations.closures if c.first <= equation < c.first + len(c.names)),
+    )  # fmt: skip
+
+
+def _bend(equations: RecursiveEquations, q: Array, free: Array, across: Array) -> Array:
+    """The forms w . Phi_qq(d, d) in the free directions (k, speeds), for each w, a column: (w, k, k)."""
+    forms = np.zeros((across.shape[1], len(free), len(free)))
+    for j, direction in enumerate(free):
+        ahead, behind = (evaluate_closures(equations, retract(equations, q, h * direction))[1] for h in (_DIFFERENCE, -_DIFFERENCE))
+        forms[:, :, j] = across.T @ (ahead - behind) @ free.T / (2 * _DIFFERENCE)
+    return np.asarray((forms + np.swapaxes(forms, 1, 2)) / 2)
