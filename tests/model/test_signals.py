@@ -106,6 +106,8 @@ WRONG = [
      ["m.yaml:26:3: signal 'motor': duplicate name 'motor', first defined at line 15; rename one of them"]),
     ([("  height: tip.z", "  rate: tip.z"), ("(height - filter)", "-filter"), (", height.value", "")],
      ["m.yaml:26:3: signal 'rate': the name 'rate' has a meaning of its own in expressions; write for example 'rate_0'"]),
+    ([("  integral:", "  lambda:"), ("20*integral", "20"), ("integral.value, ", "")],
+     ["m.yaml:21:3: state 'lambda': the name 'lambda' has a meaning of its own in expressions; write for example 'lambda_0'"]),
     # What a law cannot read, and what reads no quantities
     (
         [("tip.z", "tip.az")],

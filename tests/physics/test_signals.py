@@ -138,7 +138,7 @@ def error(run: Trajectory, expected: dict[str, np.ndarray]) -> float:
 #: Equal steps of second order are wrong by about rate^3 dt^2/12 a second, with rates up to 60 1/s, which decay.
 SECOND = 2e-4
 RUNS = {
-    "recursive": {"trapezoidal": SECOND, "rk4": 1e-8, "dormand-prince": 1e-6},
+    "recursive": {"trapezoidal": SECOND, "rk4": 1e-8, "dormand-prince": 1e-6, "dop853": 1e-6},
     "recursive-newton": {"trapezoidal": SECOND, "sdirk4": 1e-6, "sdirk4-fixed": 1e-7, "generalised-alpha": SECOND},
     "augmented": {"trapezoidal": SECOND},
     "classical": {"trapezoidal": SECOND},
@@ -149,7 +149,7 @@ RUNS = {
 @pytest.mark.parametrize("make", [motor, carts])
 def test_methods_and_integrators(make: object, method: str, integrator: str) -> None:
     model = make()  # type: ignore[operator]
-    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "sdirk4") else {}
+    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "dop853", "sdirk4") else {}
     run = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method=method)), integrator=integrator, error=False, **options)
     assert error(run, exact(model)) < RUNS[method][integrator]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from keyword import kwlist
 
 from cutjoint.model.operations import FUNCTIONS
 
@@ -12,7 +13,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 #: Names that mean something else in every expression or in the laws, and so cannot be a parameter's.
 VARIABLES = ("length", "rate", "travel", "position", "x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "t")
-RESERVED_IN_EXPRESSIONS = frozenset({"pi", *FUNCTIONS, *VARIABLES})
+RESERVED_IN_EXPRESSIONS = frozenset({"pi", *FUNCTIONS, *VARIABLES, *kwlist})
 
 
 def name_problem(name: str) -> tuple[str, str] | None:
