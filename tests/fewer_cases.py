@@ -36,6 +36,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     ),
     "tests/physics/test_lagrangian.py": ("test_every_scene", "test_errors_of_the_scene_as_it_stands"),
     "tests/physics/test_proximal.py": ("test_forty_windows_pass_as_one_does",),
+    "tests/physics/test_signals.py": ("test_hosts_of_fmus",),
     "tests/physics/test_verification.py": ("test_the_benchmark_has_a_line_for_every_problem",),
     "tests/reduce/test_choose.py": ("test_an_impossible_tolerance_says_what_came_nearest",),
     "tests/report/test_explain_natural.py": ("test_the_same_bytes_under_any_hash_seed",),
@@ -138,6 +139,10 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "tests/formulate/test_energy.py": {"test_trees": ("universal", "spherical"), "test_loops": ("[03]",), "test_guided_joints": ("screw",)},
     "tests/formulate/test_reactions.py": {"test_tree_joints_in_natural_coordinates": ("*universal*",)},
     "tests/formulate/test_reports.py": {"test_reaction_of_a_tree_joint": ("*universal*", "*spherical*")},
+    "tests/formulate/test_signals.py": {
+        "test_recursive_newton_has_the_exact_tangent": ("0-3",), "test_natural_coordinates_have_the_tangent_of_all_that_laws_read": ("1",),
+        "test_the_classical_tangent_has_states": ("1",),
+    },
     "tests/fuzz/test_kinds.py": {"test_some_seeds": ("calls", "parts", "lanes", "poses", "massless", "friction")},
     "tests/sparse/test_factorisation.py": {
         "test_indefinite_systems": ("1-straight",), "test_a_pivot_that_is_not_finite_is_reported": ("nan-straight",),
@@ -163,6 +168,11 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "test_constraints_hold_at_any_penalty", "test_a_penalty_is_an_upper_bound",
         ), ("four_bar-*", "slider_crank-*", "andrews-*", "iltis-simul1-*")),
         "test_forty_windows_pass_as_one_does": ("0.001",),
+    },
+    "tests/physics/test_signals.py": {
+        "test_methods_and_integrators": ("motor-*-trapezoidal", "carts-*-dormand-prince", "carts-*-sdirk4"),
+        "test_generated_code_has_the_motion_of_the_interpreter": ("recursive", "augmented"),
+        "test_a_simulation_that_a_host_holds": ("recursive",),
     },
     "tests/runtime/test_no_allocation.py": {"test_steps_of_the_vehicle_do_not_allocate": ("recursive-proximal-*",)},
     "tests/standalone/test_derivatives.py": {
