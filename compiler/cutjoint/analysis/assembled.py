@@ -65,7 +65,7 @@ def _assemble_loops(model: Model, scene: Scene) -> Outcome:
 
 
 def _operations(model: Model, scene: Scene) -> int:
-    """The operations of an evaluation, all lanes of a scalar counted once; where loops are left, there are as many evaluations as before."""
+    """The operations of an evaluation, all lanes of a scalar counted once; where loops are left, there are no fewer evaluations."""
     closure = METHODS[DEFAULT_METHOD].closure(scene.numerics.closure).name
     equations = formulate_recursive(build_topology(model), scene, (), closure=closure)
     return schedule_recursive(equations.starting, lanes=True).instructions("evaluate")
