@@ -305,6 +305,13 @@ def test_every_host_has_the_table_of_the_command_line(tmp_path: Path) -> None:
     assert swept == list(batch.end["bar.x"])
 
 
+def test_check_says_what_becomes_of_loops(tmp_path: Path) -> None:
+    file = tmp_path / "swing.yaml"
+    file.write_text(HELD, encoding="utf-8")
+    said = CliRunner().invoke(main, ["check", str(file)]).output.replace("\n", " ")
+    assert "'a' leads 3 other joints by functions of its coordinate" in said
+
+
 def test_poses_and_modes_keep_the_loops_equations() -> None:
     """An equilibrium lies anywhere, and modes have all coordinates."""
     model = read_model_text(HELD, "swing.yaml")

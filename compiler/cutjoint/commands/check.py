@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.closing import explore
 from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
@@ -13,6 +14,7 @@ from cutjoint.analysis.shaky import describe_shakiness, find_shakiness
 from cutjoint.analysis.skew import describe_geometry
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import Loops
 from cutjoint.report import tables
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.build import build_topology
@@ -45,6 +47,11 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
     options.out.print(tables.facts(f"model {checked.name}", facts))
     if topology.loops:
         options.out.print(tables.loop_table(topology))
+    if chosen.numerics.loops == Loops.COMPILED:
+        with options.progress_bar(f"closing loops of {model.name}"):
+            outcome = assemble_loops(checked, chosen)
+        for note in (*outcome.done, *outcome.left):
+            options.out.print(f"{note.span}: '{note.element}' {note.words}", markup=False)
     if topology.closing:
         redundancy = find_redundancy(equations, poses)
         if redundancy.structural or redundancy.momentary:
