@@ -216,7 +216,7 @@ def _change_manifest(harm: Harm) -> None:
     path = harm.parts / "manifest.json"
     content = path.read_bytes() if path.is_file() else b""
     if content:
-        at = harm.rng.randrange(len(content))
+        at = harm.rng.randrange(len(content) - 1)  # without the line's end it says the same
         harm.write(path, harm.rng.choice([_flip(content, at), content[:at], content + b"}", b"\xff\xfe" + content]))
 
 
