@@ -22,7 +22,7 @@ def assemble_and_play(
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = assemble_loops(model, scene)
     for note in (*outcome.done, *outcome.left):
-        options.err.print(f"{note.span}: '{note.element}' {note.words}", markup=False)
+        options.err.print(str(note), markup=False)
     prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the loops' equations", markup=False)

@@ -51,7 +51,7 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = assemble_loops(checked, chosen)
         for note in (*outcome.done, *outcome.left):
-            options.out.print(f"{note.span}: '{note.element}' {note.words}", markup=False)
+            options.out.print(str(note), markup=False)
     if topology.closing:
         redundancy = find_redundancy(equations, poses)
         if redundancy.structural or redundancy.momentary:

@@ -16,6 +16,9 @@ class Note:
     words: str
     span: Span
 
+    def __str__(self) -> str:
+        return f"{self.span}: '{self.element}' {self.words}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:

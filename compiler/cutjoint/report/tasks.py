@@ -225,7 +225,7 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
 
 def note_lines(variant: ReducedModel) -> Iterator[str]:
     """The notes of a reduced model, done ones first, each with its place in the file."""
-    yield from (f"{note.span}: '{note.element}' {note.words}" for note in (*variant.done, *variant.left))
+    yield from map(str, (*variant.done, *variant.left))
 
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
