@@ -62,6 +62,7 @@ class Method:
     pivots must be chosen and dependent equations left out.  ``events`` is whether steps can end at events.
     ``instead`` are methods that may go on where this one fails.
     ``holds_structures`` is whether it goes on in the one pose of a structure that loops hold to second order only.
+    ``functions`` is whether functions of one coordinate can close its loops.
     ``default_updates`` is the number of multiplier updates of a method whose penalty and number of updates are those given for it alone,
     where none are given; the penalty then follows from masses and step.  ``twin`` is whether it has a generic twin, ``fixed_cost`` whether
     steps can have a fixed number of iterations, ``batch`` whether runs can be evaluated side by side, ``tangents`` whether a run can report
@@ -81,6 +82,7 @@ class Method:
     batch: bool = False
     tangents: bool = False
     holds_structures: bool = False
+    functions: bool = False
 
     @property
     def has_system(self) -> bool:
@@ -201,7 +203,7 @@ class Catalogue(dict[str, R]):
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
         name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=True, fixed_cost=True, batch=True, tangents=True,
+        twin=True, fixed_cost=True, batch=True, tangents=True, functions=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
@@ -213,6 +215,7 @@ METHODS: Mapping[str, Method] = _catalogue(
     ),
     Method(
         name="recursive-newton", formulation=Formulation.IMPLICIT, events=True, instead=("recursive", "augmented"), default_updates=20,
+        functions=True,
     ),
 )  # fmt: skip
 

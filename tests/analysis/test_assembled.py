@@ -11,6 +11,8 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from cutjoint.analysis.assembled import assemble_loops
+from cutjoint.analysis.closing import design_coordinates, retract
+from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.cli import main
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import compile_model, generate
@@ -23,6 +25,7 @@ from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
 from cutjoint.tasks.batch import compile_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium
+from tests.analysis.linearised import implicit
 from tests.conftest import ROOT, needs_cpp, with_heavy
 from tests.mechanisms.one_degree import four_bar, spatial
 from tests.standalone.test_folder import check_table
@@ -251,13 +254,59 @@ def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
     assert [note.words for note in outcome.left] == [f"stays in a loop: {reason}"]
 
 
-def test_only_the_recursive_method_has_functions(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [four_bar(0), spatial(0), STEERED], ids=["plane", "spatial", "steered"])
+def test_the_tangent_is_that_of_the_residual(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All entries beside differences, with accelerations, speeds and coordinates that change at once."""
+    monkeypatch.setattr("cutjoint.analysis.assembled.DEAREST", 10_000)
+    monkeypatch.setattr("cutjoint.analysis.assembled._KEPT", {})
+    model = read_model_text(text, "model.yaml")
+    scene = next(iter(model.scenes.values()))
+    found = assemble_loops(model, scene).model
+    assert found.assemblies
+    equations = implicit(found, scene)
+    n, random = equations.unknowns, np.random.default_rng(1)
+    q = retract(equations.start, design_coordinates(equations.start), 0.02 * random.standard_normal(n))
+    v, vdot = random.standard_normal(n), 3 * random.standard_normal(n)
+    damping, stiffness = weights = np.array([0.3, 0.2])
+    known = {"t": np.full(1, 0.1), "motion": np.ones(1), "penalty": np.zeros(1), "weights": np.array([*weights, 0.0])}
+    known["weights.turns"] = np.tile(np.eye(3).ravel(), sum(chart.ball for chart in equations.start.charts))
+    entries = {name: block for name, block in equations.function("linearise").results.items() if name.startswith("tangent:")}
+    tangent = np.zeros((n, n))
+    for name, entry in evaluate_results(equations, entries, {**known, "q": q, "v": v, "vdot": vdot}).items():
+        row, column = map(int, name.removeprefix("tangent:").split(","))
+        tangent[row, column] = entry[0]
+    step = 1e-5 * np.eye(n)
+    ends = [
+        call(equations, "dynamic_residual", {
+            **known, "q": retract(equations.start, np.tile(q, (n, 1)), stiffness * delta), "v": v + damping * delta, "vdot": vdot + delta,
+        })["force_residual"] for delta in (step, -step)
+    ]  # fmt: skip
+    differences = (ends[0] - ends[1]).T / 2e-5
+    assert np.abs(tangent - differences).max() < 1e-8 * np.abs(tangent).max()
+
+
+@pytest.mark.parametrize("make", [four_bar, spatial])
+def test_newtons_method_has_functions(make) -> None:  # type: ignore[no-untyped-def]
+    """The motion is that of the method recursive, reactions too, and no loop is left."""
+    model = read_model_text(make(1), "random.yaml")
+    scene = replace(model.scenes["fall"], numerics=replace(model.scenes["fall"].numerics, loops="compiled"))
+    artifact = compile_interpreted(model, scene, method="recursive-newton")
+    assert not artifact.mechanism.closures
+    made, known = simulate(artifact, integrator="sdirk4", tolerance=1e-9), run(model, scene)
+    assert made.energy is not None
+    assert made.energy.share < 1e-6
+    for name in made.columns:
+        assert np.abs(made[name] - known[name]).max() < 1e-6 * max(1.0, np.abs(known[name]).max()), name
+
+
+def test_other_methods_have_no_functions(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(SWING % "", encoding="utf-8")
     asked = ["simulate", str(file), "--loops", "compiled", "--method", "augmented", "--out", str(tmp_path / "x.csv")]
     result = CliRunner().invoke(main, asked)
     assert result.exit_code == 1
-    assert "--loops compiled: only generated and interpreted code of the method recursive has it" in result.output.replace("\n", " ")
+    words = "--loops compiled: only generated and interpreted programs of the methods recursive and recursive-newton have it"
+    assert words in result.output.replace("\n", " ")
 
 
 #: The swing with a mass that stays open and an input, in equal steps of 1 ms, whose numbers all hosts have to the last bit.
@@ -274,7 +323,8 @@ def test_a_scene_compiles_its_loops() -> None:
     scene = model.scenes["fall"]
     assert not generate(model, scene, scene.outputs).equations.topology.cuts
     assert not compile_interpreted(model, scene).mechanism.closures
-    assert generate(model, scene, scene.outputs, method="recursive-newton").equations.topology.cuts
+    assert not generate(model, scene, scene.outputs, method="recursive-newton").equations.topology.cuts
+    assert generate(model, scene, scene.outputs, method="classical").equations.topology.cuts
 
 
 @pytest.mark.heavy

@@ -24,6 +24,7 @@ from cutjoint.methods import (
     Implementation,
     Loops,
     find_additions,
+    join_and,
     join_or,
     names_of,
 )
@@ -68,8 +69,10 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
     model = read_model(request.model, opened=request.opened)
     scene = find_scene(model, request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
-    if request.loops == Loops.COMPILED and (method not in (DEFAULT_METHOD, AUTO) or request.implementation == Implementation.GENERIC):
-        raise RunError(f"--loops compiled: only generated and interpreted code of the method {DEFAULT_METHOD} has it; use --loops exact")
+    able = names_of(METHODS, lambda m: m.functions)
+    if request.loops == Loops.COMPILED and (method not in (*able, AUTO) or request.implementation == Implementation.GENERIC):
+        words = f"only generated and interpreted programs of the methods {join_and(able)} have it"
+        raise RunError(f"--loops compiled: {words}; use --loops exact")
     scene = with_loops(scene, request.loops)
     if request.closure is None:
         return model, scene, method

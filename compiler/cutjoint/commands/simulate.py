@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
-from cutjoint.methods import AUTO, DEFAULT_METHOD, Implementation, Loops
+from cutjoint.methods import AUTO, METHODS, Implementation, Loops
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.failures import describe_failure, describe_rest
@@ -90,7 +90,8 @@ def _derive_and_play(
     from cutjoint.commands.preparing import FinishedRun, prepare_and_play, read_request
 
     model, scene, method = read_request(request)
-    if scene.numerics.loops == Loops.COMPILED and method == DEFAULT_METHOD and request.implementation != Implementation.GENERIC:
+    has_functions = method != AUTO and METHODS[method].functions and request.implementation != Implementation.GENERIC
+    if scene.numerics.loops == Loops.COMPILED and has_functions:
         from cutjoint.commands.assembling import assemble_and_play
 
         return assemble_and_play(request, model, scene, method, parameters, play)

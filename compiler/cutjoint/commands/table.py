@@ -178,8 +178,8 @@ OPTIONS: Mapping[str, Row] = {
     "closure": click.option("--closure", type=click.Choice(list(CLOSURES)), help="How the recursive method holds its cut joints; the "
         "scene's otherwise."),
     "loops": click.option("--loops", type=click.Choice([x.value for x in Loops]), help="Close loops of one degree of freedom "
-        "by their equations, or by functions of one coordinate that are made when compiling, which the method recursive has; the scene's "
-        "otherwise, else exact."),
+        "by their equations, or by functions of one coordinate that are made when compiling, which the methods recursive and "
+        "recursive-newton have; the scene's otherwise, else exact."),
     "dt": click.option("--dt", type=Setting("dt"), help="Step; the scene's otherwise."),
     "end": click.option("--end", type=Setting("end", positive=True), help="End time; the scene's otherwise."),
     "at": click.option("--at", type=Setting("at"), help="Linearise about the scene's motion at that time; otherwise about the static "

@@ -97,7 +97,8 @@ def schedule_method(
     if METHODS[method].has_system:
         from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
 
-        start = require_firmness(derive(model, with_loops(scene, Loops.EXACT), ()), method)
+        opened = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
+        start = require_firmness(derive(model, opened, ()), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
     recursive = require_firmness(derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
@@ -123,7 +124,7 @@ def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: st
 
 def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
     """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
-    if scene.numerics.loops == Loops.EXACT or method != DEFAULT_METHOD or model.assemblies:
+    if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.assemblies:
         return model
     from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
 

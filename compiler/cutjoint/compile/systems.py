@@ -30,7 +30,7 @@ from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.lanes import find_corresponding, schedule_recursive
 from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_lagrangian, without
 from cutjoint.formulate.records import CHECKS, RecursiveEquations, SystemEquations
-from cutjoint.methods import METHODS, Formulation
+from cutjoint.methods import METHODS, Formulation, join_or, names_of
 from cutjoint.model.records import Output
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.fold import fold
@@ -56,8 +56,9 @@ def schedule_system(
         RunError, MissingLibraryError: as of `plan_system`.
     """
     # Topology -> Equations
-    if start.topology.model.assemblies:
-        raise EquationsError(f"the method {method} has no loops that functions close; use the method recursive, or the loops' equations")
+    if start.topology.model.assemblies and not METHODS[method].functions:
+        words = join_or(names_of(METHODS, lambda m: m.functions))
+        raise EquationsError(f"the method {method} has no loops that functions close; use {words}, or the loops' equations")
     equations, states = formulate_system(start, method, outputs)
     # Equations -> Program, Plan
     return plan_system(equations, states, lanes=lanes)

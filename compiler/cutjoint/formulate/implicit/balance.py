@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from cutjoint.formulate.implicit.motions import Motion, Motions
+from cutjoint.formulate.implicit.motions import Motion, Motions, times
 from cutjoint.formulate.layout import StateLayout
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_cross
 from cutjoint.formulate.recursive.loops import LoopClosure, pulls, transport
@@ -109,16 +109,16 @@ def wrench_tangent(
 
     Where the element ``sees`` more than its own bodies, all motions may change it.
     """
-    b = motions.k.builder
+    b, together = motions.k.builder, motions.columns()
     parts = list(ways(motions, wrenches))
-    columns = {k.key: k for k in motions.all()} if sees else {k.key: k for _, _, way in parts for k in way}
+    keys = dict.fromkeys(together) if sees else dict.fromkeys(k.key for _, _, way in parts for k in way)
     for _, wrench, rows in parts:
-        for k in columns.values():
-            change = variations[k.key].of(wrench)
+        for key in keys:
+            change, k = variations[key].of(wrench), together[key][0]
             for j in rows:
-                value = b.dot(j.s, change)
-                if motions.turns(k, j) and not is_zero(k.xi):
-                    value = b.add(value, b.dot(motion_cross(b, k.xi, j.s), wrench))
+                value, xi = b.dot(j.s, change), motions.carrying(together[key], j)
+                if not is_zero(xi):
+                    value = b.add(value, b.dot(motion_cross(b, xi, j.s), wrench))
                 if not is_zero(value):
                     yield j, k, value
 
@@ -210,7 +210,8 @@ def coupled_tangent(motions: Motions, layout: StateLayout, model: Model, system:
     for place, state in enumerate(model.states, start=layout.speeds):
         change = by_state(b, state.name, motions.weights.damping)
         with b.section("tangent", state.name, "what f changes by motions, and forces by x", state.span.place):
-            yield from ((place, m.row, b.neg(variations[m.key].of(rates[state.name]))) for m in motions.all())
+            columns = motions.columns().items()
+            yield from ((place, together[0].row, b.neg(variations[key].of(rates[state.name]))) for key, together in columns)
             yield from ((row, place, b.neg(entry)) for row, entry in _force_changes(motions, change, system))
 
 
@@ -221,4 +222,4 @@ def _force_changes(motions: Motions, change: Variation, system: SharedForces) ->
         for _, wrench, way in ways(motions, wrenches):
             yield from ((m.row, b.dot(m.s, change.of(wrench))) for m in way)
     for body, force in system.joint_forces.items():
-        yield from ((m.row, b.element(change.of(force), m.index)) for m in motions.of_body[body])
+        yield from ((m.row, times(b, m.slope, b.element(change.of(force), m.index))) for m in motions.of_body[body])

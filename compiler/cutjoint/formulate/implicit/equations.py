@@ -14,8 +14,9 @@ Gonzalez, Naya, Multibody System Dynamics 12 (2004) 117-132, leaves those out.)
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.balance import (
@@ -33,7 +34,7 @@ from cutjoint.formulate.implicit.balance import (
 )
 from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
 from cutjoint.formulate.implicit.gears import weights as gear_weights
-from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions
+from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions, times
 from cutjoint.formulate.inputs import (
     Numbers,
     column_slots,
@@ -52,6 +53,7 @@ from cutjoint.formulate.records import (
     energy_slots,
     system_functions,
 )
+from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
@@ -61,7 +63,7 @@ from cutjoint.formulate.states import placed_states, state_residuals, state_tang
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.dependencies import seeing_forces
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import GROUND, Output
+from cutjoint.model.records import GROUND, Assembly, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
 from cutjoint.program.switches import find_domains, find_switches
 
@@ -78,7 +80,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     forces = add_forces(system, k, model, scene)
-    margins = add_guards(system, forces, k, model, scene)
+    margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     still = b.zero(1)
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
@@ -91,8 +93,11 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     reactions = Reactions(
         kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=system_of.Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
+    if topology.held:
+        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, system.joint_forces)
+        reactions = replace(reactions, loops=(*loops, *held))
     reporter = Reporter(
-        model=model, kinematics=k, forces=forces, loops=loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
+        model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
     )  # fmt: skip
     dynamic_residual = system_of.dynamic_residual()
     switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide that no force feels has work too
@@ -138,7 +143,31 @@ class _System:
     Q: Mapping[str, Block]
 
     def dynamic_residual(self) -> dict[str, Block]:
-        """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi."""
+        """S^T sum F + J^T (penalty Phi + lambda) - tau, and Phi; joints that follow a coordinate add theirs to its own."""
+        b, k = self.b, self.k
+        results: dict[str, Block] = {}
+        for body, value in self.unbalanced.items():
+            joint = k.motions[body].tree_joint.joint
+            if joint.name in k.topology.model.following:
+                continue
+            for assembly in k.topology.model.assemblies:
+                if assembly.leader == joint.name:
+                    with b.section("force_residual", joint.name, "sum of slope (S^T F^c - tau)", joint.span.place):
+                        value = b.total([value, *self._followers_share(assembly)])
+            results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
+        closing: tuple[Closing, ...] = (*self.loops, *self.gears)
+        results |= state_residuals(b, k.translator, self.start.topology.model)
+        return results | {f"residual:{c.element.name}": b.record(c.residual, "residual", c.element.name) for c in closing}
+
+    def _followers_share(self, assembly: Assembly) -> Iterator[Block]:
+        for body in assembly.bodies:
+            slope = self.k.motions[body].slope
+            if slope is not None and body in self.unbalanced:
+                yield self.b.dot(slope, self.unbalanced[body])
+
+    @cached_property
+    def unbalanced(self) -> dict[str, Block]:
+        """S^T F^c - tau of the joints that move, by their bodies, the outermost first."""
         b, k = self.b, self.k
         carried: dict[str, Block] = {}
         results: dict[str, Block] = {}
@@ -152,16 +181,15 @@ class _System:
                 inertial = b.sub(b.mul(self.M[body], self.Zdd[body]), self.system.Q[body])
                 above = [carried[c] for c in carried if k.motions[c].tree_joint.parent == body]
                 carried[body] = b.name(b.sub(b.total([inertial, *above]), pulled[body]), "F", body)
-                if motion.b is not None:
-                    value = b.mul(b.transpose(motion.b), carried[body])
+                S = motion.b if motion.b is not None else motion.own if motion.slope is not None else None
+                if S is not None:
+                    value = b.mul(b.transpose(S), carried[body])
                     if body in self.system.joint_forces:
                         value = b.sub(value, self.system.joint_forces[body])
                     if body in geared:
                         value = b.add(value, geared[body])
-                    results[f"force_residual:{joint.name}"] = b.record(value, "force_residual", joint.name)
-        closing: tuple[Closing, ...] = (*self.loops, *self.gears)
-        results |= state_residuals(b, k.translator, self.start.topology.model)
-        return results | {f"residual:{c.element.name}": b.record(c.residual, "residual", c.element.name) for c in closing}
+                    results[body] = value
+        return results
 
     def _by_body(self, shares: Iterable[Mapping[str, Block]]) -> dict[str, Block]:
         b, sums = self.b, {body: self.b.zero(6) for body in self.k.motions}
@@ -221,14 +249,20 @@ class _System:
         for gear in self.gears:
             with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
                 yield from gear_tangent(motions, gear)
+        together = motions.columns()
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):
                 own = motions.of_body[body]
-                for j in {m.row: m for m in own}.values():
-                    for k in motions.all() if seeing else own:
-                        change = b.element(variations[k.key].of(force), j.index)
-                        if k.body == body or not is_zero(change):
-                            yield j, k, b.neg(change)
+                keys = dict.fromkeys(m.key for m in own)
+                for j in {m.index: m for m in own}.values():
+                    for key in together if seeing else keys:
+                        change = b.element(variations[key].of(force), j.index)
+                        if key in keys or not is_zero(change):
+                            yield j, together[key][0], b.neg(times(b, j.slope, change))
+        for j in motions.all():
+            if j.bent is not None:
+                with b.section("tangent", j.body, "the bend of its functions (S^T F^c - tau)", ""):
+                    yield j, j, b.mul(j.bent, b.element(self.unbalanced[j.body], j.index))
 
     def constraint_residual(self) -> dict[str, Block]:
         """Phi, Phid and Phidd."""
@@ -257,6 +291,10 @@ class _System:
             if motion.b is not None and motion.chart is not None:
                 x = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
                 moved[body] = b.add(moved[body], b.mul(motion.b, x))
+            elif motion.follows is not None:
+                leader = self.k.topology.model.following[motion.tree_joint.joint.name].leader
+                x = b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION)
+                moved[body] = b.add(moved[body], b.mul(motion.follows, x))
         for loop in self.loops:
             joint = loop.joint
             with b.section("closure", joint.name, "A (x_f - x_b)", joint.span.place):
@@ -278,9 +316,11 @@ class _System:
             for _, wrench, way in ways(motions, pulls(self.k, loop, weights(self.k, loop))):
                 for body in dict.fromkeys(m.body for m in way):
                     motion = self.k.motions[body]
-                    assert motion.b is not None
                     joint = motion.tree_joint.joint.name
-                    forces[joint] = b.sub(forces[joint], b.mul(b.transpose(motion.b), wrench))
+                    following, S = self.k.topology.model.following.get(joint), motion.b if motion.b is not None else motion.follows
+                    assert S is not None
+                    joint = following.leader if following else joint
+                    forces[joint] = b.sub(forces[joint], b.mul(b.transpose(S), wrench))
         for body, force in push_joints(self.k, self.gears, [gear_weights(self.k, gear) for gear in self.gears]).items():
             joint = self.k.motions[body].tree_joint.joint.name
             forces[joint] = b.add(forces[joint], force)

@@ -10,12 +10,15 @@ and the acceleration of any body i that it carries change by
 the same for all i.  (The derivatives of the Newton-Euler recursion, as in Carpentier, Mansard 2018, and Echeandia, Wensing 2021, with
 both of its arguments tied to the acceleration.)  The pole goes along with a free root: where one is displaced, nothing moves but the
 pole.
+
+The joints of an assembly follow one coordinate q.  With s_j = slope_j column_j their motions have the row of q, and change at once:
+column, speed and acceleration of each as much as stiffness slope, damping slope + stiffness d(rate)/dq, and so on say.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves, motion_cross
 from cutjoint.kernels.joints import elementary_motions
@@ -39,8 +42,8 @@ class Motion:
 
     ``row`` is its place among all speeds, ``index`` that within its joint, ``group`` that of its motion within the joint (those of a ball
     share one), ``share`` how much of its coordinate it turns; motions that share a coordinate have one row.  ``s`` (6, 1) is its column,
-    ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``DV`` and
-    ``c`` (6, 1) as above.
+    ``shift`` (6, 1) the same by the unknown of a ball, ``xi`` (6, 1) the displacement, ``after`` (6, 1) the twist behind it, ``moved``
+    (6, 1) the change of its own speed, ``DV`` and ``c`` (6, 1) as above.  ``slope`` is the column's factor of a joint that follows.
     """
 
     body: str
@@ -52,13 +55,17 @@ class Motion:
     shift: Block
     xi: Block
     after: Block
+    moved: Block
     DV: Block
     c: Block
+    slope: Block | None = None
+    bent: Block | None = None
+    together: bool = False
 
     @property
     def key(self) -> tuple[int, int]:
-        """A pair of numbers that distinguishes the motion from all others."""
-        return self.row, self.group
+        """A pair of numbers that distinguishes the motion from all others; those of an assembly, which change at once, have one."""
+        return self.row, -1 if self.together else self.group
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,27 +88,38 @@ class Motions:
             return k.group < j.group
         return k.body in self.chains[j.body]
 
+    def columns(self) -> dict[tuple[int, int], list[Motion]]:
+        """The motions that change at once, by their key."""
+        found: dict[tuple[int, int], list[Motion]] = {}
+        for motion in self.all():
+            found.setdefault(motion.key, []).append(motion)
+        return found
+
+    def carrying(self, k: Sequence[Motion], j: Motion) -> Block:
+        """The displacement xi of those of motions k that carry the column of motion j along."""
+        return self.k.builder.total([self.k.builder.zero(6), *(m.xi for m in k if self.turns(m, j))])
+
     def variations(self) -> dict[tuple[int, int], Variation]:
         """The changes of blocks with each motion's acceleration, by its key."""
         inputs = Inputs()
-        return {motion.key: self._variation(motion, inputs) for motion in self.all()}
+        return {key: self._variation(motions, inputs) for key, motions in self.columns().items()}
 
-    def _variation(self, m: Motion, inputs: Inputs) -> Variation:
+    def _variation(self, motions: Sequence[Motion], inputs: Inputs) -> Variation:
         k, b = self.k, self.k.builder
-        chart = k.motions[m.body].chart
-        assert chart is not None
-        v, w = halves(b, m.xi)
         turns: dict[Block, Block] = {}
         changes: dict[Block, Block] = {}
         for body, frame in k.frames.items():
-            if body == GROUND or m.body not in self.chains[body]:
+            moving = [m for m in motions if body != GROUND and m.body in self.chains[body]]
+            if not moving:
                 continue
+            v, w = halves(b, b.total([m.xi for m in moving]))
             if frame.R.op != "const":
                 turns[frame.R] = w
             if frame.r.op != "const":
                 changes[frame.r] = b.add(v, b.cross(w, frame.r))
             if frame.Z.op != "const":
-                changes[frame.Z] = b.add(b.scale(self.weights.damping, m.s), motion_cross(b, m.xi, b.sub(frame.Z, m.after)))
+                changes[frame.Z] = b.total([b.add(m.moved, motion_cross(b, m.xi, b.sub(frame.Z, m.after))) for m in moving])
+        m, chart = next((m, c) for m in motions if (c := k.motions[m.body].chart) is not None)
         q = b.symbol(f"q:{chart.joint}", chart.scalars + 4 * chart.ball, BindingTime.ITERATION)
         speed = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
         damping, stiffness = (b.mul(b.number(m.share), weight) for weight in (self.weights.damping, self.weights.stiffness))
@@ -109,6 +127,10 @@ class Motions:
         # only the scalars among a joint's coordinates: whatever depends on a quaternion does so through a rotation
         for i in range(chart.scalars):
             changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
+        for follower in motions:
+            places = k.motions[follower.body].position
+            if follower.slope is not None and follower.index < len(places):
+                changes[places[follower.index]] = b.mul(stiffness, follower.slope)
         return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}"}), changes, turns)
 
 
@@ -120,23 +142,91 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
     """The motions of all joints with unknowns; ``Zdd`` are the bodies' accelerations, less that of gravity."""
     chains: dict[str, tuple[str, ...]] = {}
     of_body: dict[str, tuple[Motion, ...]] = {}
+    assemblies = _Assemblies(k=k, weights=weights)
     for body, motion in k.motions.items():
         chains[body] = (body, *chains.get(motion.tree_joint.parent, ()))
         joint = motion.tree_joint.joint
         with k.builder.section(
             "tangent", joint.name, "DV = damping s + V x xi, c = s + damping V_b x s - xi x A - DV x V", joint.span.place
         ):
-            of_body[body] = tuple(_motions(k, body, motion, Zdd, weights)) if motion.b is not None else ()
+            speeds = assemblies.speeds(motion)
+            of_body[body] = tuple(_motions(k, body, motion, Zdd, speeds)) if speeds else ()
     return Motions(k=k, weights=weights, of_body=of_body, chains=chains)
 
 
-def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Block], weights: StepWeights) -> Iterator[Motion]:
-    b, parent = k.builder, motion.tree_joint.parent
-    assert motion.b is not None
-    assert motion.chart is not None
-    chart, elementary, parts = motion.chart, elementary_motions(motion.tree_joint), _columns(b, motion)
-    takes_pole_along = motion.tree_joint.joint.element.is_free and parent == GROUND
-    vdot = b.symbol(f"vdot:{chart.joint}", motion.b.shape[1], BindingTime.ITERATION)
+@dataclass(frozen=True, kw_only=True)
+class _Speed:
+    """How a joint's speed follows its unknown, which is that of ``row``.
+
+    ``slope`` of the coordinate by the unknown's, which changes by ``bent``; changes ``displaced`` of the coordinate, ``quickened`` of the
+    speed, ``pushed`` of the acceleration.  What is None is 1.
+    """
+
+    row: int
+    slope: Block | None
+    bent: Block | None
+    displaced: Block
+    quickened: Block
+    pushed: Block | None
+    acceleration: Block
+    together: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Assemblies:
+    """The joints of assemblies, which follow the coordinates of others."""
+
+    k: Kinematics
+    weights: StepWeights
+    _changes: dict[str, Variation] = field(default_factory=dict)
+    _inputs: Inputs = field(default_factory=Inputs)
+
+    def speeds(self, motion: JointMotion) -> list[_Speed]:
+        """The speeds of a joint by the unknown that they follow."""
+        b, model, joint = self.k.builder, self.k.topology.model, motion.tree_joint.joint
+        if motion.chart is not None:
+            size = len(motion.chart.speed_names)
+            vdot = b.symbol(f"vdot:{joint.name}", size, BindingTime.ITERATION)
+            leads = any(assembly.leader == joint.name for assembly in model.assemblies)
+            return [
+                _Speed(
+                    row=motion.chart.v + i, slope=None, bent=None, displaced=self.weights.stiffness, quickened=self.weights.damping,
+                    pushed=None, acceleration=b.element(vdot, i), together=leads,
+                )
+                for i in range(size)
+            ]  # fmt: skip
+        if motion.own is None or motion.slope is None:
+            return []
+        leader = model.following[joint.name].leader
+        chart = next(m.chart for m in self.k.motions.values() if m.chart is not None and m.chart.joint == leader)
+        vdot, change = b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION), self._change(leader)
+        found = []
+        for i, (rate, bend) in enumerate(zip(motion.rate, motion.acceleration, strict=True)):
+            slope = b.element(motion.slope, i)
+            bent = change.of(slope)
+            pushed = b.total([slope, change.of(bend), b.mul(vdot, bent)])
+            found.append(
+                _Speed(
+                    row=chart.v, slope=slope, bent=bent, displaced=b.mul(self.weights.stiffness, slope), quickened=change.of(rate),
+                    pushed=pushed, acceleration=b.add(b.mul(slope, vdot), bend), together=True,
+                )
+            )  # fmt: skip
+        return found
+
+    def _change(self, leader: str) -> Variation:
+        """The changes of functions of a leading coordinate and its speed."""
+        if leader not in self._changes:
+            b = self.k.builder
+            q, v = (b.symbol(f"{name}:{leader}", 1, BindingTime.ITERATION) for name in ("q", "v"))
+            changes = {q: self.weights.stiffness, v: self.weights.damping}
+            self._changes[leader] = Variation(b, self._inputs, frozenset({f"q:{leader}", f"v:{leader}"}), changes, {})
+        return self._changes[leader]
+
+
+def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Block], speeds: Sequence[_Speed]) -> Iterator[Motion]:
+    b, parent, joint = k.builder, motion.tree_joint.parent, motion.tree_joint.joint
+    elementary, parts = elementary_motions(motion.tree_joint), _columns(b, motion)
+    takes_pole_along = joint.element.is_free and parent == GROUND
     before, A_before = k.frames[parent].Z, Zdd[parent]
     for n, part in enumerate(elementary):
         columns = dict(zip(part.places, parts[n], strict=True))
@@ -146,27 +236,35 @@ def _motions(k: Kinematics, body: str, motion: JointMotion, Zdd: Mapping[str, Bl
         else:
             added = b.total([b.scale(motion.rate[i], column) for i, column in columns.items()])
             after = b.add(before, added)
-            pushed = b.total([b.scale(b.element(vdot, i), column) for i, column in columns.items()])
+            pushed = b.total([b.scale(speeds[i].acceleration, column) for i, column in columns.items()])
             A_after = b.add(A_before, b.add(pushed, motion_cross(b, before, added)))
         for i, column in columns.items():
-            still = takes_pole_along and i < chart.scalars
-            xi = b.zero(6) if still else b.scale(weights.stiffness, shifts[i])
-            DV = b.add(b.scale(weights.damping, column), motion_cross(b, after, xi))
-            c = b.add(column, b.scale(weights.damping, motion_cross(b, before, column)))
+            speed, still = speeds[i], takes_pole_along and i < len(joint.element.coordinates)
+            xi = b.zero(6) if still else b.scale(speed.displaced, shifts[i])
+            moved = b.scale(speed.quickened, column)
+            DV = b.add(moved, motion_cross(b, after, xi))
+            c = b.add(times(b, speed.pushed, column), b.scale(speed.quickened, motion_cross(b, before, column)))
             c = b.sub(b.sub(c, motion_cross(b, xi, A_after)), motion_cross(b, DV, after))
-            which = (chart.speed_names[i], *([] if part.share == 1 else [str(n)]))
+            which = (joint.element.speeds[i], *([] if part.share == 1 else [str(n)]))
             for block, symbol in ((xi, "xi"), (DV, "DV"), (c, "c")):
-                b.name(block, symbol, chart.joint, which=which)
+                b.name(block, symbol, joint.name, which=which)
+            s, shift = times(b, speed.slope, column), times(b, speed.slope, shifts[i])
             yield Motion(
-                body=body, row=chart.v + i, index=i, group=n, share=part.share, s=column, shift=shifts[i], xi=xi, after=after, DV=DV,
-                c=c,
+                body=body, row=speed.row, index=i, group=n, share=part.share, s=s, shift=shift, xi=xi, after=after, moved=moved, DV=DV,
+                c=c, slope=speed.slope, bent=speed.bent, together=speed.together,
             )  # fmt: skip
         before, A_before = after, A_after
 
 
+def times(b: Builder, factor: Block | None, column: Block) -> Block:
+    """A column, or a scalar, times a factor, which is 1 if it is None."""
+    return column if factor is None else b.scale(factor, column)
+
+
 def _columns(b: Builder, motion: JointMotion) -> list[list[Block]]:
     """The columns of each elementary motion: three of a ball."""
-    columns = motion.b if motion.columns is None else motion.columns
+    subspace = motion.b if motion.b is not None else motion.own
+    columns = subspace if motion.columns is None else motion.columns
     assert columns is not None
     elementary = elementary_motions(motion.tree_joint)
     places = [each.places if motion.columns is None else (n,) for n, each in enumerate(elementary)]
@@ -177,8 +275,7 @@ def _shifts(k: Kinematics, motion: JointMotion, columns: Mapping[int, Block]) ->
     """The columns of a motion by its unknowns.  A ball's unknowns are those of a rotation vector from the pose before the step: the
     turns that they make are T (3, 3) times as large, see runtime/include/cutjoint/core/retraction.hpp."""
     b, chart = k.builder, motion.chart
-    assert chart is not None
-    if not chart.ball or chart.scalars not in columns:
+    if chart is None or not chart.ball or chart.scalars not in columns:
         return columns
     elements = b.symbol(f"turn:{chart.joint}", 9, BindingTime.ITERATION)
     T = b.stack([[b.element(elements, 3 * i + j) for j in range(3)] for i in range(3)])

@@ -187,7 +187,7 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     k.frames[t.child] = frame
     k.motions[t.child] = JointMotion(
         tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
-        columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and chart else None,
+        columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and (chart or following) else None,
         position=position, rate=rate, acceleration=acceleration, slope=following.slope if following else None, own=own, follows=follows,
     )  # fmt: skip
 
