@@ -19,8 +19,20 @@ import cutjoint
 from cutjoint.stepping.simulation import Simulation
 from tests.mechanisms.steered import steered_text
 
-#: Ways of taking steps, with settings of the scene.
-WAYS = (("recursive", ""), ("recursive", ", closure: proximal"), ("recursive-newton", ""))
+#: Ways of taking steps, with settings of the scene, and whether a controller takes samples, at which steps are split.
+WAYS = (
+    ("recursive", "", False), ("recursive", ", closure: proximal", False), ("recursive-newton", "", False),
+    ("recursive", ", closure: proximal", True), ("recursive-newton", "", True),
+)  # fmt: skip
+CONTROLLER = """
+controllers:
+  damp:
+    every: 3 ms
+    offset: 1 ms
+    delay: 6 ms
+    signals: {u: -20*cart.vy - 0.1*cart.ay - 2*m}
+    memory: {m: {start: 0, next: 0.9*m + 1*cart.y}}
+outputs: [damp.u, damp.m, """
 DT = 1e-3
 #: The largest distance of a guide from its course, m, and the largest gap of loops.
 _COURSE, _GAP = 1e-9, 1e-4
@@ -31,10 +43,13 @@ _FURTHEST = 0.05
 @cache
 def _simulation(way: int, number: int) -> Simulation:
     """One of two simulations of the steered rack, to which all calls go."""
-    method, more = WAYS[way]
+    method, more, is_sampled = WAYS[way]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "steered.yaml"
-        path.write_text(steered_text(more))
+        text = steered_text(more)
+        if is_sampled:
+            text = text.replace("- 3*rate", "- 3*rate + damp.u").replace("\noutputs: [", CONTROLLER)
+        path.write_text(text)
         return cutjoint.load(path, scene="free", method=method) if number == 0 else _simulation(way, 0).copy()
 
 

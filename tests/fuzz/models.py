@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import random
+from collections.abc import Callable
 from typing import Any
 
 from cutjoint.elements.joints import JOINTS
@@ -432,7 +433,8 @@ class Maker:
         return made
 
     def control(self, made: Node) -> None:
-        """States and signals that read bodies, joints, forces and each other, now and then in a circle, and laws that read them."""
+        """States, signals and controllers that read bodies, joints, forces and each other, now and then in a circle, and laws that read
+        them."""
         rng = self.rng
         known = [f"{body}.{rng.choice(('x', 'vy', 'roll', 'wz', 'y', 'az' if self.chance(0.1) else 'z'))}" for body in self.bodies]
         known += [f"{joint}.{name}" for joint, part in self.joints.items() if "cut" not in part for name in JOINTS[part["kind"]].units]
@@ -440,21 +442,42 @@ class Maker:
         known += [f"{side}.{rng.choice(('level', 'level.value', 'hub.angle', 'wheel.y', 'ask'))}" for side in made.get("instances", {})]
         states = [self.name("state") for _ in range(rng.randint(0, 2))]
         signals = [self.name("signal") for _ in range(rng.randint(0, 3))]
+        controllers = [self.name("controller") for _ in range(rng.randint(0, 2))]
+        known += [f"{name}.{rng.choice(('out', 'out', 'kept', 'more'))}" for name in controllers]
+        sensed = [f"{sensor}.{rng.choice(('Fx', 'force', 'ay'))}" for sensor in (*made["reactions"], *made["markers"])]
 
-        def term() -> str:
-            one, two = (rng.choice([*known, *states, *signals, "drive", "size", "t"]) for _ in range(2))
+        def term(*own: str) -> str:
+            one, two = (rng.choice([*known, *states, *signals, *own, "drive", "size", "t"]) for _ in range(2))
             return rng.choice((f"0.5*{one}", f"-2*{one} + sin({two})", f"where({one} < 0.1, {two}, 0.3)", f"max(0.2*{one}, -{two})"))
 
         made["states"] = {name: {"start": rng.choice((0, 0.5, "size", "0.2 m")), "rate": term()} for name in states}
         made["signals"] = {name: term() for name in signals}
+        made["controllers"] = {name: self.controller(lambda *own: term(*own, *sensed)) for name in controllers}
         for force in made["forces"].values():
             if isinstance(force.get("law"), str) and self.chance():
                 force["law"] += f" + 3*({term()})"
         if "submodels" in made:
             side = made["submodels"]["side"]
             side["states"] = {"level": {"start": 0.1, "rate": "ask - 2*level"}}
+            side["controllers"] = {"slow": {"every": "1 ms", "signals": {"ask": "0.1*wheel.az + 0.1*level"}}}
             side["signals"] = {"ask": rng.choice(("0.1*wheel.vy + t", "spring.length - reach", "base.x*wheel.roll", "0.1*spring.force"))}
             side["forces"]["push"]["force"][1] = "level - vy*reach"
+
+    def controller(self, term: Callable[..., str]) -> Node:
+        """Its signals read each other, now and then in a circle."""
+        rng = self.rng
+        every = rng.choice((0.001, "2 ms", 0.0005, 0.3, *((0, "1 m", "size") if self.chance(0.1) else ())))
+        circle = ("out",) if self.chance(0.1) else ()
+        made: Node = {"every": every, "signals": {"out": term("more", "kept"), "more": term("kept", *circle)}}
+        if self.chance():
+            made["offset"] = rng.choice((0.001, "3 ms", 0, -1 if self.chance(0.1) else 0.0005))
+        if self.chance():
+            made["delay"] = rng.choice((0.006, "2 ms", 0.3, *((0.00077, 1e6) if self.chance(0.1) else ())))
+        if self.chance():
+            made["memory"] = {"kept": {"start": rng.choice((0, 0.5, "size")), "next": term("more", "kept", "out")}}
+        if self.chance(0.2):
+            made["signals"]["out"] = {"value": made["signals"]["out"], "start": rng.choice((1, "size", "1 m"))}
+        return made
 
     def gear(self, trees: list[str]) -> Node:
         """A gear between two joints of the tree, now and then with a wrong name or unit."""

@@ -12,7 +12,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
+from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.program.blocks import Block
@@ -119,14 +119,16 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
 
 
 def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> dict[str, Array]:
-    """The values of a scene's laws at ``t`` (s) that a step of a mechanism or system reads, by symbol; none of a model without inputs."""
-    if not equations.inputs:
+    """The values of a scene's laws at ``t`` (s) that a step of a mechanism or system reads, by symbol, and what controllers hold before
+    their first samples; none of a model without inputs and controllers."""
+    if not equations.input_values:
         return {}
     results = equations.function("scene_inputs").results
     values = interpret_blocks(results.values(), {LAW_TIME: np.full(1, t), "parameters": parameters}, {})
     numbers = np.array([values[block][0, 0] for block in results.values()])
     given = len(equations.slots[INPUTS].names)
-    return {INPUTS: numbers[:given], LAW_VALUES: numbers[given:]}
+    begun = given + equations.held
+    return {INPUTS: numbers[:given], HELD: numbers[given:begun], LAW_VALUES: numbers[begun:]}
 
 
 def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0) -> tuple[Array, Array] | None:

@@ -116,8 +116,8 @@ _WEIGHTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 class Point:
     """A state at time ``t`` (s): coordinates ``q``, speeds ``v``, accelerations ``vdot``; zero of a mechanism at rest.
 
-    ``parameters`` have the order of the equations' own, ``held`` the values of inputs that do not follow the scene, ``roads`` the roads of
-    tyres, flat where there are none.  Multipliers follow from the balance.
+    ``parameters`` have the order of the equations' own, ``held`` the values of inputs that do not follow the scene and what controllers
+    hold, ``roads`` the roads of tyres, flat where there are none.  Multipliers follow from the balance.
     """
 
     t: float

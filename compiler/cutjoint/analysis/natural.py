@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, Pose, evaluate_scene_inputs, explore, make_inputs, retract
-from cutjoint.formulate.inputs import INPUT_ORDERS, INPUTS
+from cutjoint.formulate.inputs import HELD, INPUT_ORDERS, INPUTS, held_name
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import SystemEquations
 from cutjoint.program.blocks import Block
@@ -72,6 +72,8 @@ def _inputs(equations: SystemEquations, arrays: Mapping[str, Array], held: Mappi
         if parameter.name in held:
             first = len(INPUT_ORDERS) * i
             inputs[INPUTS][first : first + len(INPUT_ORDERS)] = held[parameter.name], 0.0, 0.0
+    for i, value in enumerate(equations.topology.model.held):
+        inputs[HELD][i] = held.get(held_name(value), inputs[HELD][i])
     for symbol, slot in equations.slots.items():
         if slot.array in _ARRAYS:
             size = len(slot.names)

@@ -54,8 +54,8 @@ _SAVED = 30e-9
 
 
 def fits_lanes(model: Model, scene: Scene, method: str, integrator: str) -> bool:
-    """Return whether runs of a scene can go side by side: lanes have no impacts of guides."""
-    return METHODS[method].batch and INTEGRATORS[integrator].batch and not guides_jump(model, scene)
+    """Return whether runs of a scene can go side by side: lanes have no impacts of guides, and no controllers."""
+    return METHODS[method].batch and INTEGRATORS[integrator].batch and not guides_jump(model, scene) and not model.controllers
 
 
 def lanes_break_even(operations: int, steps: float) -> bool:

@@ -42,6 +42,7 @@ _ABOUT = {
     "apply_jacobian": "Phi_q x.",
     "report": "The reported columns.",
     "energy": "Kinetic energy, and the power of all forces, guides and drives.",
+    "sample": "What controllers hold next.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
@@ -167,7 +168,7 @@ class CppClass:
 def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
     """The class of the mechanism with its layout, by a program of it; ``header`` names its file, without the ending, where it has one."""
     equations = parts.mechanism
-    unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard"}
+    unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard", "sample"}
     if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
         unused -= {"energy"}  # of one that holds coordinates at rest or finds penalties, one instance at a time
     layout = {
@@ -238,13 +239,15 @@ def _arrays(equations: Equations) -> list[str]:
     state, is_relative = equations.state, isinstance(equations, RecursiveEquations) or bool(equations.charts)
     turned = ", quaternions" if any(chart.ball for chart in equations.charts) else ""
     states = f", the last {len(state.states)} of them first-order states" if state.states else ""
+    held = "what controllers hold, then " if equations.held else ""
     lines = {
         f"q[{len(state.q)}]": f"coordinates of joints: m, rad{turned}" if is_relative else "points (m), unit vectors and angles (rad)",
         f"v[{len(state.v)}]": f"speeds: m/s, rad/s{states}; vdot has their rates of change, dz, force and force_residual one for each",
         f"lambda[{len(state.equations)}]": "multipliers of closing equations: N, N*m; residual, rate, gap and their like have one for each",
         f"column[{len(equations.columns)}]": "outputs, in the units of the description",
         f"parameters[{len(equations.parameters)}]": "open parameters, in SI units",
-        f"input[{equations.input_values}]": "of each input value, rate and acceleration, then values by which laws are watched",
+        f"input[{equations.input_values}]": f"of each input value, rate and acceleration, then {held}values by which laws are watched",
+        f"held[{equations.held}]": "what controllers hold next, in SI units",
     }  # fmt: skip
     used = {name: words for name, words in lines.items() if not name.endswith("[0]")}
     width = max(map(len, used), default=0)
@@ -283,16 +286,16 @@ def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquatio
     return (_UNUSED | (frozenset() if equations.switches else {"events"})) - needed
 
 
-def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, dict[str, int]]:
-    """The sizes that a class declares."""
-    states = len(equations.state.states)
+def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
+    """The sizes that a class declares, and its controllers where it has some."""
+    states, controllers = len(equations.state.states), equations.topology.model.controllers
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "switches": len(equations.switches),
-        **({"states": states} if states else {}),
-    }}  # fmt: skip
+        **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
+    }, **({"samples": controllers} if controllers else {})}  # fmt: skip
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

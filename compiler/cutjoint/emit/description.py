@@ -36,6 +36,10 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         ],
         "switches": switches_of(equations),
         "states": len(equations.state.states),
+        "controllers": [
+            {"name": c.name, "place": quotable(c.span.place), "every": c.every, "offset": c.offset, "held": len(c.held)}
+            for c in model.controllers
+        ],
     }  # fmt: skip
 
 

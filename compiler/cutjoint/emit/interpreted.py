@@ -59,6 +59,7 @@ def describe_mechanism(program: Program, equations: RecursiveEquations) -> dict[
     """The mechanism of a program for the interpreter."""
     q, v, m = equations.coordinates, equations.unknowns, len(equations.equation_names)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "gap": m, "stabilisation": 3, "penalties": max(len(equations.closures), 1)}
+    arrays |= {"held": equations.held}
     return {"description": _description(equations), **_assemble(program, equations, arrays)}
 
 
@@ -67,6 +68,7 @@ def _describe_system(program: Program, equations: SystemEquations, plan: Plan) -
     names, pattern = equations.coordinate_names, plan.pattern
     q, v, m, turns = len(names), equations.unknowns, len(equations.equation_names), 9 * sum(c.ball for c in equations.charts)
     arrays = {"q": q, "v": v, "vdot": v, "lambda": m, "w": m, "penalty": 1, "weights": 3, "weights.turns": turns}
+    arrays |= {"held": equations.held}
     arrays |= {"relative_q": equations.start.coordinates, "relative_v": equations.start.unknowns}
     about = {
         "method": equations.method, **_description(equations), "factors": plan.storage.length,
@@ -85,7 +87,7 @@ def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, A
         **{field: list(names) for field, names in d["name_lists"].items()},
         **{key: [[p["name"], p["unit"], float(p["value"])] for p in d[key]] for key in ("parameters", "inputs")},
         "roads": list(d["roads"]), "columns": [[c.name, c.unit] for c in d["columns"]], "cuts": d["cuts"],
-        **{key: [list(x.values()) for x in d[key]] for key in ("guards", "domains", "switches")},
+        **{key: [list(x.values()) for x in d[key]] for key in ("guards", "domains", "switches", "controllers")},
         "states": d["states"], "driven": d["driven"], "guides_jump": d["guides_jump"],
     }  # fmt: skip
 

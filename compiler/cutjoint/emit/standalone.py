@@ -279,6 +279,8 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip
+    if controllers := equations.topology.model.controllers:
+        tables |= {"controller_names": [c.name for c in controllers], "controller_places": [quotable(c.span.place) for c in controllers]}
     return [{"name": name, "entries": list(items)} for name, items in tables.items()]
 
 
@@ -341,6 +343,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
+    if controllers := equations.topology.model.controllers:
+        others += 3 * equations.held + 2 * len(controllers) + n + 32
     stored = _stored(parts.program)
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from cutjoint.emit.loops import LoopText, index, read_by_loops, write_loops
 from cutjoint.emit.names import MACROS, common_name, identifier, name_scalars, road_names, unique
 from cutjoint.emit.printer import STANDARD, Printer, Statement, kept_type, lanes_type
-from cutjoint.formulate.inputs import INPUTS, LAW_TIME, LAW_VALUES
+from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.records import Equations
 from cutjoint.program.blocks import BindingTime, Section
 from cutjoint.program.loops import TO, Rolled, roll
@@ -131,7 +131,7 @@ class Viewer:
         symbol, index = node.data
         if symbol in _MEMBERS:
             return _MEMBERS[symbol][1][index]
-        if symbol in (INPUTS, LAW_VALUES):
+        if symbol in (INPUTS, HELD, LAW_VALUES):
             return identifier(self._equations.slots[symbol].names[index])
         if symbol == "penalties":
             return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
@@ -159,12 +159,12 @@ class Viewer:
     @property
     def step_name(self) -> str:
         """The function that begins a step; with inputs, what the class calls with the array of these."""
-        return "start_step" if self._equations.inputs else "begin_step"
+        return "start_step" if self._equations.input_values else "begin_step"
 
     def step(self) -> FunctionView:
         """The stage of time, and of inputs where there are some."""
         known = {**self._inputs, **self._known(BindingTime.PARAM)}
-        arguments = ("Real t", "Real motion", *(["const Real* input"] if self._equations.inputs else []))
+        arguments = ("Real t", "Real motion", *(["const Real* input"] if self._equations.input_values else []))
         return self._early(self.step_name, arguments, self._program.stepped, BindingTime.STEP, known, ())
 
     def _known(self, latest: BindingTime) -> dict[int, str]:

@@ -59,10 +59,8 @@ class Numbers:
 def require_mechanics_alone(model: Model) -> None:
     """Raise ModelError for states, signals and laws that read other elements, which programs with mechanics alone do not have."""
     found = (*model.states, *(e for e in reading_elements(model) if not isinstance(e, FirstOrderState)))
-    problems = [
-        Problem(span=e.span, element=f"'{e.name}'", message="only cutjoint has states and laws that read quantities", hint="leave it out")
-        for e in found
-    ]  # fmt: skip
+    message = "only cutjoint has states, controllers and laws that read quantities"
+    problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     if problems:
         raise ModelError(problems)
 

@@ -2,8 +2,9 @@
 
 The model's inputs in a scene: its laws with their first and second derivatives, as a function of their own.
 
-The function ``scene_inputs`` fills the array that a step reads: three numbers of each input, then the values at whose changes of sign laws
-change their formulas, then the margins of the laws' domains.  All other functions read the array alone.
+The function ``scene_inputs`` fills the array that a step reads: three numbers of each input, then the values of controllers before their
+first samples, then the values at whose changes of sign laws change their formulas, then the margins of the laws' domains.  All other
+functions read the array alone.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
-from cutjoint.model.records import Binding, Gear, Joint, Model, Output, Parameter, Scalar, Scene
+from cutjoint.model.records import Binding, Gear, HeldValue, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.switches import Domain, Switch, find_domains, find_switches
@@ -31,6 +32,9 @@ TIME = sympy.Symbol("t", real=True)
 #: The program's symbol of the model's inputs: of each one in turn the numbers of these orders.
 INPUTS = "inputs"
 INPUT_ORDERS = ("value", "rate", "acceleration")
+
+#: The program's symbol of what controllers hold.
+HELD = "held_values"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +69,9 @@ def make_translator(builder: Builder, model: Model) -> Translator:
         given = builder.symbol(INPUTS, len(INPUT_ORDERS) * len(inputs), BindingTime.STEP)
         symbols = [symbol for p in inputs for symbol in input_symbols(p)]
         values |= {symbol: builder.label(builder.element(given, i), _name_of(symbol)) for i, symbol in enumerate(symbols)}
+    if model.held:
+        held = builder.symbol(HELD, len(model.held), BindingTime.STEP)
+        values |= {value.symbol: builder.element(held, i) for i, value in enumerate(model.held)}
     values |= {s.symbol: builder.symbol(f"v:{s.name}", 1, BindingTime.ITERATION) for s in model.states}
     return Translator(builder, values)
 
@@ -85,6 +92,11 @@ def parameter_blocks(builder: Builder, model: Model) -> dict[Scalar, Block]:
         if parameter.binding is Binding.CONST:
             values[parameter.symbol] = builder.number(parameter.value)
     return values
+
+
+def held_name(value: HeldValue) -> str:
+    """The name of what a controller holds, "controller.value"."""
+    return str(value.symbol).removeprefix("@")
 
 
 def input_functions(model: Model, scene: Scene) -> Mapping[Scalar, Scalar]:
@@ -172,9 +184,9 @@ LAW_VALUES = "law_values"
 
 @dataclass(frozen=True, kw_only=True)
 class SceneInputs:
-    """The function ``scene_inputs`` of a model with ``inputs``, and the switches and domains of its laws.
+    """The function ``scene_inputs`` of a model with ``inputs`` or controllers, and the switches and domains of its laws.
 
-    ``length`` is that of the array.  Without inputs there is no function.
+    ``length`` is that of the array.  Without both there is no function.
     """
 
     inputs: tuple[Parameter, ...] = ()
@@ -191,16 +203,18 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
     Switches are left out without ``events``.
     """
     inputs = input_parameters(model)
-    if not inputs:
+    if not inputs and not model.held:
         return SceneInputs()
     laws = [block for p in inputs for block in _law(b, model, scene, p)]
     used = [laws[i] for i in _used(results)]
     switches = find_switches(b, used) if events else []
     domains = find_domains(b, used)
     conditions = [*(s.value for s in switches), *(d.margin for d in domains)]
-    values = [*laws, *conditions]
+    begun = [*laws, *_starts(b, model)]
+    values = [*begun, *conditions]
     read = _read(b, len(conditions))
-    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *("law" for _ in conditions)]
+    held_names = [held_name(value) for value in model.held]
+    slot_names = [*(f"{p.name} {order}" for p in inputs for order in INPUT_ORDERS), *held_names, *("law" for _ in conditions)]
     return SceneInputs(
         inputs=inputs,
         functions=(
@@ -211,7 +225,8 @@ def derive_scene_inputs(b: Builder, model: Model, scene: Scene, results: Iterabl
         slots={
             **{f"input:{i}": Slot(array="input", offset=i, names=(name,)) for i, name in enumerate(slot_names)},
             INPUTS: Slot(array="input", offset=0, names=tuple(slot_names[: len(laws)])),
-            LAW_VALUES: Slot(array="input", offset=len(laws), names=tuple(slot_names[len(laws) :])),
+            **({HELD: Slot(array="input", offset=len(laws), names=tuple(held_names))} if held_names else {}),
+            LAW_VALUES: Slot(array="input", offset=len(begun), names=tuple(slot_names[len(begun) :])),
         },
         length=len(values),
     )  # fmt: skip
@@ -226,6 +241,14 @@ def _law(b: Builder, model: Model, scene: Scene, parameter: Parameter) -> Iterat
         translator = Translator(b, {TIME: time, **parameter_blocks(b, model)})
         for order in range(len(INPUT_ORDERS)):
             yield translator.scalar(sympy.diff(law, TIME, order) if order else law)
+
+
+def _starts(b: Builder, model: Model) -> Iterator[Block]:
+    """The values that controllers hold before their first samples."""
+    translator = Translator(b, parameter_blocks(b, model))
+    for controller in model.controllers:
+        with b.section("controller", controller.name, "before the first sample", controller.span.place):
+            yield from (translator.scalar(value.start) for value in controller.held)
 
 
 def _used(results: Iterable[Block]) -> list[int]:

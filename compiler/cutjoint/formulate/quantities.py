@@ -1,13 +1,13 @@
-"""Laws, rates and signals that read quantities of elements, as blocks: the part that all formulations share."""
+"""Laws, rates, signals and controllers that read quantities of elements, as blocks: the part that all formulations share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.dependencies import signals_below
-from cutjoint.model.expressions import quantities_read
+from cutjoint.model.expressions import quantities_read, quantity_symbol
 from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import Force, Model, Output, Scalar, Scene
 from cutjoint.program.blocks import Block, Builder
@@ -15,7 +15,8 @@ from cutjoint.program.blocks import Block, Builder
 
 def reading(b: Builder, translator: Translator, model: Model, quantity: Callable[[Output], Block]) -> Translator:
     """A translator that knows signals, and the quantities of bodies, markers, joints and forces as ``quantity`` makes them."""
-    signals = {signal.symbol: signal for signal in model.signals}
+    sampled = (signal for controller in model.controllers for signal in controller.signals)
+    signals = {signal.symbol: signal for signal in (*model.signals, *sampled)}
     made: dict[Scalar, Block] = {}
 
     def read(symbol: Scalar) -> Block:
@@ -41,7 +42,8 @@ def measured_forces(model: Model, scene: Scene) -> Iterator[tuple[Force, frozens
             yield force, names
 
 
-def named_quantity(translator: Translator, model: Model, name: str) -> Block | None:
-    """The value of the state or signal of a name; None if there is none."""
-    symbols: Mapping[str, Scalar] = {element.name: element.symbol for group in (model.states, model.signals) for element in group}
-    return translator.scalar(symbols[name]) if name in symbols else None
+def named_quantity(translator: Translator, model: Model, output: Output) -> Block | None:
+    """The value of a state, of a signal or of what a controller holds; None if it is none of these."""
+    symbols = {element.name: element.symbol for group in (model.states, model.signals) for element in group}
+    symbols |= {c.name: quantity_symbol(c.name, output.quantity) for c in model.controllers}
+    return translator.scalar(symbols[output.element]) if output.element in symbols else None

@@ -88,8 +88,8 @@ class Equations:
     ``parameters`` are those that stay open until the binary loads them, ``roads`` the tyres in the order of their road tables, ``columns``
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
     arguments of the generated ``load``.
-    ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills.
-    ``left_out`` are equations that guards watch.
+    ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills, with
+    values of controllers.  ``left_out`` are equations that guards watch.
     """
 
     topology: Topology
@@ -115,6 +115,11 @@ class Equations:
     def function(self, name: str) -> Function:
         """A function by name."""
         return next(f for f in self.functions if f.name == name)
+
+    @property
+    def held(self) -> int:
+        """The number of values that controllers hold."""
+        return len(self.topology.model.held)
 
     @property
     def unknowns(self) -> int:
@@ -181,7 +186,7 @@ class RecursiveEquations(Equations):
     @property
     def starting(self) -> RecursiveEquations:
         """The equations without the functions that a start does not call."""
-        return replace(self.crossing, functions=tuple(f for f in self.crossing.functions if f.name != "project"))
+        return replace(self.crossing, functions=tuple(f for f in self.crossing.functions if f.name not in ("project", SAMPLE)))
 
     @property
     def crossing(self) -> RecursiveEquations:
@@ -225,6 +230,9 @@ class SystemEquations(Equations):
         slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
         return replace(self, slots={**self.slots, **slots})
 
+
+#: The function of controllers.
+SAMPLE = "sample"
 
 #: Functions that only check a run.
 CHECKS = ("energy",)

@@ -1,6 +1,7 @@
 """The order in which forces and signals follow from each other, and algebraic loops.
 
-A signal follows from the quantities of its expression, a force from those of its laws.  States and motions follow from the past.
+A signal follows from the quantities of its expression, a force from those of its laws.  States, motions and what controllers hold follow
+from the past.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from cutjoint.model.choices import bottom_up
 from cutjoint.model.circles import in_order
 from cutjoint.model.errors import Problems
-from cutjoint.model.expressions import quantities_read
+from cutjoint.model.expressions import quantities_read, samples_read
 from cutjoint.model.records import Force, Model, Scalar, Signal
 
 
@@ -25,7 +26,7 @@ def forces_in_order(model: Model) -> tuple[Force, ...]:
 
 def seeing_forces(model: Model) -> frozenset[str]:
     """The forces whose laws read quantities of motion, be it by signals or by other forces, and so depend on more than their bodies."""
-    states = {state.name for state in model.states}
+    states = {element.name for group in (model.states, model.controllers) for element in group}
     signals = {signal.name: signal.value for signal in model.signals}
     forces = {force.name: force for force in model.force_elements}
     sees: dict[str, bool] = {}
@@ -100,7 +101,8 @@ def _uses(forces: Iterable[Force], signals: Iterable[Signal]) -> dict[str, list[
     measured = {force.name: force.measured for force in forces}
     return {
         name: [
-            element for expression in of for element, quantity in quantities_read(expression)
+            element for expression in of
+            for element, quantity in (*quantities_read(expression), *((sample, "") for sample in samples_read(expression)))
             if element in expressions and quantity not in measured.get(element, ())
         ]
         for name, of in expressions.items()

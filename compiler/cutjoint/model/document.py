@@ -61,6 +61,39 @@ class FirstOrderState(Part):
     rate: Number
 
 
+class SampledSignal(Part):
+    """A value that a controller computes at its samples, and what it is before the first of them."""
+
+    value: Number
+    start: Number = 0
+
+
+class Memory(Part):
+    """A number that a controller keeps from sample to sample: its value before the first, and what it becomes at each."""
+
+    start: Number
+    next: Number
+
+
+SampledSignalEntry: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[SampledSignal, Tag("<mapping>")],
+    told_by(
+        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("value", "start"), "<mapping>")},
+        "needs an expression or {value: ..., start: ...}",
+    ),
+]
+
+
+class Controller(Part):
+    """Values that are computed at equal intervals and held in between; ``delay`` is how much later others see its signals."""
+
+    every: Number
+    offset: Number = 0
+    delay: Number = 0
+    signals: dict[ParameterName, SampledSignalEntry] = Field(default={})
+    memory: dict[ParameterName, Memory] = Field(default={})
+
+
 class Elements(Part):
     """The sections that a model and a submodel share."""
 
@@ -73,6 +106,7 @@ class Elements(Part):
     markers: dict[Name, Marker] = Field(default={})
     states: dict[ParameterName, FirstOrderState] = Field(default={})
     signals: dict[ParameterName, Number] = Field(default={})
+    controllers: dict[ParameterName, Controller] = Field(default={})
     outputs: tuple[StrictStr, ...] = ()
 
 

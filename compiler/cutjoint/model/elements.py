@@ -1,4 +1,4 @@
-"""Bodies, joints, sensors, states and signals: from the document's parts to records, not yet mirrored."""
+"""Bodies, joints, sensors, states, signals and controllers: from the document's parts to records, not yet mirrored."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cutjoint.elements.joint import Fault, JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import body_parts, document
 from cutjoint.model import element_parts as joint_parts
+from cutjoint.model.controllers import read_controller, require_free_name, unit_text
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.gears import read_gear
@@ -22,6 +23,7 @@ from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import (
     VALUE,
     Body,
+    Controller,
     FirstOrderState,
     Force,
     Gear,
@@ -34,7 +36,7 @@ from cutjoint.model.records import (
     Visual,
 )
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
-from cutjoint.model.units import ANGLE, LENGTH, NONE, TIME, Dimension
+from cutjoint.model.units import ANGLE, LENGTH, TIME
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,12 @@ class Elements:
     gears: tuple[Gear, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
     signals: tuple[Signal, ...] = ()
+    controllers: tuple[Controller, ...] = ()
 
     def by_name(self) -> dict[str, Quantified]:
         """Every element by its name."""
-        groups = (self.bodies, self.joints, self.gears, self.forces, self.reactions, self.markers, self.states, self.signals)
+        groups = (self.bodies, self.joints, self.gears, self.forces, self.reactions, self.markers, self.states, self.signals,
+                  self.controllers)  # fmt: skip
         return {element.name: element for group in groups for element in group}
 
 
@@ -68,6 +72,7 @@ def read_elements(scope: Scope, part: document.Elements) -> Elements:
         tuple(read_gear(element(scope, "gear", "gears", name), gear) for name, gear in part.gears.items()),
         tuple(_read_state(element(scope, "state", "states", name), state) for name, state in part.states.items()),
         tuple(_read_signal(element(scope, "signal", "signals", name), value) for name, value in part.signals.items()),
+        tuple(read_controller(element(scope, "controller", "controllers", name), c) for name, c in part.controllers.items()),
     )
 
 
@@ -161,33 +166,22 @@ _FAULTS: Mapping[Fault, Callable[[Element, Vector, Vector], bool]] = {
 
 
 def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrderState:
-    _require_free_name(element)
+    require_free_name(element)
     dimension = element.term(state.start, ("start",), element.scope.constants()).dimension
     rate = None if dimension is None else dimension / TIME
     return FirstOrderState(
-        name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=_unit_text(dimension), span=element.span,
+        name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
         initial=element.scalar(state.start, None, ("start",)),
         rate=element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
     )  # fmt: skip
 
 
 def _read_signal(element: Element, value: int | float | str) -> Signal:
-    _require_free_name(element)
+    require_free_name(element)
     dimension = element.term(value, (), element.scope.reading("t")).dimension
     expression = element.scalar(value, None, (), element.scope.reading("t"))
     symbol = quantity_symbol(element.name, VALUE)
-    return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=_unit_text(dimension), span=element.span)
-
-
-def _require_free_name(element: Element) -> None:
-    name = str(element.path[-1])
-    if name in element.scope.names:
-        element.fail(f"'{name}' is a parameter already", "choose another name")
-
-
-def _unit_text(dimension: Dimension | None) -> str:
-    """The SI unit of a dimension, "" where it is none or not known."""
-    return "" if dimension in (None, NONE) else str(dimension)
+    return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=unit_text(dimension), span=element.span)
 
 
 def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | None:

@@ -1,7 +1,7 @@
 """From the document to flat elements: parameters become symbols, submodels are instantiated and mirrored.
 
-Laws of forces, rates of states and signals read quantities of elements wherever these stand.  So the elements are read twice where one
-does: first to see which there are, then with the names of their quantities.
+Laws of forces, rates of states, signals and controllers read quantities of elements wherever these stand.  So the elements are read
+twice where one does: first to see which there are, then with the names of their quantities.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     scope = replace(scope, own=_own(scope, model), read=machine.read)
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
-    check_levels(elements.forces, elements.signals, problems)
+    sampled = tuple(signal for controller in elements.controllers for signal in controller.signals)
+    check_levels(elements.forces, (*elements.signals, *sampled), problems)
     return Expansion(parameters.given, parameters.derived, scope, elements)
 
 
@@ -131,7 +132,7 @@ def _uses(scope: Scope, model: document.Document, machine: Machine) -> Iterator[
 def _count(part: document.Elements) -> int:
     sections: tuple[Sized, ...] = (
         part.points, part.bodies, part.joints, part.gears, part.forces, part.reactions, part.markers, part.states, part.signals,
-        part.outputs,
+        part.controllers, part.outputs,
     )  # fmt: skip
     return sum(len(section) for section in sections)
 

@@ -41,7 +41,7 @@ from cutjoint.model.text import is_number
 from cutjoint.model.units import UnitError, read_measure
 
 #: The places of quantities, as a remedy for one that stands elsewhere.
-READERS = "laws of forces, signals and rates of states may have it"
+READERS = "laws of forces, signals, rates of states and controllers may have it"
 MAX_LENGTH = 2000  #: characters of a text
 MAX_DEPTH = 60  #: nested operations
 
@@ -61,11 +61,22 @@ def quantity_symbol(element: str, quantity: str) -> Scalar:
     return sympy.Symbol(f"@{element}.{quantity}", real=True)
 
 
+def sample_symbol(controller: str, signal: str) -> Scalar:
+    """The symbol of what a controller computes at a sample for one of its signals; no other symbol starts with ``$``."""
+    return sympy.Symbol(f"${controller}.{signal}", real=True)
+
+
 def quantities_read(expression: Scalar) -> list[tuple[str, str]]:
     """The elements and quantities whose symbols an expression has, sorted."""
     names = sorted(str(symbol) for symbol in getattr(expression, "free_symbols", ()))
     found = (name.removeprefix("@").rpartition(".") for name in names if name.startswith("@"))
     return [(element, quantity) for element, _, quantity in found]
+
+
+def samples_read(expression: Scalar) -> list[str]:
+    """The signals of controllers, "controller.signal", that an expression has as they are computed, sorted."""
+    names = sorted(str(symbol) for symbol in getattr(expression, "free_symbols", ()))
+    return [name.removeprefix("$") for name in names if name.startswith("$")]
 
 
 @dataclass(frozen=True)
@@ -252,6 +263,9 @@ class _Parser:
         return term
 
     def call(self, name: str, args: list[ast.expr], depth: int) -> Term:
+        if name == "delay":
+            hint = "a controller delays what it samples: {every: ..., delay: ..., signals: ...}"
+            raise ExpressionError("there is no continuous delay", hint)
         if name not in FUNCTIONS:
             raise ExpressionError(f"unknown function '{name}'", nearest(name, FUNCTIONS, "functions"))
         count = FUNCTIONS[name]

@@ -1,4 +1,4 @@
-"""The quantities of a whole model, as laws of forces, rates of states and signals read them."""
+"""The quantities of a whole model, as laws of forces, rates of states, signals and controllers read them."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cutjoint.model import document
+from cutjoint.model.controllers import dimension_of_sample
 from cutjoint.model.errors import Unheard
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.mirror import Image
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.quantities import Element, QuantityError, find_quantity, follows_from_forces, quantities
-from cutjoint.model.records import VALUE, Joint, Signal
+from cutjoint.model.records import VALUE, Controller, Joint, Signal
 from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Scope, element
 from cutjoint.model.units import Dimension, measure
 
@@ -23,6 +24,7 @@ class Machine:
 
     survey: Callable[[], Mapping[str, Element]]
     _signals: dict[str, tuple[Scope, int | float | str]] = field(default_factory=dict)
+    _controllers: dict[str, tuple[Scope, document.Controller]] = field(default_factory=dict)
     _dimensions: dict[str, Dimension | None] = field(default_factory=dict)
 
     @cached_property
@@ -30,8 +32,9 @@ class Machine:
         return self.survey()
 
     def expect(self, scope: Scope, part: document.Elements) -> None:
-        """Take note of the signals of a scope, whose dimensions others may ask for before they are read."""
+        """Take note of the signals and controllers of a scope, whose dimensions others may ask for before they are read."""
         self._signals.update({scope.prefix + name: (scope, value) for name, value in part.signals.items()})
+        self._controllers.update({scope.prefix + name: (scope, controller) for name, controller in part.controllers.items()})
 
     def read(self, scope: Scope, name: str) -> Term:
         """The term of "element.quantity", or of a state or a signal, as a scope calls it.
@@ -62,15 +65,22 @@ class Machine:
             if error.element == UNKNOWN or scope.directory.misses(error.element):
                 return None
             raise ExpressionError(f"quantity '{name}': {error.message}", error.hint) from None
-        if follows_from_forces(elements[found[0]], found[1]):
+        if follows_from_forces(elements[found[0]], found[1]) and not scope.sampled:
             reason = "accelerations and reactions follow from all forces, and so from what reads them"
-            raise ExpressionError(f"the quantity '{name}' cannot stand here: {reason}", "use positions and speeds")
+            hint = "use positions and speeds, or let a controller sample it"
+            raise ExpressionError(f"the quantity '{name}' cannot stand here: {reason}", hint)
         return found
 
     def _term(self, name: str, quantity: str) -> Term:
         found = self._elements[name]
         unit = quantities(found)[quantity]
-        known = self._dimension(name) if isinstance(found, Signal) else measure(1.0, unit).dimension if unit else None
+        match found:
+            case Signal():
+                known = self._dimension(name)
+            case Controller():
+                known = self._dimension_of_sample(name, quantity)
+            case _:
+                known = measure(1.0, unit).dimension if unit else None
         return Term(quantity_symbol(name, quantity), known)
 
     def _dimension(self, signal: str) -> Dimension | None:
@@ -81,3 +91,13 @@ class Machine:
             where = element(replace(scope, problems=Unheard()), "signal", "signals", signal.removeprefix(scope.prefix))
             self._dimensions[signal] = where.term(value, (), scope.reading("t")).dimension
         return self._dimensions.get(signal)
+
+    def _dimension_of_sample(self, controller: str, value: str) -> Dimension | None:
+        """The dimension of a value that a controller holds; None of one that follows from itself."""
+        key = f"{controller}.{value}"
+        if key not in self._dimensions and controller in self._controllers:
+            self._dimensions[key] = None
+            scope, part = self._controllers[controller]
+            where = element(replace(scope, problems=Unheard()), "controller", "controllers", controller.removeprefix(scope.prefix))
+            self._dimensions[key] = dimension_of_sample(where, part, value)
+        return self._dimensions.get(key)

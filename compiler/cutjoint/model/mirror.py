@@ -96,7 +96,7 @@ def mirror_elements(elements: Elements, axis: str) -> Elements:
         tuple(_reaction(mirror, reaction) for reaction in elements.reactions),
         tuple(_marker(mirror, marker) for marker in elements.markers),
         tuple(_gear(gear, signs) for gear in elements.gears),
-        elements.states, elements.signals,
+        elements.states, elements.signals, elements.controllers,
     )  # fmt: skip
 
 

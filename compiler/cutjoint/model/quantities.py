@@ -15,6 +15,7 @@ from cutjoint.model.records import (
     GROUND,
     VALUE,
     Body,
+    Controller,
     FirstOrderState,
     Force,
     Gear,
@@ -29,7 +30,7 @@ from cutjoint.model.records import (
     Vector,
 )
 
-Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker | FirstOrderState | Signal
+Element: TypeAlias = Body | Joint | Gear | Force | Reaction | RodForce | Marker | FirstOrderState | Signal | Controller
 
 _MOTION: Mapping[str, str] = {
     **dict.fromkeys(("x", "y", "z"), "m"),
@@ -75,7 +76,7 @@ def quantities(element: Element) -> Mapping[str, str]:
             return {"force": FORCE_UNITS.get(element.first.unit, "")}  # without a unit where its coordinate is wrong, which is noted
         case Reaction(direction=None):
             return _WRENCH
-        case Force():
+        case Force() | Controller():
             return element.quantities
         case FirstOrderState() | Signal():
             return {VALUE: element.unit}
@@ -116,8 +117,9 @@ def follows_from_forces(element: Element, quantity: str) -> bool:
 
 
 def readings_of(model: Model) -> tuple[Output, ...]:
-    """The quantities of bodies, markers, joints and forces that laws, rates of states and signals read, as if they were outputs."""
-    own = {element.name for group in (model.states, model.signals) for element in group}
+    """The quantities of bodies, markers, joints, forces and sensors that laws, rates of states, signals and controllers read, as if they
+    were outputs."""
+    own = {element.name for group in (model.states, model.signals, model.controllers) for element in group}
     found: dict[tuple[str, str], Output] = {}
     for element, expressions in _expressions(model):
         for name, quantity in (of for expression in expressions for of in quantities_read(expression) if of[0] not in own):
@@ -125,20 +127,25 @@ def readings_of(model: Model) -> tuple[Output, ...]:
     return tuple(found.values())
 
 
-def reading_elements(model: Model) -> tuple[Force | FirstOrderState | Signal, ...]:
-    """The forces, states and signals that read quantities of bodies, markers, joints and forces, and all signals."""
+#: The elements that may read quantities.
+Reader: TypeAlias = Force | FirstOrderState | Signal | Controller
+
+
+def reading_elements(model: Model) -> tuple[Reader, ...]:
+    """The forces, states and signals that read quantities of bodies, markers, joints and forces, all signals and all controllers."""
     states = {state.name for state in model.states}
     return tuple(
         element for element, expressions in _expressions(model)
-        if isinstance(element, Signal) or any(name not in states for e in expressions for name, _ in quantities_read(e))
+        if isinstance(element, Signal | Controller) or any(name not in states for e in expressions for name, _ in quantities_read(e))
     )  # fmt: skip
 
 
-def _expressions(model: Model) -> Iterator[tuple[Force | FirstOrderState | Signal, tuple[Scalar, ...]]]:
+def _expressions(model: Model) -> Iterator[tuple[Reader, tuple[Scalar, ...]]]:
     """The expressions that may read quantities, by their elements."""
     yield from ((force, force.expressions) for force in model.force_elements)
     yield from ((state, (state.rate,)) for state in model.states)
     yield from ((signal, (signal.value,)) for signal in model.signals)
+    yield from ((controller, controller.expressions) for controller in model.controllers)
 
 
 def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]:
@@ -161,7 +168,8 @@ def reported_element(model: Model, output: Output) -> Element:
 
 def elements_of(model: Model) -> dict[str, Element]:
     """All elements that have quantities, by their names."""
-    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states, model.signals)
+    groups = (model.bodies, model.markers, model.reactions, model.force_elements, model.joints, model.gears, model.states, model.signals,
+              model.controllers)  # fmt: skip
     return {element.name: element for group in groups for element in group}
 
 

@@ -70,6 +70,7 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
         markers=elements.markers,
         states=elements.states,
         signals=elements.signals,
+        controllers=elements.controllers,
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,

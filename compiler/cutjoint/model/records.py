@@ -100,6 +100,46 @@ class Signal:
     span: Span
 
 
+@dataclass(frozen=True, kw_only=True)
+class HeldValue:
+    """A number that a controller holds from one sample to the next: ``start`` before the first, an expression of parameters, then ``next``
+    of what is so at the sample.
+
+    ``name`` is that of a quantity of the controller, "" of a value that only a later sample reads.
+    """
+
+    name: str
+    symbol: Scalar
+    start: Scalar
+    next: Scalar
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """Values that are computed at the times ``offset`` + k ``every`` (s) and held in between.
+
+    ``signals`` are what it computes at a sample, by symbols of their own; ``held`` values take theirs from these, all at once.
+    """
+
+    name: str
+    every: float
+    offset: float
+    signals: tuple[Signal, ...]
+    held: tuple[HeldValue, ...]
+    span: Span
+
+    @property
+    def quantities(self) -> Mapping[str, str]:
+        """The held values that others may read, with their units."""
+        return {value.name: value.unit for value in self.held if value.name}
+
+    @property
+    def expressions(self) -> tuple[Scalar, ...]:
+        """All expressions that it computes at a sample."""
+        return (*(signal.value for signal in self.signals), *(value.next for value in self.held))
+
+
 class ShapeKind(StrEnum):
     """The kind of a body's shape, by its key in the file."""
 
@@ -513,10 +553,11 @@ class Scene:
 class Model:
     """A validated model: what the file says, flat and in SI units.
 
-    Element names are unique over bodies, joints, gears, forces, reactions, markers, states and signals.  An element of a submodel's
-    instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
-    for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
-    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions.
+    Element names are unique over bodies, joints, gears, forces, reactions, markers, states, signals and controllers.  An element of a
+    submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
+    ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
+    ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
+    replaced by functions.
     """
 
     name: str
@@ -535,6 +576,7 @@ class Model:
     derived: tuple[DerivedParameter, ...] = ()
     states: tuple[FirstOrderState, ...] = ()
     signals: tuple[Signal, ...] = ()
+    controllers: tuple[Controller, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
 
     def __repr__(self) -> str:
@@ -546,6 +588,11 @@ class Model:
         """The places of all elements that may have equations: bodies, joints, gears and states by their names."""
         elements: tuple[Body | Joint | Gear | FirstOrderState, ...] = (*self.bodies, *self.joints, *self.gears, *self.states)
         return {element.name: element.span for element in elements}
+
+    @property
+    def held(self) -> tuple[HeldValue, ...]:
+        """The values that controllers hold, one controller behind the other."""
+        return tuple(value for controller in self.controllers for value in controller.held)
 
     @property
     def following(self) -> Mapping[str, Assembly]:

@@ -58,11 +58,12 @@ class Scope:
 
     * of masses, points, starts and all other numbers the parameters that do not move, `constants`;
     * of guides, and of a scene's inputs but for inputs, ``t`` and all parameters, `timed`;
-    * of laws of forces, of rates of states and of signals these, the law's variables, and the quantities of elements, `reading`: by
-      "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the scope;
-      ``read`` is what finds a quantity.
+    * of laws of forces, of rates of states, of signals and of controllers these, the law's variables, and the quantities of elements,
+      `reading`: by "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the
+      scope; ``read`` is what finds a quantity.
 
-    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters.
+    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters.  ``sampled`` is whether what reads
+    quantities may also have accelerations and reactions, since it acts only afterwards.
     """
 
     source: Source
@@ -80,6 +81,7 @@ class Scope:
     own: frozenset[str] = frozenset()
     read: Callable[[Scope, str], Term] | None = None
     sensed: frozenset[Scalar] = frozenset()
+    sampled: bool = False
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""

@@ -38,6 +38,7 @@ KINDS = {
     "markers": "marker",
     "states": "state",
     "signals": "signal",
+    "controllers": "controller",
     "submodels": "submodel",
     "instances": "instance",
     "scenes": "scene",

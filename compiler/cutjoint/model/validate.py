@@ -18,7 +18,7 @@ from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
 
 #: The sections whose names must differ.
-_SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "states", "signals", "instances")
+_SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "states", "signals", "controllers", "instances")
 
 
 def check_names(source: Source, problems: Problems, model: document.Document) -> None:

@@ -5,7 +5,7 @@ A reduced model holds for its scene's inputs: their laws stand in it, and it has
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from cutjoint.compile.pipeline import schedule_method
@@ -15,7 +15,7 @@ from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.quantities import reading_elements
-from cutjoint.model.records import Binding, Model, Scene
+from cutjoint.model.records import Binding, Controller, Model, Scalar, Scene
 from cutjoint.package.errors import EquationsError
 from cutjoint.program.records import Program
 from cutjoint.reduce.approximations import lighten_links, roll_straight
@@ -246,5 +246,12 @@ def fix_inputs(outcome: Outcome) -> Outcome:
         model, parameters=tuple(p for p in model.parameters if p.binding is not Binding.INPUT),
         joints=tuple(put_in(j, laws) for j in model.joints), forces=tuple(put_in(f, laws) for f in model.forces), guards=tuple(guards),
         states=tuple(put_in(s, laws) for s in model.states), signals=tuple(put_in(s, laws) for s in model.signals),
+        controllers=tuple(_put_in_controller(c, laws) for c in model.controllers),
     )  # fmt: skip
     return replace(outcome, model=settled, scene=replace(scene, inputs={}))
+
+
+def _put_in_controller(controller: Controller, laws: Mapping[Scalar, Scalar]) -> Controller:
+    return replace(
+        controller, signals=tuple(put_in(s, laws) for s in controller.signals), held=tuple(put_in(h, laws) for h in controller.held)
+    )

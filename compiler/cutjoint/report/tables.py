@@ -44,7 +44,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
-        *((name, str(len(part))) for name, part in (("gears", model.gears), ("states", model.states), ("signals", model.signals)) if part),
+        *((name, str(len(part))) for name, part in _further(model) if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
         *([("assemblies", _assemblies(model))] if model.assemblies else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
@@ -54,6 +54,11 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
         *([("warning", warning)] if warning else []),
     )  # fmt: skip
+
+
+def _further(model: Model) -> tuple[tuple[str, Sequence[object]], ...]:
+    """Elements that most models do not have."""
+    return ("gears", model.gears), ("states", model.states), ("signals", model.signals), ("controllers", model.controllers)
 
 
 def _assemblies(model: Model) -> str:

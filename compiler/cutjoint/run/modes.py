@@ -10,6 +10,7 @@ import numpy as np
 
 from cutjoint.analysis.linearise import Linearisation, Point, linearise
 from cutjoint.formulate.implicit.equations import ImplicitEquations
+from cutjoint.formulate.inputs import held_name
 from cutjoint.methods import LINEARISED
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene
@@ -51,11 +52,13 @@ def linearise_at(
     if (failure := failure_of(summary)) is not None:
         raise NotReachedError(failure)
     state = summary["state"]
+    sampled = zip(artifact.topology.model.held, state.get("held") or [], strict=False)
+    held = {held_name(value): number for value, number in sampled if number is not None}
     if at is None:
         _require_free(equations, summary.get("held", {}))
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
-        parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held=run_file.inputs or {},
+        parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
         roads={tyre: WheelRoad.of(**road) for tyre, road in run_file.roads.items()},
     )  # fmt: skip
     return point.t, linearise(equations, point, at_rest=at is None)
@@ -68,7 +71,8 @@ def _run_file(artifact: Artifact, at: float | None, parameters: Mapping[str, flo
         return make_run_file(model, at_rest, parameters, task="equilibrium", method=artifact.method, options=PLAIN_STEPS)
     if at:
         scene = _ending_at(scene, at)
-    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=artifact.method, options=PLAIN_STEPS, out=out)
+    return make_run_file(model, replace(scene, end=at), parameters, task="simulate", method=artifact.method, options=PLAIN_STEPS, out=out,
+                         fits_samples=False)  # fmt: skip
 
 
 def _ending_at(scene: Scene, at: float) -> Scene:

@@ -12,7 +12,7 @@ import sympy
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_METHOD, METHODS, Implementation
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mass import mass_problems
@@ -25,6 +25,7 @@ from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.roads import road_pieces
+from cutjoint.run.samples import require_fitting_steps
 from cutjoint.run.settings import Options, find_settings, with_options
 
 _NOTHING_ASKED = Options()
@@ -69,7 +70,7 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
 def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = DEFAULT_METHOD,
     implementation: Implementation = Implementation.GENERATED, options: Options = _NOTHING_ASKED,
-    inputs: Mapping[str, GivenInput] = MappingProxyType({}),
+    inputs: Mapping[str, GivenInput] = MappingProxyType({}), fits_samples: bool = True,
 ) -> RunFile:  # fmt: skip
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
     batches "batch".
@@ -78,6 +79,8 @@ def make_run_file(
     time.  Inputs that neither names follow the scene.  To its entries "steps_out" may be added, where iterations and residuals of each
     step go, "tangents_out", where the recursive method's Jacobians at each row do, "coordinates_out", where the coordinates at each row
     do, and "states", of which "evaluate" evaluates; a batch needs "cases", what each run has of its own, and "threads".
+
+    Equal steps that are given have to divide the intervals of controllers, unless they need not ``fits_samples``.
 
     Raises:
         RunError: a change names neither an open parameter nor an input, has no finite value, or leaves the start or a road
@@ -90,6 +93,8 @@ def make_run_file(
     given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
+        if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:
+            require_fitting_steps(model, scene, settings.dt)
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
         output_step=scene.output_step, pose=scene.pose, out=out,

@@ -74,7 +74,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
     Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
     would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  They also go one by one
-    where the rates of guides may jump.
+    where the rates of guides may jump, or where the model has controllers.
 
     Raises:
         ModelError, EquationsError: the model is wrong.

@@ -160,8 +160,8 @@ def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, f
 
 
 def _everything(model: Model) -> list[Output]:
-    """The pose of each body, every force, and every state and signal."""
-    others = (*model.forces, *model.reactions, *model.states, *model.signals)
+    """The pose of each body, every force, and every state, signal and value of a controller."""
+    others = (*model.forces, *model.reactions, *model.states, *model.signals, *model.controllers)
     return [*_outputs(model.bodies, POSE), *(o for element in others for o in _outputs([element], quantities(element)))]
 
 

@@ -54,6 +54,12 @@ struct Switch {
   int across;
 };
 
+struct Controller {
+  const char* name;
+  const char* place;
+  SampleTimes times;
+};
+
 /// A mechanism (`Description` of mechanism.hpp).
 struct Mechanism {
   const char* name;
@@ -69,6 +75,7 @@ struct Mechanism {
   List<Guard> guards{};
   List<Domain> domains{};
   List<Switch> switches{};
+  List<Controller> controllers{};
   int states = 0;
   bool driven = false;
   bool guides_jump = false;

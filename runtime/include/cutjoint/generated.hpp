@@ -30,6 +30,11 @@ class Behind : public Base {
     else Base::energy(q, v, vdot, lambda, energy);
   }
 
+  void sample([[maybe_unused]] const Real* q, [[maybe_unused]] const Real* v, [[maybe_unused]] const Real* vdot, [[maybe_unused]] const Real* lambda,
+              [[maybe_unused]] Real* held) const final {
+    if constexpr (requires { generated_.sample(q, v, vdot, lambda, held); }) generated_.sample(q, v, vdot, lambda, held);
+  }
+
   void guard(const Real* q, const Real* v, Real* margin) const final {
     if constexpr (requires { generated_.guard(q, v, margin); }) generated_.guard(q, v, margin);
   }

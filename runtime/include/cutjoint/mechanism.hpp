@@ -42,6 +42,13 @@ struct Domain {
   bool strict;
 };
 
+/// What holds values between samples: its name, the line of the model's file, and the times.
+struct Controller {
+  std::string_view name;
+  std::string_view place;
+  SampleTimes times;
+};
+
 /// Everything about a mechanism that does not change in a run.
 struct Description {
   std::string_view name;
@@ -58,8 +65,16 @@ struct Description {
   std::vector<Domain> domains{};              ///< where laws may have no value
   std::vector<Switch> switches{};             ///< where formulas change
   std::size_t states = 0;                     ///< number of the first-order states
+  std::vector<Controller> controllers{};      ///< what holds values between samples
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   bool guides_jump = false;                   ///< whether the rates of guides may jump
+
+  /// How many values controllers hold.
+  std::size_t held() const {
+    std::size_t number = 0;
+    for (const Controller& controller : controllers) number += static_cast<std::size_t>(controller.times.held);
+    return number;
+  }
 };
 
 }  // namespace cutjoint

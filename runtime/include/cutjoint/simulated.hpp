@@ -62,7 +62,9 @@ class Simulated {
 
   Simulated(Subject& subject, const RunSettings& settings, const Json& file)
       : subject_(subject), settings_(settings), file_(file), data_(subject.description(), file), guards_(subject), list_(subject, energy_),
-        simulation_(driven(subject), settings_from(settings), data_.parameters().data(), data_.roads().data()) {}
+        simulation_(subject, settings_from(settings), data_.parameters().data(), data_.roads().data()) {
+    simulation_.drive_by(data_.inputs());
+  }
 
   const std::vector<Named>& columns() const { return subject_.description().columns; }
   const std::vector<std::string_view>& coordinates() const { return subject_.description().coordinates; }
@@ -79,6 +81,7 @@ class Simulated {
   void prepare() {
     if (settings_.energy) balance_energy();
     if constexpr (finds_events) steps().stepper().watch({.call = [](void* who, auto& scheme) { static_cast<Simulated*>(who)->end_step(scheme); }, .who = this});
+    if (settings_.energy) simulation_.watch_samples({.call = [](void* who) { static_cast<Simulated*>(who)->begin_anew(); }, .who = this});
     if (may_jump(subject_)) steps().watch_impacts({.reached = &reach, .left = &leave, .who = this});
     if constexpr (finds_events) steps().run_to(time() + Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
   }
@@ -155,7 +158,9 @@ class Simulated {
   Json state() const
     requires(!Integrator::finds_events)
   {
-    return write_state(simulation_.state());
+    Json state = write_state(simulation_.state());
+    for (const Real value : simulation_.held_values()) state["held"].push_back(number_or_null(static_cast<double>(value)));
+    return state;
   }
 
   /// The functions of the mechanism or system at the run file's states.
@@ -222,12 +227,6 @@ class Simulated {
     throw failure;
   }
 
-  /// The mechanism or system with the inputs of the run.
-  Subject& driven(Subject& subject) {
-    data_.drive(subject);
-    return subject;
-  }
-
   void check(long number) {
     if (!guards_.empty()) guards_.check(simulation_.complete_state(), number);
   }
@@ -249,6 +248,12 @@ class Simulated {
   template <class Scheme>
   void add_between(Scheme& scheme, const State<Real>& end) {
     energy_->add(end, [&](Real t, State<Real>& state) { scheme.read_between(t, state); });
+  }
+
+  /// A controller has taken its sample: the next step has other accelerations at its beginning.
+  void begin_anew() {
+    const auto time = energy_->time();
+    energy_->add(simulation_.complete_state());
   }
 
   void add_step(const State<Real>& end) {

@@ -59,6 +59,7 @@ from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.samples import sample_function, sample_slots
 from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.dependencies import seeing_forces
@@ -115,11 +116,12 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions
+            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions,
+            *sample_function(b, k.translator, model, reporter.quantity),
         ), method="recursive-newton",
         slots={
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
-            **laws.slots, **energy_slots(),
+            **laws.slots, **energy_slots(), **sample_slots(model),
         },
         start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,

@@ -40,6 +40,7 @@ from cutjoint.formulate.records import (
     system_functions,
 )
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.samples import sample_function, sample_slots
 from cutjoint.formulate.states import placed_states, state_rates, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import (
     describe_domains,
@@ -111,12 +112,13 @@ def formulate_lagrangian(
         roads=tuple(f.name for f in model.forces if f.has_road), outputs=outputs,
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
-            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions
+            *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions,
+            *sample_function(b, motions.translator, model, reporter.quantity),
         ), method=method,
         slots={
             **start.state.chart_slots({"q": "relative_q"}, dict.fromkeys(("v", "relative_v"), "relative_v")), **system.slots(),
             **column_slots(outputs), **margin_slots(model, scene, unheld), **value_slots(switches), **domain_slots(domains), **laws.slots,
-            **energy_slots(),
+            **energy_slots(), **sample_slots(model),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         start=start, state=system.state, layout=layout, constraints=system.constraints, load_arguments=LOAD_ARGUMENTS,

@@ -35,7 +35,7 @@ class NaturalQuantities:
                 return self._motion(marker.body, marker.point, output.quantity)
         if any(force.name == name for force in self.model.force_elements):
             return self.forces.get(name, {}).get(output.quantity, self.motions.builder.zero(1))
-        value = named_quantity(self.motions.translator, self.model, name)
+        value = named_quantity(self.motions.translator, self.model, output)
         return self._joint(next(j for j in self.model.joints if j.name == name), output.quantity) if value is None else value
 
     def _axes(self, body: str) -> tuple[Form, Form, Form]:

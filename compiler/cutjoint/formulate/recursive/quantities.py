@@ -44,7 +44,7 @@ class Quantities:
                 return self._motion(marker.body, marker.point, output.quantity)
         if any(force.name == element for force in self.model.force_elements):
             return self.forces.quantities.get(element, {}).get(output.quantity, self.kinematics.builder.zero(1))
-        value = named_quantity(self.kinematics.translator, self.model, element)
+        value = named_quantity(self.kinematics.translator, self.model, output)
         return self._joint(output) if value is None else value
 
     def _motion(self, body: str, point: Vector, quantity: str) -> Block:

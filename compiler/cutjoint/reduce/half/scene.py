@@ -11,6 +11,7 @@ from cutjoint.model.quantities import JOINT_QUANTITIES, reaction_component, repo
 from cutjoint.model.records import (
     GROUND,
     Body,
+    Controller,
     FirstOrderState,
     Force,
     Gear,
@@ -103,7 +104,7 @@ def _output(half: Half, output: Output) -> Output:
             return _joint_output(half, element, output)
         case RodForce() if not half.flat:
             raise AsymmetryError(element.name, "is measured by distances that already stand for a link", element.span)
-    return output if isinstance(element, RodForce | Gear | FirstOrderState | Signal) else _force_output(half, element, output)
+    return output if isinstance(element, RodForce | Gear | FirstOrderState | Signal | Controller) else _force_output(half, element, output)
 
 
 def _reaction_output(half: Half, reaction: Reaction, output: Output) -> Output:

@@ -6,7 +6,7 @@ no file has: guards, sensors of rods, columns that stand for others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.compile.systems import formulate_system
@@ -15,7 +15,7 @@ from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.outcome import Note
-from cutjoint.model.records import Model, RodForce, Scene
+from cutjoint.model.records import Controller, Model, RodForce, Scalar, Scene
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.bodies import explain_bodies
 from cutjoint.report.explain.closures import explain_closures
@@ -83,14 +83,25 @@ def _explain_recursive(model: Model, scene: Scene, method: str, further: tuple[C
 
 
 def explain_signals(model: Model) -> tuple[Chapter, ...]:
-    """The chapter of states and signals, none for a model without them."""
+    """The chapters of states and signals, and of controllers, none for a model without them."""
     symbols = {**parameter_symbols(model), TIME: "t"}
     rates = [rf"\dot {{{symbols[s.symbol]}}} = {latex(s.rate, symbols)}" for s in model.states]
     values = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in model.signals]
+    sampled = tuple(_explain_controller(controller, symbols) for controller in model.controllers)
     if not rates + values:
-        return ()
-    return (Chapter(title="States and signals", notes=(_SIGNALS,), formulas=(*rates, *values), entries=()),)
+        return sampled
+    return (Chapter(title="States and signals", notes=(_SIGNALS,), formulas=(*rates, *values), entries=()), *sampled)
 
+
+def _explain_controller(controller: Controller, symbols: Mapping[Scalar, str]) -> Chapter:
+    """The formulas of a sample."""
+    times = f"Samples at {controller.offset:.9g} s + k {controller.every:.9g} s. {_SAMPLES}"
+    computed = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in controller.signals]
+    held = [rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held]
+    return Chapter(title=f"Controller {controller.name}", notes=(times,), formulas=(*computed, *held), entries=())
+
+
+_SAMPLES = "A plus marks what is computed at a sample, of what was held before; then all that is held changes at once."
 
 _SIGNALS = "Rates of states, which are integrated with the mechanism, and names for expressions. Quantities are those that outputs have."
 

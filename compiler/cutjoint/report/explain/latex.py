@@ -150,6 +150,9 @@ def parameter_symbols(model: Model) -> dict[Scalar, str]:
     for value, rate, acceleration in map(input_symbols, input_parameters(model)):
         symbols |= {rate: rf"\dot {{{symbols[value]}}}", acceleration: rf"\ddot {{{symbols[value]}}}"}
     symbols |= {element.symbol: _words(element.name) for group in (model.states, model.signals) for element in group}
+    for controller in model.controllers:
+        symbols |= {signal.symbol: f"{_words(signal.name)}^{{+}}" for signal in controller.signals}
+        symbols |= {value.symbol: _words(str(value.symbol).removeprefix("@")) for value in controller.held}
     return symbols | {quantity_symbol(o.element, o.quantity): _words(o.column) for o in readings_of(model)}
 
 

@@ -12,9 +12,10 @@ namespace cutjoint {
 
 /// How many coordinates, speeds, equations of cut joints, cut joints, parameters, inputs, tyres, columns, guards and switches a
 /// mechanism has; switches are those at which steps end.  The last of the speeds are first-order `states`: no coordinate is their integral.
+/// `controllers` hold values between samples, `held` in all.
 struct Sizes {
   std::size_t coordinates = 0, speeds = 0, equations = 0, cuts = 0, parameters = 0, inputs = 0, roads = 0, columns = 0, guards = 0, switches = 0;
-  std::size_t states = 0;
+  std::size_t states = 0, controllers = 0, held = 0;
 
   constexpr std::size_t joint_speeds() const { return speeds - states; }
 };
@@ -40,12 +41,13 @@ Sizes sizes_of(const M& mechanism) {
   } else if constexpr (requires { mechanism.description().unknowns(); }) {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.unknowns().size(), .equations = d.equations.size(), .parameters = d.parameters.size(),
-            .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size(), .states = d.states};
+            .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(), .guards = d.guards.size(), .states = d.states,
+            .controllers = d.controllers.size(), .held = d.held()};
   } else {
     const auto& d = mechanism.description();
     return {.coordinates = d.coordinates.size(), .speeds = d.speeds.size(), .equations = d.equations.size(), .cuts = d.cuts.size(),
             .parameters = d.parameters.size(), .inputs = d.inputs.size(), .roads = d.roads.size(), .columns = d.columns.size(),
-            .guards = d.guards.size(), .states = d.states};
+            .guards = d.guards.size(), .states = d.states, .controllers = d.controllers.size(), .held = d.held()};
   }
 }
 

@@ -1,4 +1,4 @@
-// Places of coordinates and of changes of formula.  Descriptions read this: it includes nothing.
+// Places of coordinates and of changes of formula, and times of samples.  Descriptions read this: it includes nothing.
 #pragma once
 
 namespace cutjoint {
@@ -19,6 +19,13 @@ struct Chart {
 struct SwitchPlace {
   int road = -1;
   int across = -1;
+};
+
+/// A controller takes samples at `offset` + k `every`, s, and holds so many values in between.
+struct SampleTimes {
+  double every;
+  double offset;
+  int held;
 };
 
 }  // namespace cutjoint

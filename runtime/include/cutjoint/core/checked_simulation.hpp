@@ -238,7 +238,15 @@ class CheckedSimulation {
     if (const int status = ask_started(s)) return status;
     if (!coordinates || !speeds) return no_array;
     if (!is_finite(time) || !all_finite(coordinates, Model::coordinates) || !all_finite(speeds, Model::speeds)) return not_finite;
+    s->sim.skip_samples(time);
     return status_of(s, s->sim.go_to(time, coordinates, speeds));
+  }
+
+  static double next_sample(const CheckedSimulation* s) { return is_started(s) ? s->sim.next_sample() : 0.0; }
+
+  static int take_samples(CheckedSimulation* s) {
+    if (const int status = ask_started(s)) return status;
+    return status_of(s, s->sim.take_samples());
   }
 
   static int displace(CheckedSimulation* s, const double* displacements) {
@@ -299,6 +307,9 @@ class CheckedSimulation {
       case FaultList::guards: look_up(Model::guard_names, Model::guard_places); break;
       case FaultList::coordinates: look_up(Model::coordinate_names, Model::coordinate_places); break;
       case FaultList::switches: look_up(Model::switch_names, Model::switch_places); break;
+      case FaultList::controllers:
+        if constexpr (requires { Model::controller_names; }) look_up(Model::controller_names, Model::controller_places);
+        break;
       case FaultList::none: break;
     }
     if (name) words << ": '" << name << "' (" << place << ")";

@@ -26,7 +26,7 @@ namespace cutjoint {
 ///
 /// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
 /// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
-/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives.
+/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives.  What controllers hold stays.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms>
 class Derivatives {
  public:
@@ -65,6 +65,7 @@ class Derivatives {
  private:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
+  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays
 
   struct None {};
 
@@ -74,13 +75,13 @@ class Derivatives {
   Fault begin(Simulation& simulation, Minimal& minimal) {
     Starter<M>& starter = simulation.starter();
     state_ = &simulation.complete_state();
-    if constexpr (inputs > 0) std::copy_n(simulation.mechanism().last_inputs(), u_.size(), u_.begin());
+    if constexpr (given > 0) std::copy_n(simulation.mechanism().last_inputs(), u_.size(), u_.begin());
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
-    if constexpr (inputs > 0) {
+    if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
     }
@@ -90,7 +91,7 @@ class Derivatives {
 
   static void fill(void* self, Dual, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
-    for (std::size_t i = 0; i < x.u_.size(); ++i) input[i] = {x.u_[i], x.du_[i]};
+    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i] : 0.0};
   }
 
   /// Along the direction that is given.
@@ -200,7 +201,8 @@ class Derivatives {
   Fixed<Dual, M::sizes.cuts> penalties_;
   Fixed<Road<Dual>, M::sizes.roads> roads_;
   Fixed<double, states> dx_, dxdot_;
-  Fixed<double, numbers_per_input * inputs> u_, du_;
+  Fixed<double, given> u_;
+  Fixed<double, numbers_per_input * inputs> du_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_, before_;
   Fixed<Dual, m> phi_, phid_, lambda_, correction_;

@@ -10,6 +10,7 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/relative.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/core/sampling.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/start.hpp"
 #include "cutjoint/core/state.hpp"
@@ -36,6 +37,7 @@ class FixedPointSteps {
 
   FixedPointSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>*)
       : mechanism_(mechanism), steps_(mechanism, Real(settings.dt), settings.fixed_point), correction_(sizes_of(mechanism).equations),
+        next_(sizes_of(mechanism).speeds),
         relative_(mechanism, Real(1e-12)), impacts_(mechanism, settings.end) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
@@ -49,6 +51,12 @@ class FixedPointSteps {
   void restart_after_input_jump(StateOf<M>& state) {
     mechanism_.begin_step(state.t, Real(1));
     mechanism_.evaluate(state.q.data(), state.v.data(), state.lambda.data(), state.vdot.data(), correction_.data());
+  }
+
+  /// A controller has changed forces: the next step begins with accelerations and multipliers that these give.
+  void restart_after_sample(StateOf<M>& state) {
+    if (correction_.empty()) return restart_after_input_jump(state);
+    cutjoint::accelerate(mechanism_, state, Real(1), next_, correction_);
   }
 
   /// Accelerations and multipliers of a state as it is.
@@ -87,6 +95,7 @@ class FixedPointSteps {
   M& mechanism_;
   Trapezoidal<M> steps_;
   Equations<M> correction_;
+  [[no_unique_address]] RoomForSamples<M> next_;
   [[no_unique_address]] std::conditional_t<can_jump<M>, Relative<M>, NoImpacts> relative_;
   [[no_unique_address]] CrossedIf<M> impacts_;
   [[no_unique_address]] ImpactWatch<M> watch_;

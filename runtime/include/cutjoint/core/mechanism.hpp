@@ -27,7 +27,8 @@ namespace cutjoint {
 ///   do without, with the closure `penalty`.
 ///
 /// Where the rates of guides may jump the mechanism or system has `energy` too, and `events` for steps that go over events, unless its coordinates are
-/// natural.  Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.
+/// natural.  Where forces were left out, `guard` is the smallest margin of each, which is negative where the force would act.  With controllers
+/// `sample` is what each would hold next (sampling.hpp).
 template <class M>
 concept Mechanism = requires(M& m, typename M::real_type* out, const typename M::real_type* in, typename M::real_type t,
                              const Stabilisation<typename M::real_type>& s, const Road<typename M::real_type>* roads) {

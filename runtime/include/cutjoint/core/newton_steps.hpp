@@ -98,6 +98,8 @@ class NewtonSteps {
   /// Forces have jumped: the next step begins with the accelerations that they give.
   void restart_after_input_jump(StateOf<S>& state) { newton_.follow_jump(state); }
 
+  void restart_after_sample(StateOf<S>& state) { newton_.follow_sample(state); }
+
   /// Accelerations and multipliers of a state as it is, which is taken over.
   Fault accelerate(StateOf<S>& state, auto&) { return newton_.go_on(state); }
 

@@ -16,6 +16,7 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/core/sampling.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/stabilisation.hpp"
 #include "cutjoint/core/state.hpp"
@@ -42,7 +43,7 @@ struct StartOf<M> {
 /// An integrator has
 ///
 /// - `fixed_point_step` and `stabilise`, the settings and penalties that the mechanism is loaded with,
-/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `restart_after_input_jump`, which does where inputs have jumped, and `step`, which goes on from one; it
+/// - `begin`, which takes over a state as it is, `start`, which takes over one of a simulation that somebody else starts, `restart_after_input_jump`, which does where inputs have jumped, perhaps `restart_after_sample`, where a controller has changed what it holds, and `step`, which goes on from one; it
 ///   `finds_events`, or is `adaptive`: its steps are as long as errors allow,
 /// - `accelerate`, which finds accelerations and multipliers of a state and takes it over, `complete`, a state that has them, and `close`, which closes
 ///   the loops of a state and moves the masses least,
@@ -51,7 +52,10 @@ struct StartOf<M> {
 ///
 /// Inputs whose places are `guiding` move guides.
 ///
-/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives it its inputs and watches its guards and gaps.  It begins at
+/// Where a controller is due a step ends, and the next one begins with what the controller then holds.  So what is so at the instant of a sample is what follows
+/// from the new values.  Controllers of the same instant take their samples in their order.
+///
+/// A mechanism or system that does not know its sizes belongs to somebody else, who also gives the simulation its inputs and watches its guards and gaps.  It begins at
 /// a start that was found elsewhere.
 template <class M, class Integrator, int... guiding>
 class Simulation {
@@ -65,15 +69,30 @@ class Simulation {
   /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
   Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
     requires Sized<M>
-      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(design_state(mechanism_)), state_(design_state(subject())), columns_(sizes.columns) {
+      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
-    if constexpr (sizes.inputs > 0) drive_by(followed_.used());
+    drive_by(followed_.used());
   }
 
   Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
     requires(!Sized<M>)
       : mechanism_(mechanism), settings_(settings), roads_(roads), gap_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
-        start_(design_state(mechanism)), state_(start_), columns_(sizes_of(mechanism).columns) {}
+        start_(design_state(mechanism)), state_(start_), sampling_(mechanism), columns_(sizes_of(mechanism).columns) {}
+
+  /// Take inputs from a source.
+  void drive_by(const InputSource<Real>& source)
+    requires(!Sized<M>)
+  {
+    mechanism_.drive_by(sampling_.source(source));
+  }
+
+  /// What looks on where a controller has taken its sample.
+  struct SampleWatch {
+    void (*call)(void* who) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
 
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
@@ -118,6 +137,7 @@ class Simulation {
     unmeasured_ = 1;
     inputs_.begin(state_.t);
     followed_.begin(inputs_);
+    sampling_.begin();
     StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
@@ -130,7 +150,7 @@ class Simulation {
     if constexpr (has_system)
       if (const Fault fault = steps_->accelerate(state_, how.starter())) return fault;
     is_started_ = true;
-    return {};
+    return sample();
   }
 
   /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.
@@ -145,7 +165,9 @@ class Simulation {
     steps_.emplace(subject(), settings_, roads_);
     is_reported_ = false;
     is_started_ = true;
-    return steps_->start(state_, motion);
+    sampling_.begin();
+    if (const Fault fault = steps_->start(state_, motion)) return fault;
+    return motion > Real(0) ? sample() : Fault{};
   }
 
   bool is_started() const { return is_started_; }
@@ -215,6 +237,29 @@ class Simulation {
     subject().begin_step(state_.t, Real(1));
     return find_gap();
   }
+
+  /// What controllers hold; no number is what they hold before their first samples.
+  const auto& held_values() const
+    requires may_sample<Subject>
+  {
+    return sampling_.memory().values;
+  }
+
+  /// When the next controller is due, s; infinity where there is none.
+  double next_sample() const
+    requires may_sample<Subject>
+  {
+    return static_cast<double>(sampling_.next());
+  }
+
+  /// Let controllers that are due take their samples, of a host that goes to times itself.
+  Fault take_samples() {
+    heed_changes();
+    return sample();
+  }
+
+  /// The host goes to another time: the next samples of controllers are those behind it.
+  void skip_samples(Real t) { sampling_.go_to(t, rounding()); }
 
   /// Go on from a time, coordinates and speeds as they are, with the accelerations that belong to them; guides are where the host has them.
   Fault go_to(Real t, const Real* q, const Real* v) {
@@ -311,6 +356,7 @@ class Simulation {
     Followed followed;
     StateOf<Subject> state;
     Cuts<M> penalties;
+    [[no_unique_address]] typename SamplingOf<Subject>::Memory sampling;
     [[no_unique_address]] typename Integrator::Memory integrator;
     Real origin;
     long number;
@@ -320,7 +366,7 @@ class Simulation {
 
   Memory memory() const {
     return {.settings = settings_, .parameters = parameters_, .inputs = inputs_, .followed = followed_, .state = state_, .penalties = penalties_,
-            .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
+            .sampling = sampling_.memory(), .integrator = steps_->memory(), .origin = origin_, .number = number_, .counted = counted_, .unmeasured = unmeasured_};
   }
 
   /// Go on from what another moment, or another simulation, remembers.
@@ -331,6 +377,7 @@ class Simulation {
     followed_ = memory.followed;
     state_ = memory.state;
     penalties_ = memory.penalties;
+    sampling_.restore(memory.sampling);
     origin_ = memory.origin;
     number_ = memory.number;
     counted_ = memory.counted;
@@ -412,9 +459,12 @@ class Simulation {
   }
 
   void drive_by(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
-    if constexpr (sizes.inputs > 0) {
-      mechanism_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
-      if constexpr (has_system) system_.drive_by({&HostInputs<Real, sizes.inputs>::fill, &inputs});
+    if constexpr (Sized<M> && (sizes.inputs > 0 || may_sample<Subject>)) {
+      InputSource<Real> given{};
+      if constexpr (sizes.inputs > 0) given = {&HostInputs<Real, sizes.inputs>::fill, &inputs};
+      const InputSource<Real> source = sampling_.source(given);
+      mechanism_.drive_by(source);
+      if constexpr (has_system) system_.drive_by(source);
     }
   }
 
@@ -570,6 +620,7 @@ class Simulation {
       is_reported_ = false;
       if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
       if (const Fault fault = watch()) return fault;
+      if (const Fault fault = sample()) return fault;
       if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
       if (state_.t == whole) ++number_;
       else count_from_here();
@@ -577,13 +628,41 @@ class Simulation {
     return {};
   }
 
-  /// Guides go over to the next parts of their courses, of which none ends before the time that is returned, at most `until`.
+  /// Guides go over to the next parts of their courses, of which none ends before the time that is returned, nor is a controller due; at most `until`.
   Real go_over_until(Real until) {
+    Real next = until;
     if constexpr (Followed::any) {
       if (followed_.go_over(state_.t, rounding())) steps_->restart_after_input_jump(state_);
-      if (const Real next = followed_.next_end(); next < until - rounding()) return next;
+      next = std::min(next, followed_.next_end());
     }
-    return until;
+    if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
+    return next < until - rounding() ? next : until;
+  }
+
+  /// Controllers that are due take their samples.
+  Fault sample() {
+    if constexpr (may_sample<Subject>)
+      for (std::size_t i = 0; i < sampling_.size(); ++i)
+        if (sampling_.is_due(i, state_.t, rounding()))
+          if (const Fault fault = sample(i)) return fault;
+    return {};
+  }
+
+  /// The accelerations that a sample reads are those of the values before, and those behind it follow from what is held then.
+  Fault sample(std::size_t controller) {
+    bool changes = false;
+    const StateOf<Subject>& x = steps_->complete(state_);
+    subject().begin_step(state_.t, Real(1));
+    subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
+    if (!sampling_.take(controller, changes))
+      return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
+              .step = number_ + 1};
+    if (!changes) return {};
+    is_reported_ = false;
+    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
+    else steps_->restart_after_input_jump(state_);
+    if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
+    return {};
   }
 
   /// The gap where the mechanism or system is at the present time.
@@ -605,9 +684,13 @@ class Simulation {
     if (next < until) {
       const StateOf<Subject> from = state_;
       const auto before = followed_;
+      const auto held = sampling_.memory();
       Fault fault = integrate_part(next - state_.t, next);
       if (!fault) fault = integrate(until - next, until);
-      if (fault) go_back(from, before);
+      if (fault) {
+        sampling_.restore(held);
+        go_back(from, before);
+      }
       return fault;
     }
     return integrate_part(h, until);
@@ -617,11 +700,14 @@ class Simulation {
     if (const Fault fault = take_part(h, until)) return fault;
     state_.t = until;
     if (const Fault fault = watch_gaps()) return fault;
-    return watch();
+    if (const Fault fault = watch()) return fault;
+    return sample();
   }
 
   /// The state stays where it fails.
   Fault take_part(Real h, Real until) {
+    if constexpr (may_sample<Subject> && Integrator::finds_events)
+      if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
     if constexpr (Followed::any)
       if (watches_gaps() && followed_.is_catching_up()) {
         const StateOf<Subject> from = state_;
@@ -664,6 +750,8 @@ class Simulation {
   Coordinates<M, unsigned char> given_coordinates_;
   SpeedFlags<M> given_speeds_;
   Cuts<M> penalties_;
+  [[no_unique_address]] SamplingOf<Subject> sampling_;
+  [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;

@@ -65,6 +65,8 @@ inline Description read_description(const Json& d) {
   for (const Json& s : switches)
     found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
                               .across = read_index(s.at(3), -1, switches.size())});
+  for (const Json& c : d.at("controllers"))
+    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), read_index(c.at(4), 0, 1000000)}});
   found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
   found.driven = d.at("driven").get<bool>();
   found.guides_jump = d.at("guides_jump").get<bool>();
@@ -77,7 +79,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
  public:
   explicit InterpretedMechanism(const Json& document)
       : description_(read_description(document.at("description"))), program_(document, description_.roads.size()),
-        inputs_(program_, document, description_.inputs.size()) {
+        inputs_(program_, document, description_.inputs.size(), description_.held()) {
     const Argument q{"q", description_.coordinates.size()}, v{"v", description_.speeds.size()}, vdot{"vdot", v.length};
     const std::size_t m = description_.equations.size();
     const Argument lambda{"lambda", m}, parameters{"parameters", description_.parameters.size()};
@@ -87,6 +89,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
     if (program_.has("energy")) energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
     if (program_.has("project")) project_ = program_.read("project", {q, {"gap", m}}, {{"dz", v.length}});
+    if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
     guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
     events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
     domains_ = program_.read_if_any("domains", {q, v}, {"inside", description_.domains.size()});
@@ -124,6 +127,10 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     program_.call(project_, {q, gap}, {dz});
   }
 
+  void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {
+    program_.call(sample_, {q, v, vdot, lambda}, {held});
+  }
+
   void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
   void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
   void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
@@ -132,7 +139,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
   Description description_;
   mutable Program program_;  ///< its memory has the values of the last call
   StepBeginning inputs_;
-  Function load_, evaluate_, constraint_residual_, report_, energy_, project_, guard_, events_, domains_;
+  Function load_, evaluate_, constraint_residual_, report_, energy_, project_, sample_, guard_, events_, domains_;
 };
 
 }  // namespace cutjoint::interpreter

@@ -140,8 +140,10 @@ class Program {
 /// The functions of a step's beginning, by time and inputs, and the source of the inputs.
 class StepBeginning {
  public:
-  StepBeginning(const Program& program, const Json& document, std::size_t inputs) : values_(document.at("inputs").get<std::size_t>()) {
-    if (values_.size() < numbers_per_input * inputs) refuse("an input has no numbers");
+  /// Of so many inputs and values that controllers hold.
+  StepBeginning(const Program& program, const Json& document, std::size_t inputs, std::size_t held)
+      : values_(document.at("inputs").get<std::size_t>()) {
+    if (values_.size() < numbers_per_input * inputs + held) refuse("an input has no numbers");
     const Argument t{"t", 1}, input{"input", values_.size()};
     scene_inputs_ = program.read_if_any("scene_inputs", {t}, input);
     begin_step_ = program.read("begin_step", {t, {"motion", 1}, input}, {});

@@ -52,7 +52,7 @@ class InterpretedSystem final : public AnySystem<double> {
       : description_(read_system_description(document.at("description"))), program_(document, description_.roads.size()),
         factorisation_(document.at("tables"), description_.pattern.symmetric, description_.pattern.size,
                        static_cast<int>(description_.pattern.row.size()), description_.factors),
-        inputs_(program_, document, description_.inputs.size()) {
+        inputs_(program_, document, description_.inputs.size(), description_.held()) {
     const std::size_t n = description_.unknowns().size(), m = description_.equations.size();
     const Argument q{"q", description_.coordinates.size()}, v{"v", n}, vdot{"vdot", n}, lambda{"lambda", m}, penalty{"penalty", 1};
     const Argument force_residual{"force_residual", n}, residual{"residual", m};
@@ -67,6 +67,7 @@ class InterpretedSystem final : public AnySystem<double> {
     apply_jacobian_ = program_.read("apply_jacobian", {q, vdot}, {{"change", m}});
     report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
     energy_ = program_.read("energy", {q, v, vdot, lambda}, {{"energy", 2}});
+    if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
     guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
     events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
     domains_ = program_.read_if_any("domains", {q, v}, {"inside", description_.domains.size()});
@@ -116,6 +117,10 @@ class InterpretedSystem final : public AnySystem<double> {
     program_.call(energy_, {q, v, vdot, lambda}, {energy});
   }
 
+  void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {
+    program_.call(sample_, {q, v, vdot, lambda}, {held});
+  }
+
   void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
   void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
   void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
@@ -128,7 +133,7 @@ class InterpretedSystem final : public AnySystem<double> {
   Factorisation factorisation_;
   StepBeginning inputs_;
   Function load_, initial_coordinates_, dynamic_residual_, linearise_, constraint_residual_, apply_jacobian_transposed_, apply_jacobian_;
-  Function report_, energy_, guard_, events_, domains_;
+  Function report_, energy_, sample_, guard_, events_, domains_;
 };
 
 }  // namespace cutjoint::interpreter

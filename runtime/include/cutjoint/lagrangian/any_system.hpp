@@ -18,7 +18,7 @@ struct SystemDescription;
 /// - `linearise` is the same and the values of the tangent's entries,
 /// - `constraint_residual` is Phi, Phid = Phi_q v + Phi_t and Phidd = Phi_q vdot + (d/dt Phi_q) v + (d/dt Phi_t),
 /// - `apply_jacobian_transposed` is Phi_q^T w, `apply_jacobian` Phi_q x,
-/// - `report` is the columns, `energy` kinetic energy and power, `guard` the margins as in `Mechanism`, `events` the values of the switches,
+/// - `report` is the columns, `energy` kinetic energy and power, `guard` and `sample` as in `Mechanism`, `events` the values of the switches,
 /// - `factor` is the emitted factorisation with its static pivot order: L D L^T (augmented) or L U (classical); it returns -1, or the row
 ///   of the pattern whose pivot is not positive (augmented) or not finite or zero (classical),
 /// - `solve` replaces the right-hand side x by the solution.
@@ -42,6 +42,7 @@ class AnySystem {
   virtual void apply_jacobian(const Real* q, const Real* x, Real* change) const = 0;
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const { throw_no_energy(); }  ///< of q, v, vdot, lambda
+  virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; only models with controllers have it
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
   virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with domains have it

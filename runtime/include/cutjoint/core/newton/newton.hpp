@@ -110,6 +110,13 @@ class Newton : public Workspace<S, Solver> {
     stay(state);
   }
 
+  /// A controller has changed forces: accelerations of a tangent of their own, as the errors of `follow_jump` would add up over many samples.
+  void follow_sample(StateOf<S>& state) {
+    whole_ = state;
+    if (go_on(whole_)) follow_jump(state);
+    else state = whole_;
+  }
+
   /// Go on from a state that has accelerations and multipliers, with a tangent of its own.
   void resume(const StateOf<S>& state) {
     get_ready(state, Real(1));

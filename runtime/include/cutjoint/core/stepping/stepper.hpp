@@ -113,6 +113,9 @@ class Stepper {
   /// No step goes beyond from now on.
   void limit(Real limit) { now_.limit = limit; }
 
+  /// No step goes beyond, nor beyond the end of the integration.
+  void limit_before_end(Real limit) { now_.limit = std::min(limit, end_); }
+
   /// Steps that one call may try; without a bound as many as it takes.
   void bound(long most) { most_ = most; }
 
