@@ -76,13 +76,6 @@ class Elements(Part):
     outputs: tuple[StrictStr, ...] = ()
 
 
-class Submodel(Elements):
-    """Elements to be used several times."""
-
-    connectors: tuple[Name, ...] = ()
-    parameters: tuple[ParameterName, ...] = ()
-
-
 class Instance(Part):
     """One use of a submodel."""
 
@@ -91,6 +84,16 @@ class Instance(Part):
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
     mirror: Literal["x", "y", "z"] | None = None
     binding: Literal["param"] | None = None
+
+
+class Submodel(Elements):
+    """Elements to be used several times, or ``include``, the file that has them instead."""
+
+    include: StrictStr | None = None
+    connectors: tuple[Name, ...] = ()
+    parameters: tuple[ParameterName, ...] = ()
+    submodels: dict[Name, Submodel] = Field(default={})
+    instances: dict[Name, Instance] = Field(default={})
 
 
 class Parameter(Part):

@@ -34,22 +34,19 @@ class Machine:
         self._signals.update({scope.prefix + name: (scope, value) for name, value in part.signals.items()})
 
     def read(self, scope: Scope, name: str) -> Term:
-        """The term of "element.quantity", or of a state or a signal, as a scope calls it.
+        """The term of "element.quantity", or of a state or a signal, as a scope calls it; in a mirrored one what the original would read.
 
         Raises:
             ExpressionError: there is no such quantity, or no expression may read it.
         """
         found = self._found(scope, name)
-        return FAILED_TERM if found is None else self._term(*found)
-
-    def read_image(self, axis: str, scope: Scope, name: str) -> Term:
-        """The term of a scope that is mirrored along an axis: what the original would read."""
-        found = self._found(scope, name)
         if found is None:
             return FAILED_TERM
-        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)}
-        term, sign = self._term(*found), Image(axis, joints).sign(self._elements[found[0]], found[1])
-        return replace(term, value=sign * term.value)
+        term = self._term(*found)
+        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)} if scope.mirrors else {}
+        for axis in scope.mirrors:
+            term = replace(term, value=Image(axis, joints).sign(self._elements[found[0]], found[1]) * term.value)
+        return term
 
     def _found(self, scope: Scope, name: str) -> tuple[str, str] | None:
         """An element and its quantity; None where one that could not be read may be meant."""

@@ -516,7 +516,8 @@ class Model:
     Element names are unique over bodies, joints, gears, forces, reactions, markers, states and signals.  An element of a submodel's
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
     for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
-    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions.
+    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions.  ``text`` is the model file's,
+    ``files`` are the texts of the files that it names, by their names in places.
     """
 
     name: str
@@ -536,10 +537,16 @@ class Model:
     states: tuple[FirstOrderState, ...] = ()
     signals: tuple[Signal, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
         return f"<Model '{self.name}': {', '.join(f'{len(x)} {name}' for name, x in elements.items())}>"
+
+    @property
+    def content(self) -> str:
+        """All texts that the model follows from."""
+        return "\0".join((self.text, *self.files.values()))
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:

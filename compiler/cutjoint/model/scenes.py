@@ -13,8 +13,9 @@ from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expand import Expansion, used_submodels
+from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import variable
+from cutjoint.model.instances import find_uses
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.quantities import Element as Quantified
@@ -278,9 +279,10 @@ def _default_outputs(model: document.Document, stage: _Stage) -> tuple[Output, .
     """The model's outputs, then those of each instance."""
     scope = stage.expansion.scope
     outputs = [*_outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "", stage)]
-    for name, instance, submodel in used_submodels(model):
-        where = Element(scope, f"instance '{name}'", name, ())
-        outputs += _outputs(where, submodel.outputs, ("submodels", instance.use, "outputs"), f"{name}.", stage)
+    for use in find_uses(model):
+        if use.submodel is not None:
+            where = Element(scope, f"instance '{use.name}'", use.name, ())
+            outputs += _outputs(where, use.submodel.outputs, (*use.at, "outputs"), f"{use.name}.", stage)
     return tuple(outputs)
 
 

@@ -62,7 +62,8 @@ class Scope:
       "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the scope;
       ``read`` is what finds a quantity.
 
-    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters.
+    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
+    those around it.
     """
 
     source: Source
@@ -80,6 +81,7 @@ class Scope:
     own: frozenset[str] = frozenset()
     read: Callable[[Scope, str], Term] | None = None
     sensed: frozenset[Scalar] = frozenset()
+    mirrors: tuple[str, ...] = ()
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""
