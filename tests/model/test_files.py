@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,10 @@ from .pendulum import PENDULUM, varied
 
 #: Each table with the same one in the model.
 TABLES = {
-    "damper.csv": ("# measured\nrate [mrad/s], value [kN*mm]\n-500, 60\n0,0\n\n1000, -0.2e2\n", "{rate: [-0.5, 0, 1], value: [60, 0, -20]}"),
+    "damper.csv": (
+        "# measured\nrate [mrad/s], value [kN*mm]\n-500, 60\n0,0\n\n1000, -0.2e2\n",
+        "{rate: [-0.5, 0, 1], value: [60, 0, -20]}",
+    ),
     "map.csv": (
         "position, rate [rad/s], value\n0,-1,3\n0,1,-3\n1,-1,4\n1,1,-5\n2.5,-1,0\n2.5,1,1\n",
         "{position: [0, 1, 2.5], rate: [-1, 1], value: [[3, -3], [4, -5], [0, 1]]}",
@@ -123,7 +127,8 @@ CONTENTS = [
     ("rate,speed\n0,1\n1,1\n", "m.yaml:15:56: force 'drag': a table has the list of a variable, or of two, and 'value'; "
      "for example {length: [0, 1], value: [0, 100]}"),
     ("travel,value\n0,1\n1,1\n", "t.csv:1:1: force 'drag': 'travel' is not a variable of this law; variables: position, rate, t"),
-    ('"rate",value\n0,1\n1,1\n', "t.csv:1:1: force 'drag': '\"rate\"' is not a column's name; write for example travel [mm], without quotes"),
+    ('"rate",value\n0,1\n1,1\n',
+     "t.csv:1:1: force 'drag': '\"rate\"' is not a column's name; write for example travel [mm], without quotes"),
     ("rate,rate\n0,1\n1,1\n", "t.csv:1:6: force 'drag': two columns are called 'rate'; rename one of them"),
     ("rate,value\n" + "".join(f"{i},{i}\n" for i in range(201)),
      "t.csv:202:1: force 'drag': the table has 201 rows, and a law at most 200 points; leave rows out where the curve is straight"),
@@ -223,8 +228,10 @@ POINTS = [
      "write for example: name, x [mm], y [mm], z [mm]"),
     ("name,x,y [s],z\ntip,1,2,3\n", "p.csv:1:8: column 'y': needs m, got s; write x [mm]"),
     ("name,x,y,z\ntip,1,2,3\ntip,1,2,3\n", "p.csv:3:1: point 'tip': duplicate name 'tip', first defined at p.csv:2; rename one of them"),
-    ("name,x,y,z\ntip,1,2,3\nhalf,1,2,3\n", "p.csv:3:1: point 'half': duplicate name 'half', first defined at m.yaml:8; rename one of them"),
-    ("name,x,y,z\nthe tip,1,2,3\n", "p.csv:2:1: point: 'the tip' is not a name; use letters, digits and underscores, starting with a letter"),
+    ("name,x,y,z\ntip,1,2,3\nhalf,1,2,3\n",
+     "p.csv:3:1: point 'half': duplicate name 'half', first defined at m.yaml:8; rename one of them"),
+    ("name,x,y,z\nthe tip,1,2,3\n",
+     "p.csv:2:1: point: 'the tip' is not a name; use letters, digits and underscores, starting with a letter"),
     ("name,x,y,z\ntip,1,2,up\n", "p.csv:2:9: model: 'up' is not a number; write plain decimal numbers, such as -0.5 or 1e-3"),
 ]  # fmt: skip
 
@@ -326,7 +333,8 @@ def test_mirrors_within_each_other_are_a_half_turn(rows: Model) -> None:
 INCLUDES = [
     ({}, {"tail.yaml": "drum.yaml"}, "parts/row.yaml:10:19: submodel 'tail': there is no file 'drum.yaml'; put it into parts, "
      "beside the file that names it"),
-    ({}, {"tail.yaml": "../m.yaml"}, "parts/row.yaml:10:19: submodel 'tail': the file '../m.yaml' is not below the folder of the model file; "
+    ({}, {"tail.yaml": "../m.yaml"},
+     "parts/row.yaml:10:19: submodel 'tail': the file '../m.yaml' is not below the folder of the model file; "
      "write its path from there, such as data/damper.csv"),
     ({}, {"tail.yaml": "row.yaml"}, "parts/row.yaml:10:19: submodel 'tail': the file 'row.yaml' includes itself: row.yaml -> row.yaml; "
      "remove one of these includes"),
@@ -340,7 +348,8 @@ INCLUDES = [
      "then has the sections of a submodel"),
     ({"tail.yaml": PENDULUM}, {}, "parts/tail.yaml:1:1: submodel 'tail': this is a whole model, not a submodel; leave name, gravity and "
      "scenes to the model that includes it"),
-    ({"tail.yaml": TAIL + "bodies: {}\n"}, {}, "parts/tail.yaml:13:1: file: duplicate key 'bodies', first defined at line 4; keep one of them"),
+    ({"tail.yaml": TAIL + "bodies: {}\n"}, {},
+     "parts/tail.yaml:13:1: file: duplicate key 'bodies', first defined at line 4; keep one of them"),
     ({"tail.yaml": TAIL.replace("mass: 1", "mas: 1")}, {},
      "parts/tail.yaml:5:10: body 'last' of submodel 'tail': unknown field 'mas'; did you mean 'mass'?"),
     ({"tail.yaml": TAIL.replace("far, 0.1", "fur, 0.1")}, {},
@@ -348,7 +357,8 @@ INCLUDES = [
     ({"drag.csv": "rate,value\n0,1\n1\n"}, {},
      "parts/drag.csv:3:1: force 'drag': the row has 1 cells, the line of names 2; write as many"),
     ({}, {"tail: {include: tail.yaml}": "tail: {include: tail.yaml, connectors: [base]}"},
-     "parts/row.yaml:10:19: submodel 'tail': 'include' stands for the whole submodel; remove what stands beside it, or write the submodel here"),
+     "parts/row.yaml:10:19: submodel 'tail': 'include' stands for the whole submodel; remove what stands beside it, "
+     "or write the submodel here"),
     ({}, {"use: tail": "use: tall"}, "parts/row.yaml:12:14: instance 'a.end': unknown submodel 'tall'; did you mean 'tail'?"),
     ({}, {"use: tail, connect: {base: first}, with: {far: 2*reach}": "use: row, connect: {base: first}, with: {reach: 2*reach}"},
      "parts/row.yaml:12:14: instance 'a.end': the submodel 'row' stands inside itself; remove this instance, or use another submodel"),
@@ -370,16 +380,18 @@ def test_what_is_wrong_with_includes(files: dict[str, str], changes: dict[str, s
 def test_instances_of_endless_number_are_refused() -> None:
     """Two of each in each, 15 deep."""
     names = [f"s{i}" for i in range(15)]
-    inner = "".join(
-        f"  {name}: {{connectors: [base], instances: {{a: {{use: {below}, connect: {{base: base}}}}, b: {{use: {below}, connect: {{base: base}}}}}}}}\n"
-        for name, below in zip(names, names[1:], strict=False)
-    )
-    text = varied("scenes:", f"submodels:\n{inner}  s29: {{connectors: [base]}}\ninstances:\n  top: {{use: s0, connect: {{base: arm}}}}\nscenes:")
+    twice = "a: {{use: {0}, connect: {{base: base}}}}, b: {{use: {0}, connect: {{base: base}}}}"
+    inner = "".join(f"  {name}: {{connectors: [base], instances: {{{twice.format(below)}}}}}\n" for name, below in pairwise(names))
+    top = "instances:\n  top: {use: s0, connect: {base: arm}}\n"
+    text = varied("scenes:", f"submodels:\n{inner}  s14: {{connectors: [base]}}\n{top}scenes:")
     with pytest.raises(ModelError, match="the model has more than 20000 elements; use fewer instances"):
         read_model_text(text, "m.yaml")
 
 
-@pytest.mark.parametrize(("count", "found"), [(20, ""), (21, "the submodel 's20' stands more than 20 deep in others; remove this instance")])
+TOO_DEEP = "the submodel 's20' stands more than 20 deep in others; remove this instance"
+
+
+@pytest.mark.parametrize(("count", "found"), [(20, ""), (21, TOO_DEEP)])
 def test_instances_stand_in_each_other_up_to_a_depth(count: int, found: str) -> None:
     chain = "".join(f"  s{i}: {{instances: {{a: {{use: s{i + 1}}}}}}}\n" for i in range(count - 1))
     text = varied("scenes:", f"submodels:\n{chain}  s{count - 1}: {{}}\ninstances:\n  top: {{use: s0}}\nscenes:")
@@ -402,7 +414,7 @@ def test_files_of_endless_number_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", library())
 def test_each_submodel_of_the_library_stands_in_a_model(name: str) -> None:
-    text = varied("scenes:", "submodels: {part: {include: library/%s}}\ninstances:\n  part: {use: part}\nscenes:" % name)
+    text = varied("scenes:", f"submodels: {{part: {{include: library/{name}}}}}\ninstances:\n  part: {{use: part}}\nscenes:")
     with pytest.raises(ModelError) as caught:
         read_model_text(text, "m.yaml")
     assert all("lacks" in line for line in str(caught.value).splitlines())  # what an instance names, and no fault of the submodel

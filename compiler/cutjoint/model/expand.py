@@ -13,7 +13,7 @@ from glob import escape
 from itertools import chain
 
 from cutjoint.model import document
-from cutjoint.model.dependencies import check_levels, check_loops
+from cutjoint.model.dependencies import check_loops
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, Unheard, nearest
 from cutjoint.model.expressions import quantities_read
@@ -32,12 +32,14 @@ from cutjoint.model.source import Source
 
 @dataclass(frozen=True)
 class Expansion:
-    """The parameters with numbers and those that follow from them, the model's own scope, and the flat elements."""
+    """The parameters with numbers and those that follow from them, the model's own scope, the flat elements, and the scopes of the model
+    and its instances by their prefixes, in which outputs are read."""
 
     parameters: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
     scope: Scope
     elements: Elements
+    reporting: Mapping[str, Scope]
 
 
 def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening) -> Expansion:
@@ -50,8 +52,8 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     scope = replace(scope, own=_own(scope, model), read=machine.read)
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
-    check_levels(elements.forces, elements.signals, problems)
-    return Expansion(parameters.given, parameters.derived, scope, elements)
+    reporting = {prefix: replace(each, read=partial(machine.read, reported=True)) for prefix, each in machine.scopes.items()}
+    return Expansion(parameters.given, parameters.derived, scope, elements, reporting)
 
 
 def _survey(scope: Scope, model: document.Document) -> Mapping[str, Quantified]:

@@ -43,7 +43,7 @@ def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple
 
 @dataclass(frozen=True)
 class _Place:
-    """A ``folder`` below ``root`` for names to lead from, its name in messages, and the files ``around``, each of which includes the next."""
+    """A ``folder`` below ``root`` for names to lead from, its name in messages, and the files ``around`` that include each other."""
 
     folder: Path | None
     root: Path | None

@@ -34,8 +34,8 @@ Levels: TypeAlias = tuple[Level, ...]
 class Use:
     """An instance by its full name, in the instance ``owner``, "" in the model.
 
-    ``around`` are the parts in which it stands, ``levels`` its submodel and the parts around that, empty if there is none; ``fault`` is what
-    is wrong with standing there, "" for nothing.
+    ``around`` are the parts in which it stands, ``levels`` its submodel and the parts around that, empty if there is none.  ``fault`` says
+    why it cannot stand there, "" if it can.
     """
 
     name: str

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutjoint.model.dependencies import check_levels
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
 from cutjoint.model.files import with_files
@@ -55,12 +56,13 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # elements -> scenes that refer to them
-    scenes = read_scenes(document, expansion)
+    scenes, reported = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
     # one check of the whole
     check_elements(expansion, problems)
     elements = expansion.elements
+    check_levels(elements.forces, (*elements.signals, *reported), problems)
     model = Model(
         name=document.name,
         gravity=gravity,
@@ -73,7 +75,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
         reactions=elements.reactions,
         markers=elements.markers,
         states=elements.states,
-        signals=elements.signals,
+        signals=(*elements.signals, *reported),
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,

@@ -91,13 +91,17 @@ class FirstOrderState:
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions."""
+    """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions.
+
+    A ``reported`` one is that of an output: nothing reads it, so that it may read accelerations and reactions.
+    """
 
     name: str
     symbol: Scalar
     value: Scalar
     unit: str
     span: Span
+    reported: bool = False
 
 
 class ShapeKind(StrEnum):
@@ -401,7 +405,8 @@ class Road:
 class Output:
     """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it.
 
-    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.
+    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.  An output by an
+    expression has a ``name`` of its own and may have a ``unit``, which has ``factor`` of those of the element's quantity.
     """
 
     element: str
@@ -409,11 +414,13 @@ class Output:
     span: Span
     stands_for: str = ""
     factor: float = 1.0
+    name: str = ""
+    unit: str = ""
 
     @property
     def column(self) -> str:
         """The column's name in a CSV header."""
-        return self.stands_for or f"{self.element}.{self.quantity}"
+        return self.stands_for or self.name or f"{self.element}.{self.quantity}"
 
 
 #: The length of equal steps where none is given, s.

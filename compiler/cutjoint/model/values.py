@@ -53,7 +53,7 @@ def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
 
     def tag(value: Any) -> str | None:
         if isinstance(value, dict):
-            return next((forms[key] for key in forms if isinstance(key, str) and key in value), None)
+            return next((forms[key] for key in forms if isinstance(key, str) and key in value), forms.get(dict))
         return forms.get(type(value))
 
     return Discriminator(tag, custom_error_type="shape", custom_error_message=message)

@@ -37,6 +37,7 @@ def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
 def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") -> tuple[tuple[str, str], ...]:
     """The counts of a model by name, and a warning if there is one."""
     model = topology.model
+    counted = (("gears", model.gears), ("states", model.states), ("signals", [s for s in model.signals if not s.reported]))
     massless = sum(1 for b in model.bodies if b.is_massless)
     guided = sum(1 for t in topology.tree if t.joint.guide is not None)
     widest = max((loop.width for loop in topology.loops), default=0)
@@ -44,7 +45,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     return (
         ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
-        *((name, str(len(part))) for name, part in (("gears", model.gears), ("states", model.states), ("signals", model.signals)) if part),
+        *((name, str(len(part))) for name, part in counted if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
         *([("assemblies", _assemblies(model))] if model.assemblies else []),
         ("isomorphic subtrees", "; ".join(classes) or "none"),
