@@ -103,7 +103,7 @@ class _Reading:
     def _cells(self, line: str, number: int) -> Iterator[Cell]:
         column = 1
         for part in line.split(","):
-            text = part.strip(" \t\r")
+            text = part.strip(" \t")
             indent = len(part) - len(part.lstrip(" \t")) if text else 0
             yield Cell(text, Span(file=self.file, line=number, column=column + indent))
             column += len(part) + 1
