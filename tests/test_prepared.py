@@ -288,6 +288,24 @@ def test_another_text_of_the_model_is_prepared_anew(old: str, new: str, model: P
     assert find_cached_run(Request(model=model, scene="still"), {}) is None
 
 
+def test_another_file_of_the_model_is_prepared_anew(model: Path) -> None:
+    """A table that changes, and one that goes."""
+    table = model.with_name("spring.csv")
+    model.write_text(SLIDE.replace("push - 4*position", "{sum: [push, {table: {file: spring.csv}}]}"), encoding="utf-8")
+    request = Request(model=model, scene="still")
+    table.write_text("position [mm], value\n0, 0\n1000, -4\n", encoding="utf-8")
+    assert simulate(model).exit_code == 0
+    first = model.with_name("run.csv").read_bytes()
+    assert find_cached_run(request, {}) is not None
+    table.write_text("position [mm], value\n0, 0\n1000, -8\n", encoding="utf-8")
+    assert find_cached_run(request, {}) is None
+    assert simulate(model).exit_code == 0
+    assert model.with_name("run.csv").read_bytes() != first
+    assert find_cached_run(request, {}) is not None
+    table.unlink()
+    assert find_cached_run(request, {}) is None
+
+
 @pytest.mark.parametrize(
     "asked",
     [

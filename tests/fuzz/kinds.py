@@ -16,6 +16,7 @@ from . import (
     massless,
     mechanisms,
     meshes,
+    model_files,
     parts,
     poses,
     run_files,
@@ -38,6 +39,7 @@ KINDS: Mapping[str, Kind] = {
     for kind in (
         Kind(name="expressions", suffix=".txt", make=any_text, check=_check_text, limit=30, waits=False),
         Kind(name="models", suffix=".yaml", make=any_model, check=lambda text: compile_text(text).problems, waits=False),
+        Kind(name="model_files", suffix=".files.json", make=model_files.make, check=model_files.check, limit=30, waits=False),
         Kind(name="mechanisms", suffix=".mechanism.json", make=mechanisms.make, check=mechanisms.check, limit=600),
         Kind(name="lanes", suffix=".lanes.json", make=lanes.make, check=lanes.check, waits=False),
         Kind(name="run_files", suffix=".run.json", make=run_files.make, check=run_files.check),

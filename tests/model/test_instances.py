@@ -199,8 +199,8 @@ PROBLEMS = [
     (LEFT, "§trunk" + LEFT.removeprefix("left"),
      "@: instance 'trunk': duplicate name 'trunk', first defined at line 8; rename one of them"),
     ("mirror: y", "mirror: §w", "@: instance 'right': mirror: must be 'x', 'y' or 'z', not 'w'"),
-    ("connectors: [body]", "§instances: {}\n    connectors: [body]",
-     "@: submodel 'wing': a submodel cannot hold submodels or instances; move them to the model"),
+    ("connectors: [body]", "instances: {feather: {use: §wing, connect: {body: arm}, with: {length_1: 1}}}\n    connectors: [body]",
+     "@: instance 'left.feather': the submodel 'wing' stands inside itself; remove this instance, or use another submodel"),
     ("parameters: [length_1]", "parameters: [length_1, §x]",
      "@: submodel 'wing': parameters: the name 'x' has a meaning of its own in expressions; "
      "write for example 'x_0'"),

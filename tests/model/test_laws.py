@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import sympy
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, RegularGridInterpolator
 
+from cutjoint.model.curves import monotone_cubic
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import variable
-from cutjoint.model.laws import monotone_cubic
 
 from .pendulum import read
 
@@ -103,6 +104,57 @@ def test_tables_have_continuous_slopes() -> None:
     for x in X:
         below, above = (float(slope.subs(LENGTH, x + step)) for step in (-1e-9, 1e-9))
         assert below == pytest.approx(above, abs=1e-6)
+
+
+@pytest.mark.parametrize("values", [Y, [0, 1, 3, 2, 5, 5]])
+def test_linear_tables_are_straight_from_point_to_point(values: list[float]) -> None:
+    law = spring_law(f"{{table: {{length: {X}, value: {values}}}, interpolation: linear}}")
+    inside = np.linspace(X[0], X[-1], 101)
+    assert [evaluate(law, {LENGTH: x}) for x in inside] == pytest.approx(list(np.interp(inside, X, values)), abs=1e-14)
+    for end, other, step in ((0, 1, -0.7), (-1, -2, 0.7)):
+        slope = (values[end] - values[other]) / (X[end] - X[other])
+        assert evaluate(law, {LENGTH: X[end] + step}) == pytest.approx(values[end] + step * slope)
+
+
+#: Values over X and three rates.
+RATES = [-1.0, 0.5, 1.0]
+SURFACE = np.array([[np.sin(2 * x) + x * r - r * r for r in RATES] for x in X])
+
+
+def surface_law(interpolation: str) -> sympy.Expr:
+    return spring_law(f"{{table: {{length: {X}, rate: {RATES}, value: {SURFACE.tolist()}}}, interpolation: {interpolation}}}")
+
+
+def test_linear_surfaces_are_bilinear() -> None:
+    law, oracle = surface_law("linear"), RegularGridInterpolator((X, RATES), SURFACE)
+    for x, r in itertools.product(np.linspace(X[0], X[-1], 23), np.linspace(-1, 1, 17)):
+        assert evaluate(law, {LENGTH: x, RATE: r}) == pytest.approx(float(oracle((x, r))), abs=1e-13)
+
+
+def through_parabolas(points: list[float], values: np.ndarray) -> Callable[[float], np.ndarray]:
+    """A cubic with the slopes of parabolas through neighbours, straight beyond its ends."""
+    slopes = np.gradient(values, points, axis=0, edge_order=2)
+    spline = CubicHermiteSpline(points, values, slopes)
+    return lambda x: spline(np.clip(x, points[0], points[-1])) + spline(np.clip(x, points[0], points[-1]), 1) * (
+        x - np.clip(x, points[0], points[-1])
+    )
+
+
+def test_smooth_surfaces_are_cubics_along_both_variables() -> None:
+    """Inside, on the lines of the grid and beyond them; the order of the variables does not matter."""
+    law, along = surface_law("cubic"), through_parabolas(X, SURFACE)
+    for x, r in itertools.product(np.linspace(X[0] - 0.5, X[-1] + 0.5, 23), np.linspace(-1.5, 1.5, 13)):
+        expected = float(through_parabolas(RATES, along(x))(r))
+        assert evaluate(law, {LENGTH: x, RATE: r}) == pytest.approx(expected, abs=1e-12)
+
+
+def test_smooth_surfaces_have_continuous_slopes() -> None:
+    law = surface_law("cubic")
+    for symbol, other, points in ((LENGTH, RATE, X), (RATE, LENGTH, RATES)):
+        slope = sympy.diff(law, symbol)
+        for point in points:
+            below, above = (evaluate(slope, {symbol: point + step, other: 0.3}) for step in (-1e-9, 1e-9))
+            assert below == pytest.approx(above, abs=1e-6)
 
 
 def test_two_points_make_a_line() -> None:

@@ -218,10 +218,10 @@ LAWS = [
     ),
     (
         "{table: §{rate: [0, 1]}}",
-        "@: force 'drag': a table has two lists: a variable's and 'value'; for example {length: [0, 1], value: [0, 100]}",
+        "@: force 'drag': a table has the list of a variable, or of two, and 'value'; for example {length: [0, 1], value: [0, 100]}",
     ),
     (
-        "{table: §{travel: [0, 1], value: [0, 1]}}",
+        "{table: {§travel: [0, 1], value: [0, 1]}}",
         "@: force 'drag': 'travel' is not a variable of this law; variables: position, rate, t",
     ),
     (
@@ -229,7 +229,7 @@ LAWS = [
         "@: force 'drag': the table has 3 of rate and 2 of value; give as many of both, two or more",
     ),
     (
-        "{table: {rate: §[0, 2, 1], value: [0, 1, 2]}}",
+        "{table: {rate: [0, 2, §1], value: [0, 1, 2]}}",
         "@: force 'drag': the table's rate does not rise; sort the table",
     ),
     (

@@ -138,7 +138,7 @@ SHAPES = [
         "6:3: parameter 'arm_length': needs a number or {value: ..., unit: ..., binding: ...}",
     ),
     ("outputs: [end.x]", "outputs: §end.x", "@: model: outputs needs a list"),
-    ("outputs: [end.x]", "outputs: [§1]", "@: model: outputs needs text"),
+    ("outputs: [end.x]", "outputs: [§1]", "@: model: outputs needs element.quantity, or name: {value: expression, unit: ...}"),
     (
         "fall: {end: 2}",
         "fall: {end: 2, pose: §standing}",

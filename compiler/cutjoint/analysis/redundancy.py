@@ -6,7 +6,7 @@ reaction that some such n changes is statically indeterminate.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.analysis.closing import Array, FlatRoad, Pose, explore, make_inputs
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.model.quantities import quantities
+from cutjoint.model.quantities import quantities, read_by
 from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.build import build_topology
@@ -140,17 +140,18 @@ def reaction_outputs(model: Model) -> tuple[Output, ...]:
     )  # fmt: skip
 
 
-def find_indeterminate(topology: Topology, scene: Scene, outputs: Iterable[Output]) -> tuple[str, ...]:
+def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> tuple[str, ...]:
     """The columns among ``outputs`` that are components of reactions and indeterminate, in the design position or in poses near it."""
     if topology.held:  # by the equations of the joints that functions close
         topology = build_topology(replace(topology.model, assemblies=()))
     names = {reaction.name for reaction in topology.model.reactions if isinstance(reaction, Reaction)}
-    asked = tuple(output for output in outputs if output.element in names)
+    asked = tuple({read.column: read for o in outputs for read in read_by(topology.model, o) if read.element in names}.values())
     if not asked or not topology.closing:
         return ()
     equations = formulate_recursive(topology, scene, asked)
     shares = np.max([_shares(equations, pose) for pose in _regular(explore(equations))], axis=0)
-    return tuple(output.column for output, share in zip(asked, shares, strict=True) if share > _DETERMINED)
+    loose = {output.column for output, share in zip(asked, shares, strict=True) if share > _DETERMINED}
+    return tuple(o.column for o in outputs if any(read.column in loose for read in read_by(topology.model, o)))
 
 
 def _regular(poses: Sequence[Pose]) -> list[Pose]:

@@ -45,7 +45,7 @@ def command(
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model), options.read_masses(links))
     chosen = find_scene(checked, scene)
-    outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, chosen.outputs)
+    outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):
         exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)
     require_apart({"the model": model}, documents=[(f"--out {out}: file", out / name) for name in exported.files])

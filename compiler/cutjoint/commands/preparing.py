@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from math import inf
 
 from cutjoint.analysis.mobility import find_mobility
@@ -28,6 +29,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
+from cutjoint.model.files import SHIPPED
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
@@ -191,4 +193,5 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
         run=make_simulator_run(artifact, asked, parameters),
+        files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip

@@ -2,7 +2,8 @@
 
 The key covers everything that determines a run: the text of the model and the name of its file, which messages have, the request, the
 sources of the compiler and the runtime, the versions of the packages that it imports, the C++ compiler, its flags and the processor that
-they mean.  The cache has plain data (JSON), and a simulator by its name in the cache.
+they mean.  Only the files that the model file names are not in it: their digests stand with the run.  The cache has plain data (JSON), and
+a simulator by its name in the cache.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import codecs
 import json
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -60,7 +61,8 @@ class PreparedRun:
     """A compiled model's run, and the facts that reports need.
 
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
-    file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.
+    file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.  ``files``
+    are the digests of the files that the model file names.
     ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters.
     """
 
@@ -72,6 +74,7 @@ class PreparedRun:
     inputs: tuple[str, ...]
     units: Mapping[str, str]
     run: SimulatorRun
+    files: Mapping[str, str]
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, and inputs held, without the model."""
@@ -97,12 +100,25 @@ def find_cached_run(request: Request, parameters: Mapping[str, float]) -> Prepar
         with request.model.open("rb") as stream:
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
         record = read_record(_cache_path(request, content))
-        prepared = None if record is None else _from_json(record)
+        prepared = None if record is None or digests_of(record["files"]) != record["files"] else _from_json(record)
     except (OSError, CutjointError, PackageNotFoundError, ValueError):
         return None  # whatever is wrong is an error, with its message, of preparing anew
     if prepared is None or not prepared.takes(parameters) or not is_sound(prepared.run.simulator):
         return None
     return replace(prepared, run=prepared.run.with_parameters(parameters))
+
+
+def digests_of(files: Iterable[str]) -> dict[str, str]:
+    """The digests of files as they are.
+
+    Raises:
+        OSError: one cannot be read.
+    """
+    found = {}
+    for file in files:
+        with Path(file).open("rb") as stream:
+            found[file] = sha256(stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)).hexdigest()
+    return found
 
 
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
@@ -169,7 +185,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
     return PreparedRun(
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
-        following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"],
+        following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
         run=SimulatorRun(**{
             **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
             "others": [Settings.of(other) for other in run["others"]],

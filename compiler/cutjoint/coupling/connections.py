@@ -20,12 +20,13 @@ class Connections:
     """Ports of an FMU by the model's names.
 
     ``driven`` has the output that drives each input of the model, ``read`` pairs of an output of the model and the input of the FMU that
-    takes it.  ``steering`` are driven inputs that move guides, ``left`` inputs of the model that follow the scene, ``held``
-    inputs of the FMU that stay at their start.
+    takes it, ``sizes`` the units of these outputs in SI.  ``steering`` are driven inputs that move guides, ``left`` inputs that
+    follow the scene, ``held`` inputs of the FMU that stay at their start.
     """
 
     driven: Mapping[str, Port]
     read: tuple[tuple[str, Port], ...]
+    sizes: Mapping[str, float]
     steering: frozenset[str]
     left: tuple[str, ...]
     held: tuple[str, ...]
@@ -56,7 +57,8 @@ def connect(fmu: ControllerFmu, model: Model, scene: Scene, named: Mapping[str, 
         )
     taken = {port.name for _, port in read}
     return Connections(
-        driven=driven, read=read, left=tuple(name for name in inputs if name not in driven),
+        driven=driven, read=read, sizes={name: measure(1.0, outputs[name] or "1").value for name, _ in read},
+        left=tuple(name for name in inputs if name not in driven),
         steering=frozenset(p.name for p in input_parameters(model) if p.name in driven and guided_by(model, p) is not None),
         held=tuple(p.name for p in fmu.ports.values() if p.causality == "input" and p.name not in taken),
     )  # fmt: skip

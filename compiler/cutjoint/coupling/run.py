@@ -192,8 +192,8 @@ class _Exchange:
         """The model's outputs to the controller's inputs."""
         read = self._connections.read
         if read:
-            values = self._simulation.outputs
-            self._controller.set([port for _, port in read], [port.from_si(values[name]) for name, port in read])
+            values, sizes = self._simulation.outputs, self._connections.sizes
+            self._controller.set([port for _, port in read], [port.from_si(values[name] * sizes[name]) for name, port in read])
 
     def take(self) -> None:
         """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""

@@ -88,7 +88,7 @@ class Page:
     def of(cls, equations: Equations, formulation: str) -> Page:
         """The page of a model."""
         model = equations.topology.model
-        return cls(stem=model.name, class_name=name_of_mechanism(model.name), formulation=formulation, text=model.text)
+        return cls(stem=model.name, class_name=name_of_mechanism(model.name), formulation=formulation, text=model.content)
 
     @property
     def header(self) -> str:

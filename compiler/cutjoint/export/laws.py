@@ -14,7 +14,7 @@ from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import reading_elements
-from cutjoint.model.records import Binding, FirstOrderState, Model, Scalar, Scene
+from cutjoint.model.records import Binding, FirstOrderState, Model, Scalar, Scene, Signal
 from cutjoint.run.run_file import given_inputs, parameter_values
 
 #: Components in the global frame.
@@ -58,7 +58,8 @@ class Numbers:
 
 def require_mechanics_alone(model: Model) -> None:
     """Raise ModelError for states, signals and laws that read other elements, which programs with mechanics alone do not have."""
-    found = (*model.states, *(e for e in reading_elements(model) if not isinstance(e, FirstOrderState)))
+    reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
+    found = (*model.states, *(e for e in reading if not isinstance(e, FirstOrderState)))
     message = "only cutjoint has states, controllers and laws that read quantities"
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     if problems:

@@ -42,6 +42,11 @@ def measured_forces(model: Model, scene: Scene) -> Iterator[tuple[Force, frozens
             yield force, names
 
 
+def reported_symbol(model: Model, name: str) -> Scalar | None:
+    """The symbol of the expression of an output of that name; None if there is none."""
+    return next((signal.symbol for signal in model.signals if signal.reported and signal.name == name), None)
+
+
 def named_quantity(translator: Translator, model: Model, output: Output) -> Block | None:
     """The value of a state, of a signal or of what a controller holds; None if it is none of these."""
     symbols = {element.name: element.symbol for group in (model.states, model.signals) for element in group}

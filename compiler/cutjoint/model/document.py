@@ -6,9 +6,9 @@ Field names are the file's keys.  Only shapes are checked here; names, numbers a
 from __future__ import annotations
 
 import json
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Loops, join_or
 from cutjoint.model import records
@@ -94,6 +94,33 @@ class Controller(Part):
     memory: dict[ParameterName, Memory] = Field(default={})
 
 
+class OutputExpression(Part):
+    """A column of the results by an expression, in a unit."""
+
+    value: Number
+    unit: Unit | None = None
+
+
+def _with_value(value: Any) -> Any:
+    return {"value": value} if isinstance(value, int | float | str) and not isinstance(value, bool) else value
+
+
+#: The expression alone, or with a unit.
+Expressed = Annotated[OutputExpression, BeforeValidator(_with_value, json_schema_input_type=Number | OutputExpression)]
+
+
+def _one_name(output: dict[str, OutputExpression]) -> dict[str, OutputExpression]:
+    if len(output) != 1:
+        raise shape_error(f"an output has one name, not {len(output)}", "write an item for each: - name: {value: ..., unit: ...}")
+    return output
+
+
+OutputEntry: TypeAlias = Annotated[
+    Annotated[StrictStr, Tag("<text>")] | Annotated[dict[Name, Expressed], AfterValidator(_one_name), Tag("<mapping>")],
+    told_by({str: "<text>", dict: "<mapping>"}, "needs element.quantity, or name: {value: expression, unit: ...}"),
+]
+
+
 class Elements(Part):
     """The sections that a model and a submodel share."""
 
@@ -107,14 +134,7 @@ class Elements(Part):
     states: dict[ParameterName, FirstOrderState] = Field(default={})
     signals: dict[ParameterName, Number] = Field(default={})
     controllers: dict[ParameterName, Controller] = Field(default={})
-    outputs: tuple[StrictStr, ...] = ()
-
-
-class Submodel(Elements):
-    """Elements to be used several times."""
-
-    connectors: tuple[Name, ...] = ()
-    parameters: tuple[ParameterName, ...] = ()
+    outputs: tuple[OutputEntry, ...] = ()
 
 
 class Instance(Part):
@@ -125,6 +145,16 @@ class Instance(Part):
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
     mirror: Literal["x", "y", "z"] | None = None
     binding: Literal["param"] | None = None
+
+
+class Submodel(Elements):
+    """Elements to be used several times, or ``include``, the file that has them instead."""
+
+    include: StrictStr | None = None
+    connectors: tuple[Name, ...] = ()
+    parameters: tuple[ParameterName, ...] = ()
+    submodels: dict[Name, Submodel] = Field(default={})
+    instances: dict[Name, Instance] = Field(default={})
 
 
 class Parameter(Part):
@@ -254,7 +284,7 @@ class Scene(Part):
     tolerance: Number | None = None
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"
-    outputs: tuple[StrictStr, ...] | None = None
+    outputs: tuple[OutputEntry, ...] | None = None
 
     @model_validator(mode="after")
     def _check_auto_has_tolerance(self) -> Scene:

@@ -6,17 +6,18 @@ twice where one does: first to see which there are, then with the names of their
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sized
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from glob import escape
 from itertools import chain
 
 from cutjoint.model import document
-from cutjoint.model.dependencies import check_levels, check_loops
+from cutjoint.model.dependencies import check_loops
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, Unheard, nearest
 from cutjoint.model.expressions import quantities_read
+from cutjoint.model.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
 from cutjoint.model.machine import Machine
 from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.opening import Opening
@@ -24,22 +25,21 @@ from cutjoint.model.operations import Term
 from cutjoint.model.parameters import read_parameters
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import DerivedParameter, Parameter, Scalar
-from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, element
+from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope
 from cutjoint.model.shape import Shaped
 from cutjoint.model.source import Source
-
-#: Elements of the model with all its instances.
-MAX_ELEMENTS = 20_000
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """The parameters with numbers and those that follow from them, the model's own scope, and the flat elements."""
+    """The parameters with numbers and those that follow from them, the model's own scope, the flat elements, and the scopes of the model
+    and its instances by their prefixes, in which outputs are read."""
 
     parameters: tuple[Parameter, ...]
     derived: tuple[DerivedParameter, ...]
     scope: Scope
     elements: Elements
+    reporting: Mapping[str, Scope]
 
 
 def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening) -> Expansion:
@@ -52,9 +52,8 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
     scope = replace(scope, own=_own(scope, model), read=machine.read)
     elements = _read(scope, model, machine)
     check_loops(elements.forces, elements.signals, problems)
-    sampled = tuple(signal for controller in elements.controllers for signal in controller.signals)
-    check_levels(elements.forces, (*elements.signals, *sampled), problems)
-    return Expansion(parameters.given, parameters.derived, scope, elements)
+    reporting = {prefix: replace(each, read=partial(machine.read, reported=True)) for prefix, each in machine.scopes.items()}
+    return Expansion(parameters.given, parameters.derived, scope, elements, reporting)
 
 
 def _survey(scope: Scope, model: document.Document) -> Mapping[str, Quantified]:
@@ -72,12 +71,18 @@ def _own(scope: Scope, part: document.Elements) -> frozenset[str]:
 def _read(scope: Scope, model: document.Document, machine: Machine) -> Elements:
     """The elements of the model and of its instances; the machine knows of all signals before it is asked for one."""
     machine.expect(scope, model)
-    uses = list(_uses(scope, model, machine))
-    groups = [read_elements(scope, model)]
-    for use in uses:
-        elements = read_elements(use.scope, use.submodel)
-        groups.append(mirror_elements(elements, use.mirror) if use.mirror else elements)
-    return _joined(groups)
+    inner: dict[str, list[_Scoped]] = {}
+    for use in _uses(scope, model, machine):
+        inner.setdefault(use.use.owner, []).append(use)
+    own = read_elements(scope, model)
+    return _joined([own, *(_group(use, inner) for use in inner.get("", ()))])
+
+
+def _group(of: _Scoped, inner: Mapping[str, list[_Scoped]]) -> Elements:
+    """The elements of an instance and of those inside it, in its mirror; ``inner`` are the instances by the one around them."""
+    own = read_elements(of.scope, of.submodel)
+    elements = _joined([own, *(_group(use, inner) for use in inner.get(of.use.name, ()))])
+    return mirror_elements(elements, of.use.instance.mirror) if of.use.instance.mirror else elements
 
 
 def _joined(groups: list[Elements]) -> Elements:
@@ -85,72 +90,81 @@ def _joined(groups: list[Elements]) -> Elements:
     return Elements(*(tuple(chain.from_iterable(getattr(group, f.name) for group in groups)) for f in fields(Elements)))
 
 
-def used_submodels(model: document.Document) -> Iterator[tuple[str, document.Instance, document.Submodel]]:
-    """Instances with their submodels, where they exist."""
-    for name, instance in model.instances.items():
-        if instance.use in model.submodels:
-            yield name, instance, model.submodels[instance.use]
-
-
 def _directory(shaped: Shaped) -> Directory:
     model = shaped.document
-    bodies, joints = set(model.bodies), dict(model.joints)
-    for name, _, submodel in used_submodels(model):
-        bodies |= {f"{name}.{body}" for body in submodel.bodies}
-        joints |= {f"{name}.{joint}": part for joint, part in submodel.joints.items()}
-    broken = {name for name, instance in model.instances.items() if instance.use not in model.submodels}
-    return Directory(frozenset(bodies), joints, shaped.removed | broken)
+    bodies, joints, broken = set(model.bodies), dict(model.joints), set(shaped.removed)
+    for use in find_uses(model):
+        if use.submodel is None:
+            broken.add(use.name)
+            continue
+        bodies |= {f"{use.name}.{body}" for body in use.submodel.bodies}
+        joints |= {f"{use.name}.{joint}": part for joint, part in use.submodel.joints.items()}
+    return Directory(frozenset(bodies), joints, frozenset(broken))
 
 
 @dataclass(frozen=True)
-class _Use:
-    """An instance: the scope of its elements, its submodel, and the axis of its mirror."""
+class _Scoped:
+    """An instance with its submodel and the scope of its elements."""
 
-    scope: Scope
+    use: Use
     submodel: document.Submodel
-    mirror: str | None
+    scope: Scope
 
 
-def _uses(scope: Scope, model: document.Document, machine: Machine) -> Iterator[_Use]:
-    count = _count(model)
-    for name, instance in model.instances.items():
-        where = element(scope, "instance", "instances", name)
-        if instance.use not in model.submodels:
-            if not scope.directory.misses(instance.use):
-                where.fail(f"unknown submodel '{instance.use}'", nearest(instance.use, model.submodels, "submodels"), ("use",))
+def _uses(scope: Scope, model: document.Document, machine: Machine) -> Iterator[_Scoped]:
+    """All instances, each before those inside it."""
+    count, scopes = count_elements(model), {"": scope}
+    for use in find_uses(model):
+        outer = scopes.get(use.owner)
+        if outer is None:
             continue
-        submodel = model.submodels[instance.use]
-        count += _count(submodel)
+        where = Element(outer, f"instance '{use.name}'", use.name, use.path)
+        if use.submodel is None:
+            _fail_use(where, use)
+            continue
+        count += 1 + count_elements(use.submodel)
         if count > MAX_ELEMENTS:
             where.fail(f"the model has more than {MAX_ELEMENTS} elements", "use fewer instances")
             return
-        inner = _inner(where, instance, submodel, machine)
-        machine.expect(inner, submodel)
-        yield _Use(inner, submodel, instance.mirror)
+        inner = _inner(where, use, _around(use, scopes))
+        scopes[use.name] = inner
+        machine.expect(inner, use.submodel)
+        yield _Scoped(use, use.submodel, inner)
 
 
-def _count(part: document.Elements) -> int:
-    sections: tuple[Sized, ...] = (
-        part.points, part.bodies, part.joints, part.gears, part.forces, part.reactions, part.markers, part.states, part.signals,
-        part.controllers, part.outputs,
-    )  # fmt: skip
-    return sum(len(section) for section in sections)
+def _fail_use(where: Element, use: Use) -> None:
+    """Note a submodel that there is not, or that stands inside itself."""
+    name = use.instance.use
+    if use.fault:
+        where.fail(f"the submodel '{name}' {use.fault}", "remove this instance, or use another submodel", ("use",))
+    elif not where.scope.directory.misses(name) and not where.scope.directory.misses(where.scope.prefix + name):
+        where.fail(f"unknown submodel '{name}'", nearest(name, known_submodels(use.around), "submodels"), ("use",))
 
 
-def _inner(where: Element, instance: document.Instance, submodel: document.Submodel, machine: Machine) -> Scope:
-    """The scope of an instance's elements."""
-    scope, arguments = where.scope, _arguments(where, instance, submodel)
+def _around(use: Use, scopes: Mapping[str, Scope]) -> Scope:
+    """The scope of the part of the document that has the instance's submodel: of the model, or of the instance around it."""
+    place, owner = use.at[:-2], use.owner
+    while scopes[owner].path != place:
+        owner = owner.rpartition(".")[0]
+    return scopes[owner]
+
+
+def _inner(where: Element, use: Use, around: Scope) -> Scope:
+    """The scope of an instance's elements; they see the names of what is ``around`` their submodel."""
+    assert use.submodel is not None
+    instance, mirror = use.instance, use.instance.mirror
+    arguments = _arguments(where, instance, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
     inner = replace(
-        scope,
-        names={**scope.names, **arguments},
-        path=("submodels", instance.use),
+        around,
+        names={**around.names, **arguments},
+        path=use.at,
         prefix=f"{where.name}.",
-        connectors=_connectors(where, instance, submodel),
-        read=scope.read if instance.mirror is None or scope.read is None else partial(machine.read_image, instance.mirror),
-        sensed=frozenset(symbol for symbol in symbols if quantities_read(symbol)),
+        connectors=_connectors(where, instance, use.submodel),
+        sensed=around.sensed | {symbol for symbol in symbols if quantities_read(symbol)},
+        mirrors=where.scope.mirrors if mirror is None else (mirror, *where.scope.mirrors),
     )
-    return replace(inner, own=_own(inner, submodel))
+    return replace(inner, own=_own(inner, use.submodel))
 
 
 def _arguments(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, Term]:

@@ -38,7 +38,7 @@ from cutjoint.model.operations import (
 )
 from cutjoint.model.records import Scalar
 from cutjoint.model.text import is_number
-from cutjoint.model.units import UnitError, read_measure
+from cutjoint.model.units import Quantity, UnitError, read_measure
 
 #: The places of quantities, as a remedy for one that stands elsewhere.
 READERS = "laws of forces, signals, rates of states and controllers may have it"
@@ -112,7 +112,7 @@ def with_terms(names: Mapping[str, Term], further: Mapping[str, Term]) -> Mappin
 def read_term(value: int | float | str, names: Mapping[str, Term]) -> Term:
     """A number, a number with a unit, or an expression over ``names``.  Raises ExpressionError."""
     if not isinstance(value, str):
-        return constant(value)
+        return constant(value, value.dimension if isinstance(value, Quantity) else None)
     try:
         quantity = read_measure(value)
     except UnitError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -11,13 +11,14 @@ from typing import Any
 import sympy
 
 from cutjoint.model import values
+from cutjoint.model.curves import monotone_cubic, polyline, surface
 from cutjoint.model.errors import worded
 from cutjoint.model.expressions import has_finite_numbers, variable, with_terms
 from cutjoint.model.operations import Term, choice
 from cutjoint.model.records import Scalar
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path, field_name
-from cutjoint.model.units import Dimension
+from cutjoint.model.units import Dimension, Quantity, described
 
 
 @dataclass(frozen=True)
@@ -129,22 +130,44 @@ class _Law:
     def table(self, law: values.Table, keys: Path) -> Scalar:
         inner = (*keys, "table")
         others = [name for name in law.table if name != "value"]
-        if len(others) != 1 or "value" not in law.table:
-            message = "a table has two lists: a variable's and 'value'"
+        if len(others) not in (1, 2) or "value" not in law.table:
+            message = "a table has the list of a variable, or of two, and 'value'"
             self.element.fail(message, "for example {length: [0, 1], value: [0, 100]}", inner)
             return FAILED
-        of = others[0]
-        if of not in self.kind.variables:
+        unknown = [name for name in others if name not in self.kind.variables]
+        for name in unknown:
             hint = f"variables: {', '.join(self.kind.variables)}"
-            self.element.fail(f"'{of}' is not a variable of this law", hint, inner)
+            self.element.fail(f"'{name}' is not a variable of this law", hint, (*inner, name), at_key=True)
+        if unknown:
             return FAILED
-        x = self.column(law.table[of], self.kind.variables[of], (*inner, of))
+        lists = [self.column(law.table[of], self.kind.variables[of], (*inner, of)) for of in others]
+        if len(others) == 2:
+            return self.surface(law, others, lists, inner)
         y = self.column(law.table["value"], self.kind.result, (*inner, "value"))
-        return self.curve(of, x, y, inner) if self.is_curve(of, x, y, inner) else FAILED
+        return self.curve(law, others[0], lists[0], y, inner) if self.is_curve(others[0], lists[0], y, inner) else FAILED
 
-    def curve(self, of: str, x: list[float], y: list[float], keys: Path) -> Scalar:
+    def curve(self, law: values.Table, of: str, x: list[float], y: list[float], keys: Path) -> Scalar:
+        through = polyline if law.interpolation == "linear" else monotone_cubic
+        return self.drawn(lambda: through(variable(of), x, y), of, keys)
+
+    def surface(self, law: values.Table, of: list[str], lists: list[list[float]], keys: Path) -> Scalar:
+        """The surface of a table of two variables, a row of values for each of the first one."""
+        (x, y), rows = lists, law.table["value"]
+        read = [self.column(row, self.kind.result, (*keys, "value", i)) if isinstance(row, tuple) else [] for i, row in enumerate(rows)]
+        if len(rows) != len(x) or any(len(row) != len(y) for row in read) or min(len(x), len(y)) < 2:
+            message = f"the table has {len(x)} of {of[0]} and {len(y)} of {of[1]}, and needs as many rows of as many values, two or more"
+            self.element.fail(message, f"give a list of values for each {of[0]}: value: [[...], [...]]", (*keys, "value"))
+            return FAILED
+        rising = [self.rises(name, numbers, keys) for name, numbers in zip(of, lists, strict=True)]
+        if not all(rising) or not all(map(math.isfinite, (*x, *y, *(number for row in read for number in row)))):
+            return FAILED
+        u, v = map(variable, of)
+        return self.drawn(lambda: surface(u, x, v, y, read, is_linear=law.interpolation == "linear"), of[0], keys)
+
+    def drawn(self, draw: Callable[[], Scalar], of: str, keys: Path) -> Scalar:
+        """The expression of a curve whose numbers fit floats."""
         try:
-            curve = monotone_cubic(variable(of), x, y)
+            curve = draw()
         except ArithmeticError:
             curve = sympy.oo
         if has_finite_numbers(curve):
@@ -153,6 +176,11 @@ class _Law:
         return FAILED
 
     def column(self, numbers: tuple[Any, ...], dimension: Dimension | None, keys: Path) -> list[float]:
+        """The numbers of a list; the dimension of a file's column, which all its numbers have, is checked once."""
+        first = numbers[0] if numbers else None
+        if isinstance(first, Quantity) and dimension not in (None, first.dimension):
+            self.element.fail(f"{field_name(keys)} needs {described(dimension)}, got {described(first.dimension)}", "", keys)
+            return [math.nan] * len(numbers)
         return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
 
     def is_curve(self, of: str, x: list[float], y: list[float], keys: Path) -> bool:
@@ -160,11 +188,16 @@ class _Law:
         if len(x) != len(y) or len(x) < 2:
             message = f"the table has {len(x)} of {of} and {len(y)} of value"
             self.element.fail(message, "give as many of both, two or more", keys)
-        elif any(b <= a for a, b in pairwise(x)):
-            self.element.fail(f"the table's {of} does not rise", "sort the table", (*keys, of))
-        else:
-            return all(map(math.isfinite, (*x, *y)))
-        return False
+            return False
+        return self.rises(of, x, keys) and all(map(math.isfinite, (*x, *y)))
+
+    def rises(self, of: str, x: list[float], keys: Path) -> bool:
+        """Return whether the numbers of a variable rise; note the first that does not."""
+        for index, (a, b) in enumerate(pairwise(x), start=1):
+            if b <= a:
+                self.element.fail(f"the table's {of} does not rise", "sort the table", (*keys, of, index))
+                return False
+        return True
 
     def spring(self, law: values.SpringDamper, keys: Path) -> Scalar:
         """Linear spring and damper: tension along a line, or the force that draws a joint back."""
@@ -233,60 +266,3 @@ _SPRINGS = (
     ("length", "free_length", "free_position", 1),
     ("position", "free_position", "free_length", -1),
 )
-
-
-def monotone_cubic(x: Scalar, points: list[float], ordinates: list[float]) -> Scalar:
-    """A curve through points that is monotone where they are, with a continuous derivative; linear outside.
-
-    Piecewise cubic Hermite with the slopes of Fritsch and Butland, A Method for Constructing Local Monotone
-    Piecewise Cubic Interpolants (SIAM J. Sci. Stat. Comput. 5, 1984).  ``points`` rise strictly.
-    """
-    slopes = _slopes(points, ordinates)
-    branches = [_below(x, points[0], _cubic(x, points[0], ordinates[0], slopes[0]))]
-    for k in range(len(points) - 1):
-        h = points[k + 1] - points[k]
-        secant = (ordinates[k + 1] - ordinates[k]) / h
-        second = (3 * secant - 2 * slopes[k] - slopes[k + 1]) / h
-        third = (slopes[k] + slopes[k + 1] - 2 * secant) / h**2
-        piece = _cubic(x, points[k], ordinates[k], slopes[k], second, third)
-        branches.append(_below(x, points[k + 1], piece))
-    return choice(*branches, (_cubic(x, points[-1], ordinates[-1], slopes[-1]), sympy.true))
-
-
-def _below(x: Scalar, limit: float, value: Scalar) -> tuple[Scalar, Scalar]:
-    return value, sympy.StrictLessThan(x, sympy.Float(limit), evaluate=False)
-
-
-def _cubic(x: Scalar, start: float, *coefficients: float) -> Scalar:
-    """A polynomial of x - start in Horner's form."""
-    step = x - sympy.Float(start) if start else x
-    value = sympy.Float(coefficients[-1])
-    for coefficient in reversed(coefficients[:-1]):
-        value = sympy.Float(coefficient) + step * value
-    return value
-
-
-def _slopes(points: list[float], ordinates: list[float]) -> list[float]:
-    steps = [b - a for a, b in pairwise(points)]
-    secants = [(b - a) / h for (a, b), h in zip(pairwise(ordinates), steps, strict=True)]
-    if len(secants) == 1:
-        return [secants[0], secants[0]]
-    inner = [_butland(steps[k : k + 2], secants[k : k + 2]) for k in range(len(secants) - 1)]
-    return [_end_slope(steps[:2], secants[:2]), *inner, _end_slope(steps[:-3:-1], secants[:-3:-1])]
-
-
-def _butland(steps: list[float], secants: list[float]) -> float:
-    if secants[0] * secants[1] <= 0:
-        return 0.0
-    left, right = steps[0] + 2 * steps[1], 2 * steps[0] + steps[1]
-    return (left + right) / (right / secants[1] + left / secants[0])
-
-
-def _end_slope(steps: list[float], secants: list[float]) -> float:
-    """The three-point slope at an end, limited so that the curve stays monotone."""
-    slope = ((2 * steps[0] + steps[1]) * secants[0] - steps[0] * secants[1]) / (steps[0] + steps[1])
-    if slope * secants[0] <= 0:
-        return 0.0
-    if secants[0] * secants[1] <= 0 and abs(slope) > 3 * abs(secants[0]):
-        return 3 * secants[0]
-    return slope

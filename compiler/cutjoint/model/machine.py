@@ -20,9 +20,10 @@ from cutjoint.model.units import Dimension, measure
 
 @dataclass
 class Machine:
-    """The elements of a model, which ``survey`` finds when the first of their quantities is asked for."""
+    """The elements of a model, which ``survey`` finds when the first of their quantities is asked for; ``scopes`` by their prefixes."""
 
     survey: Callable[[], Mapping[str, Element]]
+    scopes: dict[str, Scope] = field(default_factory=dict)
     _signals: dict[str, tuple[Scope, int | float | str]] = field(default_factory=dict)
     _controllers: dict[str, tuple[Scope, document.Controller]] = field(default_factory=dict)
     _dimensions: dict[str, Dimension | None] = field(default_factory=dict)
@@ -33,28 +34,26 @@ class Machine:
 
     def expect(self, scope: Scope, part: document.Elements) -> None:
         """Take note of the signals and controllers of a scope, whose dimensions others may ask for before they are read."""
+        self.scopes[scope.prefix] = scope
         self._signals.update({scope.prefix + name: (scope, value) for name, value in part.signals.items()})
         self._controllers.update({scope.prefix + name: (scope, controller) for name, controller in part.controllers.items()})
 
-    def read(self, scope: Scope, name: str) -> Term:
-        """The term of "element.quantity", or of a state or a signal, as a scope calls it.
+    def read(self, scope: Scope, name: str, *, reported: bool = False) -> Term:
+        """The term of "element.quantity", or of a state or a signal, as a scope calls it; in a mirrored one what the original would read.
 
         Raises:
-            ExpressionError: there is no such quantity, or no expression may read it.
+            ExpressionError: there is no such quantity, or only one that is ``reported`` may read it.
         """
-        found = self._found(scope, name)
-        return FAILED_TERM if found is None else self._term(*found)
-
-    def read_image(self, axis: str, scope: Scope, name: str) -> Term:
-        """The term of a scope that is mirrored along an axis: what the original would read."""
-        found = self._found(scope, name)
+        found = self._found(scope, name, reported=reported)
         if found is None:
             return FAILED_TERM
-        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)}
-        term, sign = self._term(*found), Image(axis, joints).sign(self._elements[found[0]], found[1])
-        return replace(term, value=sign * term.value)
+        term = self._term(*found)
+        joints = {joint.name: joint for joint in self._elements.values() if isinstance(joint, Joint)} if scope.mirrors else {}
+        for axis in scope.mirrors:
+            term = replace(term, value=Image(axis, joints).sign(self._elements[found[0]], found[1]) * term.value)
+        return term
 
-    def _found(self, scope: Scope, name: str) -> tuple[str, str] | None:
+    def _found(self, scope: Scope, name: str, *, reported: bool) -> tuple[str, str] | None:
         """An element and its quantity; None where one that could not be read may be meant."""
         whole, elements = scope.full(name), self._elements
         if whole in elements and VALUE in quantities(elements[whole]):
@@ -65,7 +64,7 @@ class Machine:
             if error.element == UNKNOWN or scope.directory.misses(error.element):
                 return None
             raise ExpressionError(f"quantity '{name}': {error.message}", error.hint) from None
-        if follows_from_forces(elements[found[0]], found[1]) and not scope.sampled:
+        if not reported and not scope.sampled and follows_from_forces(elements[found[0]], found[1]):
             reason = "accelerations and reactions follow from all forces, and so from what reads them"
             hint = "use positions and speeds, or let a controller sample it"
             raise ExpressionError(f"the quantity '{name}' cannot stand here: {reason}", hint)

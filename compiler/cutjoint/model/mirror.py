@@ -62,8 +62,13 @@ class Image:
             case Force():
                 joint = self.joints.get(element.joint_of)
                 return element.image_sign(quantity, self.of_component, self._of_joint(joint, element.coordinate_of) if joint else 1)
-            case Body() | Marker():
+            case Body() | Marker() | Reaction(direction=None):
                 return self.of_component(quantity)
+            case Reaction():
+                return -1 if quantity == "moment" else 1
+            case Gear():
+                joint = self.joints.get(element.first.joint)
+                return self._of_joint(joint, element.first.name) if joint else 1
         return 1
 
     def _of_joint(self, joint: Joint, quantity: str) -> int:

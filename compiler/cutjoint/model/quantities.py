@@ -131,6 +131,22 @@ def readings_of(model: Model) -> tuple[Output, ...]:
 Reader: TypeAlias = Force | FirstOrderState | Signal | Controller
 
 
+def read_by(model: Model, output: Output) -> tuple[Output, ...]:
+    """An output, or the quantities that its expression reads, as if they were outputs."""
+    signals = {signal.name: signal for signal in model.signals}
+    if not output.name:
+        return (output,)
+    found: dict[tuple[str, str], Output] = {}
+    waiting = [output.element]
+    while waiting:
+        for name, quantity in quantities_read(signals[waiting.pop()].value):
+            if name in signals:
+                waiting.append(name)
+            else:
+                found.setdefault((name, quantity), Output(element=name, quantity=quantity, span=output.span))
+    return tuple(found.values())
+
+
 def reading_elements(model: Model) -> tuple[Reader, ...]:
     """The forces, states and signals that read quantities of bodies, markers, joints and forces, all signals and all controllers."""
     states = {state.name for state in model.states}
@@ -158,7 +174,7 @@ def reaction_component(reaction: Reaction, quantity: str) -> tuple[bool, Vector]
 
 def unit_of(model: Model, output: Output) -> str:
     """The unit of an output of a validated model."""
-    return quantities(reported_element(model, output))[output.quantity]
+    return output.unit or quantities(reported_element(model, output))[output.quantity]
 
 
 def reported_element(model: Model, output: Output) -> Element:

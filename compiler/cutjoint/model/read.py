@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutjoint.model.dependencies import check_levels
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
+from cutjoint.model.files import with_files
 from cutjoint.model.opening import Opening
 from cutjoint.model.records import Model, Span
 from cutjoint.model.scenes import read_scenes
@@ -19,7 +21,7 @@ from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
 from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
-from cutjoint.package.locations import AnyPath
+from cutjoint.package.locations import AnyPath, path_of
 
 
 def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
@@ -27,18 +29,21 @@ def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
-    return read_model_text(read_text(Path(path)), str(path), opened=opened)
+    is_file = Path(path).is_file()  # a pipe has no folder
+    return read_model_text(read_text(Path(path)), str(path), folder=Path(path).parent if is_file else None, opened=opened)
 
 
-def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Model:
-    """Read and validate a model from its text; ``file`` is the name that places and messages carry.
+def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, opened: Sequence[str] = ()) -> Model:
+    """Read and validate a model from its text; ``file`` is the name that places and messages carry, ``folder`` has the files that it names.
 
     Raises ModelError with all problems found.
     """
-    # text -> plain data with places
-    source = parse_yaml(text, file)
-    # data -> document of the right shape
+    # text -> plain data with places, that of its files included
     problems = Problems()
+    source, files = with_files(parse_yaml(text, file), path_of(folder), problems)
+    if problems:
+        raise problems.error()
+    # data -> document of the right shape
     shaped = check_shape(source, problems)
     if shaped is None:
         raise problems.error()
@@ -51,12 +56,14 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
     for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # elements -> scenes that refer to them
-    scenes = read_scenes(document, expansion)
+    scenes, reported = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
     # one check of the whole
     check_elements(expansion, problems)
     elements = expansion.elements
+    sampled = (signal for controller in elements.controllers for signal in controller.signals)
+    check_levels(elements.forces, (*elements.signals, *sampled, *reported), problems)
     model = Model(
         name=document.name,
         gravity=gravity,
@@ -69,11 +76,12 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
         reactions=elements.reactions,
         markers=elements.markers,
         states=elements.states,
-        signals=elements.signals,
+        signals=(*elements.signals, *reported),
         controllers=elements.controllers,
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,
+        files=files,
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

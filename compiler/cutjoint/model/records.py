@@ -91,13 +91,17 @@ class FirstOrderState:
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions."""
+    """A named expression of time, parameters, inputs and quantities of elements, for which ``symbol`` stands in other expressions.
+
+    A ``reported`` one is that of an output: nothing reads it, so that it may read accelerations and reactions.
+    """
 
     name: str
     symbol: Scalar
     value: Scalar
     unit: str
     span: Span
+    reported: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -441,7 +445,8 @@ class Road:
 class Output:
     """One column of the results: ``element`` is a body, joint, force or sensor, ``quantity`` what of it.
 
-    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.
+    In a reduced model ``stands_for`` is the column's name in the full one, whose value is ``factor`` times this one's.  An output by an
+    expression has a ``name`` of its own and may have a ``unit``, which has ``factor`` of those of the element's quantity.
     """
 
     element: str
@@ -449,11 +454,13 @@ class Output:
     span: Span
     stands_for: str = ""
     factor: float = 1.0
+    name: str = ""
+    unit: str = ""
 
     @property
     def column(self) -> str:
         """The column's name in a CSV header."""
-        return self.stands_for or f"{self.element}.{self.quantity}"
+        return self.stands_for or self.name or f"{self.element}.{self.quantity}"
 
 
 #: The length of equal steps where none is given, s.
@@ -557,7 +564,7 @@ class Model:
     submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
     ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
-    replaced by functions.
+    replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places.
     """
 
     name: str
@@ -578,10 +585,16 @@ class Model:
     signals: tuple[Signal, ...] = ()
     controllers: tuple[Controller, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
         return f"<Model '{self.name}': {', '.join(f'{len(x)} {name}' for name, x in elements.items())}>"
+
+    @property
+    def content(self) -> str:
+        """All texts that the model follows from."""
+        return "\0".join((self.text, *self.files.values()))
 
     @property
     def constraint_spans(self) -> Mapping[str, Span]:

@@ -13,12 +13,12 @@ from cutjoint.model import document
 from cutjoint.model.choices import Extent, measure
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expand import Expansion, used_submodels
+from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import variable
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
+from cutjoint.model.outputs import OutputReader
 from cutjoint.model.quantities import Element as Quantified
-from cutjoint.model.quantities import QuantityError, find_quantity
 from cutjoint.model.ranges import RANGES, StepsError, count_steps
 from cutjoint.model.records import (
     STEP,
@@ -31,7 +31,7 @@ from cutjoint.model.records import (
     Scalar,
     Scene,
     SegmentKind,
-    Span,
+    Signal,
 )
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
@@ -49,17 +49,19 @@ class _Stage:
     expansion: Expansion
     known: Mapping[str, Quantified]
     joints: Mapping[str, Joint]
+    reader: OutputReader
     outputs: tuple[Output, ...]
 
 
-def read_scenes(model: document.Document, expansion: Expansion) -> dict[str, Scene]:
-    """Read all scenes, with the outputs of the model and its instances as default."""
+def read_scenes(model: document.Document, expansion: Expansion) -> tuple[dict[str, Scene], tuple[Signal, ...]]:
+    """Read all scenes, with the outputs of the model and its instances as default; and the expressions of outputs."""
     elements = expansion.elements
     known = elements.by_name()
     joints = {joint.name: joint for joint in elements.joints}
-    stage = _Stage(expansion, known, joints, ())
-    stage = _Stage(expansion, known, joints, _default_outputs(model, stage))
-    return {name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage) for name, s in model.scenes.items()}
+    reader = OutputReader(expansion, known)
+    stage = _Stage(expansion, known, joints, reader, reader.default(model))
+    scenes = {name: _read_scene(element(expansion.scope, "scene", "scenes", name), s, stage) for name, s in model.scenes.items()}
+    return scenes, tuple(reader.signals.values())
 
 
 def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
@@ -70,7 +72,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         step = _positive(where, where.number(scene.output_step, TIME, ("output_step",)), ("output_step",))
     _require_steps(where, scene, end, step, numerics)
     if scene.outputs is not None:
-        outputs = _outputs(where, scene.outputs, (*where.path, "outputs"), "", stage)
+        outputs = stage.reader.outputs(where, scene.outputs, (*where.path, "outputs"), "")
     return Scene(
         name=where.name,
         end=end,
@@ -272,35 +274,3 @@ def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
     if length_key:
         _positive(where, length, (*keys, length_key))
     return RoadSegment(kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys)))
-
-
-def _default_outputs(model: document.Document, stage: _Stage) -> tuple[Output, ...]:
-    """The model's outputs, then those of each instance."""
-    scope = stage.expansion.scope
-    outputs = [*_outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "", stage)]
-    for name, instance, submodel in used_submodels(model):
-        where = Element(scope, f"instance '{name}'", name, ())
-        outputs += _outputs(where, submodel.outputs, ("submodels", instance.use, "outputs"), f"{name}.", stage)
-    return tuple(outputs)
-
-
-def _outputs(where: Element, names: tuple[str, ...], path: Path, prefix: str, stage: _Stage) -> tuple[Output, ...]:
-    found: dict[str, Output] = {}
-    for index, name in enumerate(names):
-        span = where.scope.source.value_span((*path, index))
-        output = _output(where, name, prefix, span, stage)
-        if output is not None and output.column in found:
-            where.scope.problems.add(span, where.label, f"the output '{name}' stands twice", "remove one")
-        elif output is not None:
-            found[output.column] = output
-    return tuple(found.values())
-
-
-def _output(where: Element, name: str, prefix: str, span: Span, stage: _Stage) -> Output | None:
-    try:
-        element, quantity = find_quantity(stage.known, name, lambda local: prefix + local, prefix)
-    except QuantityError as error:
-        if not where.scope.directory.misses(error.element):
-            where.scope.problems.add(span, where.label, f"output '{name}': {error.message}", error.hint)
-        return None
-    return Output(element=element, quantity=quantity, span=span)

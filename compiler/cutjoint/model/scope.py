@@ -62,8 +62,8 @@ class Scope:
       `reading`: by "element.quantity", as outputs have them; the value of a state or a signal by its name alone.  ``own`` are those of the
       scope; ``read`` is what finds a quantity.
 
-    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters.  ``sampled`` is whether what reads
-    quantities may also have accelerations and reactions, since it acts only afterwards.
+    ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
+    those around it.  ``sampled`` is whether what reads quantities may also have accelerations and reactions, since it acts only afterwards.
     """
 
     source: Source
@@ -82,6 +82,7 @@ class Scope:
     read: Callable[[Scope, str], Term] | None = None
     sensed: frozenset[Scalar] = frozenset()
     sampled: bool = False
+    mirrors: tuple[str, ...] = ()
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""

@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 from cutjoint.model.document import Document
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.forces import JOINT_FORCES
+from cutjoint.model.instances import find_uses
 from cutjoint.model.source import Path, Source, field_name
 
 _P = TypeVar("_P", bound=BaseModel)
@@ -132,6 +133,9 @@ def _report(source: Source, problems: Problems, flaw: _Flaw) -> None:
 def element_of(path: Path) -> tuple[str, int]:
     """The element that a path leads into, in words, and how many keys lead to it."""
     if path[:1] == ("submodels",) and len(path) >= 4 and path[2] in KINDS and isinstance(path[3], str):
+        if path[2] == "submodels" and len(path) >= 6 and path[4] in KINDS and isinstance(path[5], str):
+            label, count = element_of(path[2:])
+            return label, count + 2
         return f"{KINDS[str(path[2])]} '{path[3]}' of submodel '{path[1]}'", 4
     if len(path) >= 2 and path[0] in KINDS:
         return f"{KINDS[str(path[0])]} '{path[1]}'", 2
@@ -183,8 +187,6 @@ def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:
 
 def _unknown_field(flaw: _Flaw) -> tuple[str, str]:
     path = flaw.path
-    if path[:1] == ("submodels",) and path[2:] in (("instances",), ("submodels",)):
-        return "a submodel cannot hold submodels or instances", "move them to the model"
     return f"unknown field '{path[-1]}'", nearest(str(path[-1]), _fields_at(flaw.document, flaw.detail["loc"][:-1]), "fields")
 
 
@@ -255,12 +257,20 @@ def _left_out(flaw: _Flaw) -> Iterator[Path]:
         yield path[:3]
         if path[2] == "numerics":  # steps and rows have to go together
             yield (*path[:2], "output_step")
-    elif path[:1] == ("submodels",) and path[2:3] == ("outputs",):
-        yield path[:3]
+    elif (depth := _depth(path)) and path[depth : depth + 1] == ("outputs",):
+        yield path[: depth + 1]
     elif start:
         yield path[:start]
     else:
         yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) else ()
+
+
+def _depth(path: Path) -> int:
+    """The number of keys that lead to the submodel around a place, 0 in the model."""
+    depth = 0
+    while path[depth : depth + 1] == ("submodels",) and len(path) > depth + 1:
+        depth += 2
+    return depth
 
 
 def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
@@ -274,11 +284,11 @@ def _pruned(data: Any, path: Path, drop: set[Path]) -> Any:
 def _full_names(source: Source, document: Document, drop: set[Path]) -> Iterator[str]:
     """The names by which others refer to elements that were left out."""
     yield from _in_unknown_sections(source, drop)
+    uses = [use for use in find_uses(document) if use.submodel is not None]
     for path in (path for path in drop if path[0] != "scenes"):
-        submodel = path[1] if path[0] == "submodels" and len(path) == 4 else None
-        if len(path) != 2 and submodel is None:
+        if len(path) - _depth(path[:-2]) != 2:
             continue
-        users = [""] if submodel is None else [f"{name}." for name, instance in document.instances.items() if instance.use == submodel]
+        users = [""] if len(path) == 2 else [f"{use.name}." for use in uses if use.at == path[:-2]]
         endings = ["", *(f"_{suffix}" for suffix in JOINT_FORCES.values())] if path[-2] == "joints" else [""]
         yield from (f"{user}{path[-1]}{ending}" for user in users for ending in endings)
 

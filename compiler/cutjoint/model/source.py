@@ -45,6 +45,13 @@ class Source:
     values: dict[Path, Span] = field(default_factory=dict)
     keys: dict[Path, Span] = field(default_factory=dict)
 
+    def part(self, path: Path) -> Any:
+        """The data at ``path``."""
+        data = self.data
+        for key in path:
+            data = data[key]
+        return data
+
     def value_span(self, path: Path) -> Span:
         """The place of the value at ``path``, or of the nearest value around it."""
         while path and path not in self.values:

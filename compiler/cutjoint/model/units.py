@@ -81,6 +81,11 @@ _COMMON: Mapping[str, tuple[Fraction, Dimension]] = {
     )
 }  # fmt: skip
 
+#: Units of lengths and angles that files have most often, with their sizes in SI.
+PLACES: Mapping[str, float] = {
+    name: float(size) for name, (size, dimension) in _COMMON.items() if dimension == LENGTH or name in ("rad", "mrad", "deg")
+}
+
 _SI_TEXT: Mapping[Dimension, str] = {
     NONE: "1",
     FORCE: "N",

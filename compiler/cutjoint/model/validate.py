@@ -11,6 +11,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
+from cutjoint.model.instances import find_submodels
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.records import GROUND, Body, Joint, Span
 from cutjoint.model.scope import FAILED
@@ -24,8 +25,9 @@ _SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "sta
 def check_names(source: Source, problems: Problems, model: document.Document) -> None:
     """Note names that stand for two elements, in the model or in one submodel."""
     _check_unique(problems, _named(source, model, ()))
-    for name, submodel in model.submodels.items():
-        path = ("submodels", name)
+    for level in find_submodels(model):
+        submodel, path = level.part, level.path
+        assert isinstance(submodel, document.Submodel)
         connectors = [
             (connector, "connector", source.value_span((*path, "connectors", index)))
             for index, connector in enumerate(submodel.connectors)
@@ -40,14 +42,16 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
 
 def check_submodels(source: Source, problems: Problems, model: document.Document) -> None:
     """Note parameters of submodels that no expression of theirs uses."""
-    for name, submodel in model.submodels.items():
-        sections = {key: part for key, part in source.data["submodels"][name].items() if key not in ("connectors", "parameters", "outputs")}
+    for level in find_submodels(model):
+        submodel, path = level.part, level.path
+        assert isinstance(submodel, document.Submodel)
+        sections = {key: part for key, part in source.part(path).items() if key not in ("connectors", "parameters", "outputs")}
         used = frozenset().union(*map(symbols_of, _texts(sections)))
         for index, parameter in enumerate(submodel.parameters):
             if parameter not in used:
-                span = source.value_span(("submodels", name, "parameters", index))
+                span = source.value_span((*path, "parameters", index))
                 message = f"nothing in it uses the parameter '{parameter}'"
-                problems.add(span, f"submodel '{name}'", message, "remove it here and in its instances, or use it")
+                problems.add(span, f"submodel '{path[-1]}'", message, "remove it here and in its instances, or use it")
 
 
 def _texts(data: Any) -> Iterator[str]:
@@ -78,11 +82,11 @@ def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> Non
     first: dict[str, Span] = {}
     for name, kind, span in sorted(found, key=lambda item: item[2]):
         if name in first:
-            line = first[name].line
+            where = f"line {first[name].line}" if first[name].file == span.file else first[name].place
             problems.add(
                 span,
                 f"{kind} '{name}'",
-                f"duplicate name '{name}', first defined at line {line}",
+                f"duplicate name '{name}', first defined at {where}",
                 "rename one of them",
             )
         first.setdefault(name, span)

@@ -30,7 +30,8 @@ from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_p
 
 MAX_COEFFICIENTS = 20
 MAX_PIECES = 100
-MAX_TABLE = 200
+MAX_TABLE = 200  #: points of a curve
+MAX_GRID = 400  #: points of a surface
 
 
 class Part(BaseModel):
@@ -52,7 +53,7 @@ def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
 
     def tag(value: Any) -> str | None:
         if isinstance(value, dict):
-            return next((forms[key] for key in forms if isinstance(key, str) and key in value), None)
+            return next((forms[key] for key in forms if isinstance(key, str) and key in value), forms.get(dict))
         return forms.get(type(value))
 
     return Discriminator(tag, custom_error_type="shape", custom_error_message=message)
@@ -331,10 +332,31 @@ class Let(Part):
     law: Law
 
 
-class Table(Part):
-    """A monotone cubic curve through points; the keys are ``value`` and the variable's name."""
+def _entry(value: Any) -> Any:
+    return tuple(map(_number, value)) if isinstance(value, tuple) else _number(value)
 
-    table: dict[StrictStr, Annotated[tuple[Number, ...], Field(max_length=MAX_TABLE)]]
+
+#: A list of numbers; of the value of two variables a list of such lists.
+Entries = Annotated[tuple[Annotated[Any, PlainValidator(_entry)], ...], Field(max_length=MAX_TABLE)]
+_LIST = {"type": "array", "items": {"type": ["number", "string", "array"]}, "maxItems": MAX_TABLE}
+_TABLE_SCHEMA = {"type": "object", "additionalProperties": {"anyOf": [_LIST, {"type": "string"}]}}
+
+
+class Table(Part):
+    """A curve through points, or a surface; the keys are ``value`` and the names of one or two variables.
+
+    With the name of a ``file`` these may have names of its columns.
+    """
+
+    table: Annotated[dict[StrictStr, Entries], WithJsonSchema(_TABLE_SCHEMA)]
+    interpolation: Literal["cubic", "linear"] = "cubic"
+
+    @model_validator(mode="after")
+    def _few_points(self) -> Table:
+        points = sum(len(entry) for entry in self.table.get("value", ()) if isinstance(entry, tuple))
+        if points > MAX_GRID:
+            raise shape_error(f"needs at most {MAX_GRID} points, got {points}")
+        return self
 
 
 class SpringDamper(Part):
@@ -374,6 +396,7 @@ Law: TypeAlias = Annotated[
         {
             **dict.fromkeys((int, float, str), "<number>"),
             **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},
+            "interpolation": "<table>",
             **dict.fromkeys(("stiffness", "damping"), "<spring>"),
         },
         "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",

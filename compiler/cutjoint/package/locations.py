@@ -27,6 +27,11 @@ def runtime_folder() -> Path:
     return _find("runtime")
 
 
+def library_folder() -> Path:
+    """The folder of the submodels that the package ships."""
+    return _PACKAGE / "library"
+
+
 def code_folders() -> tuple[Path, ...]:
     """All that the compiler is made of: its modules, the templates and the runtime."""
     return _PACKAGE, templates_folder(), runtime_folder()

@@ -58,7 +58,8 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
 
 def _further(model: Model) -> tuple[tuple[str, Sequence[object]], ...]:
     """Elements that most models do not have."""
-    return ("gears", model.gears), ("states", model.states), ("signals", model.signals), ("controllers", model.controllers)
+    signals = [signal for signal in model.signals if not signal.reported]
+    return ("gears", model.gears), ("states", model.states), ("signals", signals), ("controllers", model.controllers)
 
 
 def _assemblies(model: Model) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from cutjoint.methods import INTEGRATORS
 from cutjoint.model.ranges import count_steps
+from cutjoint.model.units import PLACES
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.checks import find_imbalance, find_open_gap, open_loops
 from cutjoint.run.fallbacks import follow_up
@@ -129,7 +130,7 @@ def _left(change: Change, apart: float, before: float | None, defect: float) -> 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
     """Return whether places and angles keep the goal; in a run without any, whether all other outputs do by their size."""
-    judged = {name: 1.0 for name in errors if run.units[name] in ("m", "rad")}
+    judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
     judged = judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
     return all(errors[name] <= goal * size for name, size in judged.items())
 

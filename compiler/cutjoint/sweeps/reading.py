@@ -98,7 +98,7 @@ class _Reading:
             self.where.fail(f"model: there is no file {path}", "write its path from the folder of the study", ("model",))
             raise self.problems.error()
         try:  # what is generated names the model as the study does, wherever that is called from
-            return read_model_text(read_text(path), self.document.model, opened=self.document.open)
+            return read_model_text(read_text(path), self.document.model, folder=path.parent, opened=self.document.open)
         except ModelError:
             return read_model(path, opened=self.document.open)
 

@@ -256,7 +256,7 @@ def make_manifest(study: Study, kernels: Sequence[Kernel]) -> dict[str, Any]:
         "format": FORMAT,
         "cutjoint": __version__,
         "name": study.model.name,
-        "model": sha256(study.model.text.encode()).hexdigest(),
+        "model": sha256(study.model.content.encode()).hexdigest(),
         "study": study.digest,
         "source": {kernel.scene: kernel.source for kernel in kernels},
         "library": {kernel.scene: kernel.digest for kernel in kernels},

@@ -24,10 +24,10 @@ def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
         return read.read_model(path, opened=opened)
 
 
-def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Model:
-    """Read a model from a text; ``file`` is the name in places and messages."""
+def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, opened: Sequence[str] = ()) -> Model:
+    """Read a model from a text; ``file`` is the name in places and messages, ``folder`` has the files that the text names."""
     with _problems_of_loops():
-        return read.read_model_text(text, file, opened=opened)
+        return read.read_model_text(text, file, folder=folder, opened=opened)
 
 
 @contextmanager

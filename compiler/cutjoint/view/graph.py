@@ -163,7 +163,8 @@ class _Layout:
 
     def _about(self, span: Span) -> list[str]:
         """The place of an element, and its line in the model file."""
-        lines = self.topology.model.text.splitlines()
+        model = self.topology.model
+        lines = model.files.get(span.file, model.text).splitlines()
         text = lines[span.line - 1].strip() if 0 < span.line <= len(lines) else ""
         return [f"{Path(span.file).name}:{span.line}", text]
 

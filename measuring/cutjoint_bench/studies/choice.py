@@ -126,7 +126,7 @@ class Comparison:
         return time_run(at_step(compile_scene(variant.model, variant.scene, CompileOptions(method=method)), dt), dt).seconds
 
     def _get(self, of: dict[str, Any], make: Any) -> Record:
-        about = {"model": self.model.text, "scene": repr(asdict(self.scene)), "version": __version__, "runtime": runtime_digest(), **of}
+        about = {"model": self.model.content, "scene": repr(asdict(self.scene)), "version": __version__, "runtime": runtime_digest(), **of}
         return self.store.get(about, make)
 
 

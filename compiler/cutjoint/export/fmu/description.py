@@ -194,7 +194,8 @@ def _add_units(root: Element, variables: Iterable[Variable]) -> None:
 def _add_unit(definitions: Element, unit: Unit) -> None:
     defined = SubElement(definitions, "Unit", name=unit.name)
     if unit.exponents:
-        SubElement(defined, "BaseUnit", {base: str(power) for base, power in unit.exponents.items()})
+        of_si = {} if unit.factor == 1.0 else {"factor": repr(unit.factor)}
+        SubElement(defined, "BaseUnit", {**{base: str(power) for base, power in unit.exponents.items()}, **of_si})
     if unit.display:
         name, factor = unit.display
         SubElement(defined, "DisplayUnit", name=name, factor=repr(factor))
@@ -217,11 +218,12 @@ _FACTOR = re.compile(r"(?P<sign>/?)\s*(?P<name>[A-Za-z]+|1)(?:(?:\^|\*\*)(?P<pow
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """A unit of SI: whole exponents of the base units that it has, none where one is no whole number; the unit to display with its
-    factor, if it has angles."""
+    """A unit: whole exponents of the base units that it has, none where one is no whole number, its size in these; the unit to display
+    with its factor, if it has radians."""
 
     name: str
     exponents: Mapping[str, int]
+    factor: float
     display: tuple[str, float] | None
 
 
@@ -229,13 +231,21 @@ def describe_unit(name: str) -> Unit | None:
     """The unit of that name; None for plain numbers."""
     if name in ("", "1"):
         return None
-    dimension, turns = measure(1.0, name).dimension, _power_of_radian(name)
+    found, turns = measure(1.0, name), _power_of(name, _ANGLES)
+    dimension = found.dimension
     powers = dict(zip(BASE_UNITS, (*dimension.exponents, Fraction(turns)), strict=True))
     whole = all(power.denominator == 1 for power in powers.values())
-    display = (re.sub(r"\brad\b", "deg", name), math.degrees(1.0) ** turns) if turns else None
-    return Unit(name=name, exponents={base: int(power) for base, power in powers.items() if power} if whole else {}, display=display)
+    shown = _power_of(name, _RADIANS)
+    display = (re.sub(r"\brad\b", "deg", name), math.degrees(1.0) ** shown) if shown else None
+    exponents = {base: int(power) for base, power in powers.items() if power} if whole else {}
+    return Unit(name=name, exponents=exponents, factor=found.value, display=display)
 
 
-def _power_of_radian(name: str) -> int:
-    found = (m for m in _FACTOR.finditer(name) if m["name"] in ("rad", "radian", "radians"))
+_RADIANS = ("rad", "radian", "radians")
+#: Names of angles that an exponent of the radian stands for.
+_ANGLES = (*_RADIANS, "mrad", "deg", "degree", "degrees")
+
+
+def _power_of(name: str, angles: Sequence[str]) -> int:
+    found = (m for m in _FACTOR.finditer(name) if m["name"] in angles)
     return sum(int(m["power"] or 1) * (-1 if m["sign"] else 1) for m in found)

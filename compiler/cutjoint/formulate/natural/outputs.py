@@ -12,6 +12,7 @@ from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, req
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Use, is_nought
 from cutjoint.formulate.natural.quantities import NaturalQuantities
+from cutjoint.formulate.quantities import reading, reported_symbol
 from cutjoint.model.quantities import reaction_component
 from cutjoint.model.records import Joint, Model, Output, Reaction, RodForce, Scalar
 from cutjoint.program.blocks import Block
@@ -113,6 +114,8 @@ class NaturalReporter(NaturalQuantities):
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self._reaction(reaction, output.quantity)
         if any(gear.name == name for gear in self.model.gears):
             return self.motions.builder.neg(multipliers(self.motions.builder, next(c for c in self.constraints if c.element == name)))
+        if (symbol := reported_symbol(self.model, name)) is not None:
+            return reading(self.motions.builder, self.motions.translator, self.model, self.quantity).scalar(symbol)
         return super().quantity(output)
 
     def _reaction(self, reaction: Reaction, quantity: str) -> Block:

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from cutjoint.formulate.quantities import reading, reported_symbol
 from cutjoint.formulate.records import energy_results
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
@@ -104,6 +105,8 @@ class Reporter(Quantities):
         for gear in self.gears:
             if gear.element.name == output.element:
                 return self.kinematics.builder.neg(gear.multipliers)
+        if (symbol := reported_symbol(self.model, output.element)) is not None:
+            return reading(self.kinematics.builder, self.kinematics.translator, self.model, self.quantity).scalar(symbol)
         return super().quantity(output)
 
     def acceleration(self, body: str, at: Block) -> Block:

@@ -1,0 +1,111 @@
+"""Outputs: quantities of elements, and expressions of them with a name and a unit of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import sympy
+
+from cutjoint.model import document
+from cutjoint.model.expand import Expansion
+from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.instances import find_uses
+from cutjoint.model.quantities import Element as Quantified
+from cutjoint.model.quantities import QuantityError, find_quantity
+from cutjoint.model.records import VALUE, Output, Signal, Span
+from cutjoint.model.scope import FAILED, Element
+from cutjoint.model.source import Path
+from cutjoint.model.units import NONE, Measure, UnitError, described, measure
+
+_Entry: TypeAlias = str | dict[str, document.OutputExpression]
+
+
+@dataclass
+class OutputReader:
+    """Reads lists of outputs; ``signals`` are the expressions of all that have one, by their names."""
+
+    expansion: Expansion
+    known: Mapping[str, Quantified]
+    signals: dict[str, Signal] = field(default_factory=dict)
+    _units: dict[str, str] = field(default_factory=dict)
+
+    def default(self, model: document.Document) -> tuple[Output, ...]:
+        """The model's outputs, then those of each instance."""
+        scope = self.expansion.scope
+        outputs = [*self.outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "")]
+        for use in find_uses(model):
+            if use.submodel is not None:
+                where = Element(scope, f"instance '{use.name}'", use.name, ())
+                outputs += self.outputs(where, use.submodel.outputs, (*use.at, "outputs"), f"{use.name}.")
+        return tuple(outputs)
+
+    def outputs(self, where: Element, entries: Sequence[_Entry], path: Path, prefix: str) -> tuple[Output, ...]:
+        """The outputs of a list at a path, whose names have a prefix."""
+        found: dict[str, Output] = {}
+        for index, entry in enumerate(entries):
+            span = where.scope.source.value_span((*path, index))
+            if isinstance(entry, str):
+                name, output = entry, self._quantity(where, entry, prefix, span)
+            else:
+                name = next(iter(entry))
+                output = found.get(prefix + name) or self._expression(entry, (*path, index), prefix)
+            if output is not None and output.column in found:
+                where.scope.problems.add(span, where.label, f"the output '{name}' stands twice", "remove one")
+            elif output is not None:
+                found[output.column] = output
+        return tuple(found.values())
+
+    def _quantity(self, where: Element, name: str, prefix: str, span: Span) -> Output | None:
+        try:
+            element, quantity = find_quantity(self.known, name, lambda local: prefix + local, prefix)
+        except QuantityError as error:
+            if not where.scope.directory.misses(error.element):
+                where.scope.problems.add(span, where.label, f"output '{name}': {error.message}", error.hint)
+            return None
+        return Output(element=element, quantity=quantity, span=span)
+
+    def _expression(self, entry: dict[str, document.OutputExpression], path: Path, prefix: str) -> Output | None:
+        """An output by an expression, which is a signal that nothing reads."""
+        ((local, part),) = entry.items()
+        name, scope = prefix + local, self.expansion.reporting.get(prefix)
+        if scope is None:
+            return None  # of an instance whose problems are noted
+        where = Element(scope, f"output '{name}'", name, (*path, local))
+        term = where.term(part.value, (VALUE,), scope.reading("t"))
+        value = where.scalar(part.value, None, (VALUE,), scope.reading("t"))
+        own = "" if term.dimension in (None, NONE) else str(term.dimension)
+        unit = None if part.unit is None else _unit(where, part.unit)
+        if unit is not None and term.dimension not in (None, unit.dimension):
+            message = f"unit {part.unit} does not fit: the expression is in {described(term.dimension)}"
+            where.fail(message, "write a unit of that", ("unit",))
+        if value is FAILED or (unit is None and part.unit is not None):
+            return None
+        signal = Signal(
+            name=name, symbol=quantity_symbol(name, VALUE), value=sympy.sympify(value), unit=own if unit is None else unit.unit,
+            span=where.span, reported=True,
+        )  # fmt: skip
+        self._keep(where, signal, part.unit or "")
+        factor = 1.0 if unit is None else 1.0 / unit.value
+        return Output(element=name, quantity=VALUE, span=where.span, name=name, unit=part.unit or "", factor=factor)
+
+    def _keep(self, where: Element, signal: Signal, unit: str) -> None:
+        """Take note of the signal; it may stand in several scenes, if it is the same there."""
+        before = self.signals.setdefault(signal.name, signal)
+        if signal.name in self.known or any(signal.name in (output, f"{output}.") for output in self.expansion.reporting if output):
+            where.fail(f"duplicate name '{signal.name}', which an element has", "rename one of them")
+        elif (before.value, self._units.setdefault(signal.name, unit)) != (signal.value, unit):
+            place = before.span.line if before.span.file == signal.span.file else before.span.place
+            where.fail(f"duplicate name '{signal.name}', first defined at line {place} with another value or unit", "rename one of them")
+
+
+def _unit(where: Element, unit: str) -> Measure | None:
+    try:
+        one = measure(1.0, unit)
+        if measure(0.0, unit).value == 0.0:
+            return one
+        where.fail(f"unit {unit} does not begin at zero", "write one that does, such as K", ("unit",))
+    except UnitError as error:
+        where.fail(str(error), "write for example deg or N*s/m", ("unit",))
+    return None
