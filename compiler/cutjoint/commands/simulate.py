@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 @table.command("simulate")
 def command(
-    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
-    integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None, end: float | None,
-    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None, error: bool,
-    plots: Path | None, view: Path | None, over: Path | None,
+    model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
+    solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
+    end: float | None, iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
+    error: bool, plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -36,7 +36,8 @@ def command(
     )  # fmt: skip
     parameters = options.read_parameters(changes)
     asked = Options(
-        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
+        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
+        accuracy=accuracy,
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,

@@ -37,6 +37,8 @@ def command(
     if threads is not None and scheduler is not None:
         raise RunError("--threads: they are those of this machine; the workers of --scheduler have their own")
     read = read_study(study)
+    for earlier in read.model.notes:
+        options.err.print(earlier, markup=False)
     model = study.parent / read.model.span.file
     require_apart({"the study": study, "the model": model}, documents=[("--out", out), ("--view", view)])
     if replay is not None:

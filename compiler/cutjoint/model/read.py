@@ -13,6 +13,7 @@ from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
 from cutjoint.model.opening import Opening
 from cutjoint.model.records import Model, Span
+from cutjoint.model.renamed import MODEL, in_new_words
 from cutjoint.model.scenes import read_scenes
 from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
@@ -39,6 +40,7 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
     source = parse_yaml(text, file)
     # data -> document of the right shape
     problems = Problems()
+    source, notes = in_new_words(source, problems, MODEL)
     shaped = check_shape(source, problems)
     if shaped is None:
         raise problems.error()
@@ -73,6 +75,7 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,
+        notes=notes,
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

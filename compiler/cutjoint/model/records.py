@@ -482,7 +482,7 @@ class Scene:
     an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one but
     for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
-    picks model, formulation and step so that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as
+    picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".
     """
@@ -500,7 +500,7 @@ class Scene:
     outputs: tuple[Output, ...]
     span: Span
     method: str = ""
-    tolerance: float | None = None
+    accuracy: float | None = None
     budget: float | None = None
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
@@ -516,7 +516,8 @@ class Model:
     Element names are unique over bodies, joints, gears, forces, reactions, markers, states and signals.  An element of a submodel's
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
     for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
-    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions.
+    named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions, ``notes`` sentences about
+    words of earlier versions in the file.
     """
 
     name: str
@@ -536,6 +537,7 @@ class Model:
     states: tuple[FirstOrderState, ...] = ()
     signals: tuple[Signal, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

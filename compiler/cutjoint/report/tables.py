@@ -53,6 +53,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
         *([("warning", warning)] if warning else []),
+        *(("earlier word", note) for note in model.notes),
     )  # fmt: skip
 
 

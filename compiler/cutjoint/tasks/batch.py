@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+from warnings import warn
 
 import numpy as np
 
@@ -124,11 +125,12 @@ def _require_batch(scene: Scene) -> None:
 
 def simulate_batch(
     model: BatchArtifact | Given, cases: Sequence[Mapping[str, float]], *, scene: str | None = None, opened: Sequence[str] = (),
-    dt: float | None = None, end: float | None = None, tolerance: float | None = None, threads: int | None = None,
-    out: AnyPath | None = None, progress: Progress | None = None, check: bool = True,
+    dt: float | None = None, end: float | None = None, solver_tolerance: float | None = None, threads: int | None = None,
+    out: AnyPath | None = None, progress: Progress | None = None, check: bool = True, tolerance: float | None = None,
 ) -> Batch:  # fmt: skip
     """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name; what `compile_batch`
-    has not made is compiled by it.  ``threads`` are as many as processors by default.
+    has not made is compiled by it.  ``threads`` are as many as processors by default; ``tolerance`` is the earlier name of
+    ``solver_tolerance``.
 
     ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
     A run that fails does not stop the others; with ``check`` it is an error once all have ended.
@@ -141,13 +143,15 @@ def simulate_batch(
         FailedBatchError: some runs failed; it has the batch.
     """
     require_settings(threads=threads)
+    if tolerance is not None:
+        warn("simulate_batch(tolerance=...) is now simulate_batch(solver_tolerance=...)", FutureWarning, stacklevel=2)
     if isinstance(model, BatchArtifact) and scene is None and not opened:
         artifact = model
     else:
         artifact = compile_batch(model, scene=scene, opened=opened)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
-    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance)
+    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = len(os.sched_getaffinity(0)) if threads is None else threads
     if artifact.alone is None:
         settings, play = _plan_side_by_side(artifact, cases, asked, threads)
