@@ -91,7 +91,7 @@ def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str) -> N
 
 @needs_cpp
 def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
-    run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01")
+    run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01", "--verbose")
     call(*run, "--out", tmp_path / "warm.csv")
     result = call(*run, "--set", "chassis_mass=1300", "--out", tmp_path / "heavy.csv")
     assert result.exit_code == 0, result.output

@@ -64,6 +64,7 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
         options.out.print(describe_shakiness(equations, shaky), markup=False)
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
+    options.out.print(tables.legend(with_loops=bool(topology.loops)))
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from cutjoint.commands import options, table
 from cutjoint.run.errors import RunError
@@ -83,7 +83,7 @@ def _progress(study: Study) -> Iterator[tuple[OnProgress, Callable[[str], None]]
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(),
         TextColumn("passed,"), TimeRemainingColumn(), TextColumn("left"),
     )  # fmt: skip
-    with Progress(*columns, console=options.err, transient=True) as bar:
+    with options.shown_progress(*columns) as bar:
         task = bar.add_task(f"compiling {study.model.name}", total=None)
 
         def advance(done: int, runs: int) -> None:

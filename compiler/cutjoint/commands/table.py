@@ -238,6 +238,8 @@ OPTIONS: Mapping[str, Row] = {
     "steps": click.option("--steps", type=_FILE, help="CSV file for iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have "
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),
+    "verbose": click.option("--verbose", is_flag=True, help="What was derived, compiled and stepped too: counts, operations, evaluations, "
+        "residuals, energy."),
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.view": _page("that moves in each direction that the loops leave free"),

@@ -19,7 +19,7 @@ from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
-from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
+from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected, unused_parameters
 from cutjoint.package.locations import AnyPath
 
 
@@ -75,7 +75,7 @@ def read_model_text(text: str, file: str, *, opened: Sequence[str] = ()) -> Mode
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,
-        notes=notes,
+        notes=(*notes, *unused_parameters(source, document)),
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

@@ -517,7 +517,7 @@ class Model:
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
     for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
     named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions, ``notes`` sentences about
-    words of earlier versions in the file.
+    words of earlier versions in the file, and about parameters that nothing uses.
     """
 
     name: str

@@ -18,7 +18,7 @@ MODEL: Renamed = {
     ("scenes", "*", "numerics", "methods", "*", "tolerance"): "solver_tolerance",
 }
 
-#: Those of study files.
+#: Fields of study files.
 STUDY: Renamed = {("tolerance",): "solver_tolerance"}
 
 
