@@ -103,6 +103,26 @@ def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
 
 
 @needs_cpp
+@pytest.mark.parametrize("command", ["equilibrium", "modes"])
+def test_numbers_are_opened_for_states_too(command: str) -> None:
+    words = (command, MODELS / "press.yaml", "--open", "spring.*", "--open", "C.*")
+    plain, drawn = call(*words), call(*words, "--set", "C.x=0.805")
+    assert (plain.exit_code, drawn.exit_code) == (0, 0), plain.output + drawn.output
+    assert plain.output == call(command, MODELS / "press.yaml").output
+    assert plain.output != drawn.output
+
+
+@pytest.mark.parametrize("words", [["check"], ["explain"], ["view", "--out", "view.html"]], ids=lambda words: words[0])
+def test_numbers_are_opened_by_commands_that_draw_and_explain(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    command, *more = words
+    assert call(command, MODELS / "pendulum.yaml", *more, "--open", "*.mass").exit_code == 0
+    wrong = call(command, MODELS / "pendulum.yaml", *more, "--open", "nothing.*")
+    assert wrong.exit_code == 1
+    assert "nothing.*" in wrong.output
+
+
+@needs_cpp
 def test_equilibrium_prints_every_force() -> None:
     result = call("equilibrium", ILTIS)
     assert result.exit_code == 0, result.output

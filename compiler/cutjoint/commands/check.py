@@ -26,13 +26,13 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("check")
-def command(model: Path, scene: str | None, view: Path | None) -> None:
+def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
-        checked = read_model(model)
+        checked = read_model(model, opened=opened)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"topology of {model.name}"):
         topology = build_topology(checked)
