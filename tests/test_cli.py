@@ -91,7 +91,7 @@ def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str) -> N
 
 @needs_cpp
 def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
-    run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01")
+    run = ("simulate", ILTIS, "--scene", "iavsd_equilibrium", "--end", "0.01", "--verbose")
     call(*run, "--out", tmp_path / "warm.csv")
     result = call(*run, "--set", "chassis_mass=1300", "--out", tmp_path / "heavy.csv")
     assert result.exit_code == 0, result.output
@@ -100,6 +100,26 @@ def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
     header = (tmp_path / "warm.csv").read_text().splitlines()[0].split(",")
     loads = [i for i, name in enumerate(header) if name.endswith(".Fz")]
     assert (heavy[loads].sum() - warm[loads].sum()) == pytest.approx(40 * 9.81, rel=1e-3)
+
+
+@needs_cpp
+@pytest.mark.parametrize("command", ["equilibrium", "modes"])
+def test_numbers_are_opened_for_states_too(command: str) -> None:
+    words = (command, MODELS / "press.yaml", "--open", "spring.*", "--open", "C.*")
+    plain, drawn = call(*words), call(*words, "--set", "C.x=0.805")
+    assert (plain.exit_code, drawn.exit_code) == (0, 0), plain.output + drawn.output
+    assert plain.output == call(command, MODELS / "press.yaml").output
+    assert plain.output != drawn.output
+
+
+@pytest.mark.parametrize("words", [["check"], ["explain"], ["view", "--out", "view.html"]], ids=lambda words: words[0])
+def test_numbers_are_opened_by_commands_that_draw_and_explain(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    command, *more = words
+    assert call(command, MODELS / "pendulum.yaml", *more, "--open", "*.mass").exit_code == 0
+    wrong = call(command, MODELS / "pendulum.yaml", *more, "--open", "nothing.*")
+    assert wrong.exit_code == 1
+    assert "nothing.*" in wrong.output
 
 
 @needs_cpp

@@ -53,7 +53,8 @@ def model(tmp_path: Path) -> Path:
 
 
 def simulate(model: Path, out: Path, implementation: str = AUTO) -> Result:
-    return CliRunner().invoke(main, [str(x) for x in ("simulate", model, "--end", "0.3", "--implementation", implementation, "--out", out)])
+    given = ("simulate", model, "--end", "0.3", "--verbose", "--implementation", implementation, "--out", out)
+    return CliRunner().invoke(main, [str(x) for x in given])
 
 
 def implementation_of(out: Path) -> str:

@@ -22,7 +22,9 @@ from cutjoint.cli import main
 from cutjoint.commands import options, preparing
 from cutjoint.compile import prepared
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
+from cutjoint.model.records import Model, Scene
 from cutjoint.package import extensions
+from cutjoint.run.errors import RunError
 from cutjoint.run.settings import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
@@ -95,7 +97,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def simulate(model: Path, *arguments: object, scene: str = "still", out: str = "run.csv") -> Result:
-    given = ("simulate", model, "--scene", scene, "--out", model.parent / out, *arguments)
+    given = ("simulate", model, "--scene", scene, "--verbose", "--out", model.parent / out, *arguments)
     return CliRunner().invoke(main, [str(a) for a in given])
 
 
@@ -142,7 +144,7 @@ def test_a_kept_run_imports_nothing_of_what_derives(model: Path) -> None:
         "import sys; from cutjoint.cli import main; main(sys.argv[1:], standalone_mode=False); "
         f"print('imported:', [name for name in {HEAVY} if name in sys.modules])"
     )
-    command = [sys.executable, "-c", script, "simulate", model, "--scene", "still", "--out", model.parent / "run.csv"]
+    command = [sys.executable, "-c", script, "simulate", model, "--scene", "still", "--verbose", "--out", model.parent / "run.csv"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "imported: []" in done.stdout
@@ -217,7 +219,15 @@ def test_a_kept_run_that_fails_says_where(model: Path) -> None:
 
 
 def test_a_scene_for_method_auto_is_measured_each_time(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert simulate(model, "--method", "auto").output.count("method auto needs a tolerance") == 1
+    measured: list[str] = []
+
+    def stop(model: Model, scene: Scene, **how: object) -> None:
+        measured.append(scene.name)
+        raise RunError("stopped")
+
+    monkeypatch.setattr("cutjoint.commands.picking.choose", stop)
+    assert [simulate(model, "--method", "auto").exit_code for _ in range(2)] == [1, 1]
+    assert measured == ["still", "still"]
     assert find_cached_run(Request(model=model, scene="still", method="auto"), {}) is None
 
 

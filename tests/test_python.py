@@ -17,7 +17,10 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.compile import pipeline
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.batch import BatchArtifact
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS, ROOT, needs_cpp
@@ -133,6 +136,28 @@ def test_such_an_error_comes_back_from_another_process() -> None:
 def test_paths_are_texts_or_paths(call: Callable[[Any, Any], Any], tmp_path: Path) -> None:
     for kind in (str, Path):
         call(kind(PRESS), kind(tmp_path / "out"))
+
+
+@needs_cpp
+def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = cutjoint.read_model(PRESS)
+    artifact = compile_interpreted(model, find_scene(model, None))
+    states = [cutjoint.find_initial_state(given)["slider.x"] for given in (PRESS, model, artifact)]
+    assert states[1:] == states[:1] * 2
+    monkeypatch.setattr(pipeline, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
+    runs = [cutjoint.simulate(given, end=0.02, error=False) for given in (str(PRESS), model, artifact)]
+    assert [list(run["slider.x"]) for run in runs[1:]] == [list(runs[0]["slider.x"])] * 2
+    opened = cutjoint.simulate(PRESS, opened=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
+    assert opened["slider.x"][-1] != runs[0]["slider.x"][-1]
+
+
+def test_what_is_no_model_is_told() -> None:
+    with pytest.raises(TypeError, match="a model is its file, what read_model has made of it, or an artifact, not int"):
+        cutjoint.simulate(5)  # type: ignore[arg-type]
+    with pytest.raises(cutjoint.RunError, match=r"numbers are opened while the file is read; give the file, or read_model\(path, opened="):
+        cutjoint.find_equilibrium(cutjoint.read_model(PRESS), opened=["B.*"])
+    with pytest.raises(cutjoint.RunError, match="no scene 'fast'; the model has turn"):
+        cutjoint.find_equilibrium(cutjoint.read_model(PRESS), scene="fast")
 
 
 @needs_cpp

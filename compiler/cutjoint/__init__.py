@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from cutjoint.run.errors import RunError
     from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
     from cutjoint.run.outputs import OutputError
-    from cutjoint.run.simulation import simulate
     from cutjoint.run.simulator import SimulatorError
     from cutjoint.sparse.ordering import MissingLibraryError
     from cutjoint.stepping.load import load
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate_batch
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
+    from cutjoint.tasks.runs import simulate
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
@@ -63,7 +63,7 @@ _HOMES = {
     "cutjoint.run.errors": ("RunError",),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
-    "cutjoint.run.simulation": ("simulate",),
+    "cutjoint.tasks.runs": ("simulate",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),

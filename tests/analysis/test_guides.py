@@ -84,7 +84,7 @@ def test_the_slalom_is_not_refused() -> None:
         (["simulate", "--scene", "apart", "--out", "out.csv"], "locked.yaml:10:3: scene 'apart': the loop cannot close from the given"),
         (["reduce", "--scene", "apart"], "locked.yaml:13:3: scene 'apart': the full model has no run to measure by: the loop cannot close"),
         (
-            ["simulate", "--scene", "apart", "--method", "auto", "--tolerance", "1e-3", "--out", "out.csv"],
+            ["simulate", "--scene", "apart", "--method", "auto", "--accuracy", "1e-3", "--out", "out.csv"],
             "scene 'apart': no truth to measure by: augmented: the loop cannot close from the given coordinates",
         ),
     ],

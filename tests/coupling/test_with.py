@@ -84,7 +84,8 @@ def balanced(times: np.ndarray) -> np.ndarray:
 
 def test_the_controller_of_the_examples_balances_the_pole_as_equations_by_hand_say(controller: Path, tmp_path: Path) -> None:
     out = tmp_path / "balanced.csv"
-    result = simulate(POLE, controller, out, *NAMES, "--integrator", "dormand-prince", "--tolerance", 1e-9, "--plots", tmp_path / "plots")
+    how = ("--integrator", "dormand-prince", "--solver-tolerance", 1e-9)
+    result = simulate(POLE, controller, out, *NAMES, *how, "--plots", tmp_path / "plots")
     assert result.exit_code == 0, result.output
     for words in (
         "scene balance with pole_controller.fmu, FMI 2", "500 steps of 0.01 s", "driven push by force",
@@ -156,7 +157,7 @@ REFUSED = [
     ((), "{fmu}: none of its inputs and outputs (position, angle, force) has the name of one of the model's outputs"),
     ((*NAMES, "--set", "push=1"), "--set push: output 'force' of {fmu} drives this input; leave out one of the two"),
     ((*NAMES, "--set", "pull=1"), "--set pull: model 'cart_pole' has no such open parameter or input; it has: push"),
-    ((*NAMES, "--tolerance", "1e-6"), "--tolerance: beside an FMU only dormand-prince, dop853 or sdirk4 has one"),
+    ((*NAMES, "--solver-tolerance", "1e-6"), "--solver-tolerance: beside an FMU only dormand-prince, dop853 or sdirk4 has one"),
 ]
 
 

@@ -31,6 +31,7 @@ ODD_FOLDERS_OUT = (_ESCAPE, _NOT_UTF8, "new/folder")
 #: Values of the table that an option of this name can use: a run with them ends in what was asked for, or is refused.
 USABLE = {
     "at": {"0", "1e-300"},
+    "accuracy": {"1e300", "1e16", "1e-300"},
     "tolerance": {"1e300", "1e16", "1e-300"},
     "end": {"1e-300"},
     "replay": {"0"},

@@ -44,7 +44,7 @@ bodies: {rotor: {mass: 1, centre_of_mass: [0.1, 0, 0], inertia: [0.01, 0.01, 0.0
 joints: {pin: {kind: revolute, bodies: [rotor, ground], at: [0, 0, 0], axis: [0, 1, 0]}}
 forces: {spring: {kind: joint_force, joint: pin, law: "-0.02*position - 0.001*rate"}}
 outputs: [rotor.x, rotor.z]
-scenes: {turn: {end: 1, rates: {pin.angle_rate: 30}, positions: {pin.angle: 0.5}, numerics: {tolerance: 1.0e-9}}}
+scenes: {turn: {end: 1, rates: {pin.angle_rate: 30}, positions: {pin.angle: 0.5}, numerics: {solver_tolerance: 1.0e-9}}}
 """
 
 

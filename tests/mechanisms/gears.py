@@ -64,7 +64,7 @@ scenes:
     output_step: 0.05
     positions: {hinge.angle: 60 deg, swing.angle: 40 deg, left_pin.angle: 0.5}
     rates: {rack.displacement_rate: 2.5, carrier.angle_rate: 3}
-    numerics: {tolerance: 1e-10, dt: 1 ms}
+    numerics: {solver_tolerance: 1e-10, dt: 1 ms}
 """
 
 End = Mapping[str, Array]

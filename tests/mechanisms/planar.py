@@ -43,7 +43,7 @@ scenes:
     output_step: 0.01
     rates: {plate_free.wz: 0.5, plate_free.vx: 0.2, bob_slide.displacement_rate: 0.1}
     positions: {plate_free.x: 0.01}
-    numerics: {dt: 0.0005, penalty: 1.0e+5, tolerance: 1.0e-8}
+    numerics: {dt: 0.0005, penalty: 1.0e+5, solver_tolerance: 1.0e-8}
 """
 
 

@@ -70,7 +70,8 @@ scenes:
     rates: {frame_free.vx: 0.5, frame_free.vy: 0}
     inputs: {steer: 0*t}
     switches: {idle: false}
-    numerics: {dt: 0.001, tolerance: 1.0e-11, penalty: 1.0e+5, multiplier_updates: 20, methods: {recursive: {tolerance: 1.0e-9}}}
+    numerics:
+      {dt: 0.001, solver_tolerance: 1.0e-11, penalty: 1.0e+5, multiplier_updates: 20, methods: {recursive: {solver_tolerance: 1.0e-9}}}
 """
 
 

@@ -236,8 +236,8 @@ LAWS = [
         "{table: {rate: [0, 1], value: [0, §arm_mass]}}",
         "@: force 'drag': law.table.value: the parameter 'arm_mass' cannot stand here; write a number",
     ),
-    ("§{stiffness: 3, free_length: 1}", "@: force 'drag': a spring of this kind needs free_position"),
-    ("§{stiffness: 3}", "@: force 'drag': a spring of this kind needs free_position"),
+    *((f"§{{stiffness: 3{more}}}", "@: force 'drag': a spring of this kind needs free_position; write free_position: drawn for what is "
+       "drawn, or a preload") for more in ("", ", free_length: 1")),
     (
         "{sum: [{polynomial: [0, 1], of: rate}, §oops]}",
         "@: force 'drag': law.sum: unknown symbol 'oops'; symbols here: arm_length, arm_mass, pi, position, rate, swing, t",

@@ -180,12 +180,20 @@ def test_a_row_farther_from_a_jump_than_its_time_is_wrong_has_its_own_side(metho
     assert run.error["rub.force"] < 1e-9
 
 
-@pytest.mark.parametrize(("scene", "goal"), [("", 1e-4), (", tolerance: 1 mm", 1e-3), (", tolerance: 1.0e-7", 1e-7)])
+@pytest.mark.parametrize(("scene", "goal"), [("", 1e-4), (", accuracy: 1 mm", 1e-3), (", accuracy: 1.0e-7", 1e-7)])
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented"])
 def test_a_run_keeps_the_tolerance_of_its_scene(method: str, scene: str, goal: float) -> None:
     run = completed(simulate(oscillator(method, scene)))
     assert true_errors(run)["block.x"] < goal
     assert run.error["block.x"] < goal
+
+
+@pytest.mark.parametrize("scene", ["", ", numerics: {dt: 0.01}", ", numerics: {solver_tolerance: 1.0e-4}"])
+def test_the_accuracy_of_a_caller_comes_before_what_its_scene_says(scene: str) -> None:
+    run = completed(simulate(oscillator(scene=scene), accuracy=1e-6))
+    assert true_errors(run)["block.x"] < 1e-6
+    assert run.error.converged
+    assert true_errors(completed(simulate(oscillator(scene=", numerics: {dt: 0.01}"))))["block.x"] > 1e-6
 
 
 def test_a_chaotic_run_says_that_it_has_not_converged() -> None:
@@ -222,7 +230,7 @@ def test_runs_that_agree_by_chance_do_not_promise_much() -> None:
 
 def test_equal_steps_follow_from_the_tolerance_too() -> None:
     """A step of 1 ms has an error of 1e-4 m after 3 s, which halves three times to keep 1e-6 m."""
-    run = completed(simulate(oscillator(scene=", tolerance: 1.0e-6"), integrator="trapezoidal"))
+    run = completed(simulate(oscillator(scene=", accuracy: 1.0e-6"), integrator="trapezoidal"))
     assert run.steps == 3 * 8000 or run.steps == 3 * 16000
     assert true_errors(run)["block.x"] < 1e-6
 

@@ -151,7 +151,7 @@ forces:
   spring: {kind: joint_force, joint: slide, law: {stiffness: 1.0e+12, free_position: 0}}
 outputs: [mass.x]
 scenes:
-  swing: {end: 0.4, output_step: 0.01, positions: {slide.displacement: 1.0e-3}, numerics: {dt: 0.01, tolerance: 1.0e-10}}
+  swing: {end: 0.4, output_step: 0.01, positions: {slide.displacement: 1.0e-3}, numerics: {dt: 0.01, solver_tolerance: 1.0e-10}}
 """
 
 

@@ -45,7 +45,7 @@ forces:
 markers: {tip: {body: lamp, at: [1.4, 0, 0]}}
 outputs: [pin.angle, lamp.x, lamp.y, lamp.z, tip.x, tip.y, tip.z, cord.length]
 scenes:
-  fall: {end: 1, output_step: 0.01, positions: {hinge.angle: 0.3}, numerics: {dt: 0.0005, tolerance: 1.0e-9}}
+  fall: {end: 1, output_step: 0.01, positions: {hinge.angle: 0.3}, numerics: {dt: 0.0005, solver_tolerance: 1.0e-9}}
 """
 
 

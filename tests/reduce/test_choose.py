@@ -38,14 +38,14 @@ gravity: [0, 0, -9.81]
 bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
 joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
 outputs: [bob.x, bob.z]
-scenes: {swing: {end: 4, output_step: 0.02, method: auto, tolerance: 1 mm}}
+scenes: {swing: {end: 4, output_step: 0.02, method: auto, accuracy: 1 mm}}
 """
 
 
 def auto(name: str, tolerance: float, end: float) -> tuple[Model, Scene]:
     model = read_model(MODELS / f"{name}.yaml")
     (scene,) = model.scenes.values()
-    return model, replace(scene, method="auto", tolerance=tolerance, end=end)
+    return model, replace(scene, method="auto", accuracy=tolerance, end=end)
 
 
 def picked_run(model: Model, scene: Scene, choice: Choice) -> Trajectory:
@@ -152,7 +152,7 @@ def test_what_has_changed_is_calibrated_anew(
 
 
 @pytest.mark.parametrize(
-    "change", [{"tolerance": 1e-4}, {"budget": 2.0}, {"numerics": Numerics(frequency=20.0)}, {"road": Road(contact="disc")}]
+    "change", [{"accuracy": 1e-4}, {"budget": 2.0}, {"numerics": Numerics(frequency=20.0)}, {"road": Road(contact="disc")}]
 )
 def test_another_scene_is_calibrated_anew(change: Mapping[str, object], calibrations: list[str]) -> None:
     choose_again()
@@ -170,15 +170,15 @@ def test_without_versions_nothing_is_kept(calibrations: list[str], tmp_path: Pat
     assert not (tmp_path / "cache" / "choices").exists()
 
 
-def test_an_impossible_tolerance_says_what_came_nearest() -> None:
+def test_an_impossible_accuracy_says_what_came_nearest() -> None:
     model = read_model_text(PENDULUM, "pendulum.yaml")
     with pytest.raises(RunError, match=r"scene .swing.: no truth to measure by: .*still changes by .* at the smallest step"):
-        choose(model, replace(model.scenes["swing"], tolerance=1e-15))
+        choose(model, replace(model.scenes["swing"], accuracy=1e-15))
 
 
 def test_an_impossible_budget_says_what_is_possible() -> None:
     model = read_model_text(PENDULUM, "pendulum.yaml")
-    with pytest.raises(RunError, match=r"budget 1e\+12: the fastest that keeps the tolerance is .* times as fast as real time"):
+    with pytest.raises(RunError, match=r"budget 1e\+12: the fastest that keeps the accuracy is .* times as fast as real time"):
         choose(model, replace(model.scenes["swing"], budget=1e12))
 
 
@@ -212,12 +212,33 @@ def test_options_that_auto_picks(tmp_path: Path, options: list[str], message: st
     assert message in result.output
 
 
-def test_auto_needs_a_tolerance(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("written", "options", "accuracy", "said"),
+    [
+        ("", ["--method", "auto"], 1e-4, ""),
+        ("", ["--method", "auto", "--accuracy", "1 mm"], 1e-3, ""),
+        ("", ["--method=auto", "--tolerance=1e-3"], 1e-3, "simulate --tolerance is now --accuracy"),
+        (", method: auto, tolerance: 1 mm", [], 1e-3, ""),
+        (", method: auto", ["--tolerance", "0.01"], 0.01, "method auto has no solver tolerance; taken as --accuracy 0.01"),
+    ],
+)
+def test_the_accuracy_of_auto(
+    written: str, options: list[str], accuracy: float, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The default without any, and words of earlier versions."""
+    wanted: list[Scene] = []
+
+    def stop(model: Model, scene: Scene, **how: object) -> None:
+        wanted.append(scene)
+        raise RunError("stopped")
+
+    monkeypatch.setattr("cutjoint.commands.picking.choose", stop)
     path = tmp_path / "pendulum.yaml"
-    path.write_text(PENDULUM.replace(", method: auto, tolerance: 1 mm", ""))
-    result = CliRunner().invoke(main, ["simulate", str(path), "--method", "auto", "--out", str(tmp_path / "out.csv")])
-    assert result.exit_code == 1
-    assert "scene 'swing': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance" in result.output
+    path.write_text(PENDULUM.replace(", method: auto, accuracy: 1 mm", written))
+    result = CliRunner().invoke(main, ["simulate", str(path), *options, "--out", str(tmp_path / "out.csv")])
+    assert "stopped" in result.output
+    assert said in result.output
+    assert [(scene.method, scene.accuracy) for scene in wanted] == [("auto", accuracy)]
 
 
 def test_the_command_runs_what_it_picks(tmp_path: Path) -> None:

@@ -49,7 +49,8 @@ gears:
   lock: {joints: [swing, stop], ratio: 1}
 outputs: [pinion.angle, rack.displacement, rocker.x, rocker.z, mesh.force]
 scenes:
-  run: {end: 0.4, output_step: 0.05, rates: {rack.displacement_rate: 0.5}, numerics: {closure: penalty, dt: 1 ms, tolerance: 1.0e-10}}
+  run:
+    {end: 0.4, output_step: 0.05, rates: {rack.displacement_rate: 0.5}, numerics: {closure: penalty, dt: 1 ms, solver_tolerance: 1.0e-10}}
 """
 
 

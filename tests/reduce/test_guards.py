@@ -59,9 +59,9 @@ forces:
   sleeve: {kind: bushing, bodies: [ground, arm], at: [0, 0, 0], stiffness: [1, 1, 1, 1, 1, 1], active: false}
 outputs: [slide.displacement, slide.displacement_rate, pin.angle, floor.force, floor.travel, rope.force, rope.length, wall.force]
 scenes:
-  swing: {end: 0.7, positions: {pin.angle: 0.2}, numerics: {dt: 0.001, tolerance: 1.0e-10}}
-  turn: {end: 1, positions: {pin.angle: 0.2}, rates: {pin.angle_rate: 8}, numerics: {dt: 0.001, tolerance: 1.0e-10}}
-  low: {end: 0.1, positions: {slide.displacement: -0.395}, numerics: {dt: 0.001, tolerance: 1.0e-10}}
+  swing: {end: 0.7, positions: {pin.angle: 0.2}, numerics: {dt: 0.001, solver_tolerance: 1.0e-10}}
+  turn: {end: 1, positions: {pin.angle: 0.2}, rates: {pin.angle_rate: 8}, numerics: {dt: 0.001, solver_tolerance: 1.0e-10}}
+  low: {end: 0.1, positions: {slide.displacement: -0.395}, numerics: {dt: 0.001, solver_tolerance: 1.0e-10}}
 """
 
 OUT = ("floor", "rope", "wall")

@@ -53,7 +53,7 @@ reactions:
   hold: {joint: link_pin, body: link, direction: {from: D, to: C}}
 outputs: [carrier.x, carrier.y, carrier.z, crank.z, pull.force, hold.force, spring.force]
 scenes:
-  fall: {end: 0.2, output_step: 0.02, numerics: {dt: 0.001, penalty: 1.0e+4, tolerance: 1.0e-9}}
+  fall: {end: 0.2, output_step: 0.02, numerics: {dt: 0.001, penalty: 1.0e+4, solver_tolerance: 1.0e-9}}
 """
 
 #: A pendulum of two bodies in one, with a third that a guide holds, beside another that touches neither.
@@ -74,7 +74,7 @@ joints:
   other_pin: {kind: revolute, bodies: [ground, other], at: [0, 2, 0], axis: [0, 1, 0]}
 outputs: [rod.x, rod.pitch, bob.x, bob.vz, bob.roll, slide.az]
 scenes:
-  fall: {end: 1, output_step: 0.02, numerics: {dt: 0.002, tolerance: 1.0e-12}}
+  fall: {end: 1, output_step: 0.02, numerics: {dt: 0.002, solver_tolerance: 1.0e-12}}
   pushed: {end: 1, inputs: {push: "0.1*sin(t)"}}
 """
 

@@ -63,8 +63,8 @@ forces:
   drag: {kind: load, body: ball, at: [0, 0, 0.4], force: ["-vx", "-vy", 0]}
 outputs: [ball.x, ball.z, ball.wy, floor.Fz, wind.Fx, brake.My]
 scenes:
-  up: {end: 0.4, output_step: 0.002, rates: {free.vz: 3, free.wy: 1.9}, numerics: {dt: 0.002, tolerance: 1.0e-9}}
-  down: {end: 0.4, output_step: 0.002, rates: {free.vx: 1}, numerics: {dt: 0.002, tolerance: 1.0e-9}}
+  up: {end: 0.4, output_step: 0.002, rates: {free.vz: 3, free.wy: 1.9}, numerics: {dt: 0.002, solver_tolerance: 1.0e-9}}
+  down: {end: 0.4, output_step: 0.002, rates: {free.vx: 1}, numerics: {dt: 0.002, solver_tolerance: 1.0e-9}}
 """
 
 

@@ -7,14 +7,16 @@ from math import inf
 
 import pytest
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.pipeline import schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
-from cutjoint.model.records import Model, Scene
-from cutjoint.reduce.choose import Candidate, find_step
+from cutjoint.model.records import Model, Numerics, Scene
+from cutjoint.reduce.choose import Candidate, find_step, find_tolerance
 from cutjoint.reduce.measure import Truth, distance, find_truth
-from cutjoint.reduce.sequence import reduction_sequence
-from cutjoint.reduce.trials import Trials
+from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
+from cutjoint.reduce.trials import Steps, Trials, run_at
+from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 
 pytestmark = needs_cpp
@@ -22,7 +24,11 @@ pytestmark = needs_cpp
 
 def turn() -> tuple[Model, Scene]:
     model = read_model(MODELS / "slider_crank.yaml")
-    return model, replace(next(iter(model.scenes.values())), end=0.2, tolerance=1e-3)
+    return model, replace(next(iter(model.scenes.values())), end=0.2, accuracy=1e-3)
+
+
+def trials_of(variant: ReducedModel) -> Trials:
+    return Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -30,11 +36,11 @@ def test_a_run_is_the_same_when_its_code_is_compiled(method: str) -> None:
     """Rounding and the tolerance of iterations apart.  Its instructions are those of its evaluations."""
     model, scene = turn()
     trials = Trials(model, scene, method)
-    first = trials.run(1e-3, {})
+    first = trials.run(Steps(dt=1e-3), {})
     assert not trials.is_compiled
     assert trials.compiled.method == method
     assert trials.is_compiled
-    again = trials.run(1e-3, {})
+    again = trials.run(Steps(dt=1e-3), {})
     assert distance(first, again) < 1e-8
     if not METHODS[method].has_system:
         _, program = schedule_method(model, scene, scene.outputs, method=method)
@@ -44,9 +50,9 @@ def test_a_run_is_the_same_when_its_code_is_compiled(method: str) -> None:
 def test_long_runs_are_compiled() -> None:
     model, scene = turn()
     trials = Trials(model, scene, "recursive")
-    trials.run(1e-3, {})
+    trials.run(Steps(dt=1e-3), {})
     trials._left = 0.0
-    trials.run(1e-3, {})
+    trials.run(Steps(dt=1e-3), {})
     assert trials.is_compiled
 
 
@@ -60,8 +66,8 @@ def test_a_model_of_many_instructions_is_given_up_before_it_is_compiled(monkeypa
 
     monkeypatch.setattr("cutjoint.reduce.trials.compile_scene", compiles)
     fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=1e-3, instructions=1.0)
-    found, trials = find_step(full, scene, {}, truth, fastest=fastest)
-    assert (found.seconds, trials) == (inf, None)
+    found = find_step(full, scene, {}, truth, trials_of(full), fastest=fastest)
+    assert found.seconds == inf
     assert found.failure == "more than 1.5 times the instructions of another at longer steps already"
 
 
@@ -74,5 +80,23 @@ def test_a_compiled_model_is_given_up_too(seconds: float, instructions: float, f
     model, scene = turn()
     (full, *_) = reduction_sequence(model, scene, "recursive")
     fastest = Candidate(variant="full", method="augmented", dt=1e-3, error=0.0, seconds=seconds, instructions=instructions)
-    found, trials = find_step(full, scene, {}, find_truth(model, scene, {}), fastest=fastest)
-    assert (found.failure, trials) == (f"{failure} at longer steps already", None)
+    found = find_step(full, scene, {}, find_truth(model, scene, {}), trials_of(full), fastest=fastest)
+    assert found.failure == f"{failure} at longer steps already"
+
+
+def test_a_tolerance_is_found_as_a_step_is() -> None:
+    """It keeps the accuracy, and a larger one does not; a scene that names its integrator has none."""
+    model, scene = turn()
+    free = replace(scene, numerics=Numerics(), accuracy=1e-5)
+    (full, *_) = reduction_sequence(model, free, "recursive")
+    found = find_tolerance(full, free, {}, find_truth(model, free, {}), trials_of(full))
+    assert found is not None
+    assert (found.integrator, found.failure) == ("dormand-prince", "")
+    assert found.error <= 0.8e-5
+    artifact, goal = compile_interpreted(model, free), 0.8e-5
+    exact = simulate(artifact, integrator="dormand-prince", tolerance=1e-12, error=False)
+    errors = [distance(run_at(artifact, replace(found.steps, tolerance=found.tolerance * factor), {}), exact) for factor in (1, 10**0.5)]
+    assert errors[0] < 1.1 * goal
+    assert errors[1] > 0.9 * goal
+    (named, *_) = reduction_sequence(model, replace(scene, numerics=Numerics(integrator="trapezoidal")), "recursive")
+    assert find_tolerance(named, free, {}, find_truth(model, free, {}), trials_of(named)) is None

@@ -76,7 +76,7 @@ scenes:
     pose: equilibrium
     inputs: {along: "speed*t"}
     road: {start: 1.03, profile: [{ramp: 0.7, rise: 0.1}, {flat: 0.4}, {ramp: 0.9, rise: -0.05}]}
-    numerics: {dt: 0.002, tolerance: 1.0e-8, penalty: 1.0e+6}
+    numerics: {dt: 0.002, solver_tolerance: 1.0e-8, penalty: 1.0e+6}
 """
 
 CASES = [{"load": 200.0 + 20 * k, "stiffness": 1.5e4 + 1e3 * k, "speed": 4.0 + 0.3 * k} for k in range(11)]
@@ -241,7 +241,7 @@ forces:
   both: {kind: joint_force, joint: hinge, law: {sum: ["where(t > 0.2, where(k > 5.5, 1, 2), 0)", "max(k - 6, 0)*min(t, 0.1)"]}}
 outputs: [arm.x, hinge.angle_rate]
 scenes:
-  swing: {end: 0.6, output_step: 0.01, positions: {hinge.angle: 0.1}, numerics: {dt: 0.002, tolerance: 1.0e-10}}
+  swing: {end: 0.6, output_step: 0.01, positions: {hinge.angle: 0.1}, numerics: {dt: 0.002, solver_tolerance: 1.0e-10}}
 """
 
 

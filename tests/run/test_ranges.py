@@ -161,7 +161,8 @@ def test_an_expression_of_dt_has_a_value_at_the_step_of_the_run() -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["simulate", "--end", "1e300"], ["simulate", "--dt", "1e300"], ["simulate", "--dt", "1e-300"], ["simulate", "--tolerance", "0"],
+        ["simulate", "--end", "1e300"], ["simulate", "--dt", "1e300"], ["simulate", "--dt", "1e-300"],
+        ["simulate", "--solver-tolerance", "0"],
         ["simulate", "--iterations", "4294967297"], ["simulate", "--iterations", "0"], ["simulate", "--iterations", "1.5"],
         ["simulate", "--iterations", "1" + "0" * 400], ["batch", "--threads", "4294967297"], ["modes", "--at", "1e300"],
         ["realtime", "--end", "1e300"], ["realtime", "--iterations", "4294967297"],

@@ -73,6 +73,7 @@ def test_what_runs_have() -> None:
         (lambda: simulate(compiled(), dt=-1e-3), "dt"),
         (lambda: simulate(compiled(), end=inf), "end"),
         (lambda: simulate(compiled(), tolerance=0.0), "tolerance"),
+        (lambda: simulate(compiled(), accuracy=0.0), "accuracy"),
         (lambda: simulate(compiled(), penalty=nan), "penalty"),
         (lambda: simulate(compiled(), penalty=inf), "penalty"),
         (lambda: simulate(compiled(), iterations=0), "iterations"),
@@ -84,6 +85,11 @@ def test_what_runs_have() -> None:
 def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
     with pytest.raises(RunError, match=rf"^{name}: \S+ is (not a finite number|not above 0|below 0); write "):
         run()
+
+
+def test_nothing_else_is_said_of_steps_beside_an_accuracy() -> None:
+    with pytest.raises(RunError, match=r"^accuracy: steps follow from it; leave dt and solver_tolerance away, or the accuracy$"):
+        simulate(compiled(), accuracy=1e-3, dt=1e-3, tolerance=1e-9)
 
 
 @pytest.mark.parametrize("asked", [{"integrator": "rk4"}, {"integrator": "reference"}, {"events": "located"}])
@@ -117,8 +123,8 @@ def test_parameters_are_numbers() -> None:
         (["--dt", "nan"], 2, "Invalid value for '--dt': 'nan' is not a plain decimal number."),
         (["--dt", "1e400"], 2, "Invalid value for '--dt': inf is not a finite number; write a plain number in SI units"),
         (["--end", "inf"], 2, "Invalid value for '--end': 'inf' is not a plain decimal number."),
-        (["--tolerance", "1 ms"], 2, "Invalid value for '--tolerance': '1 ms' is in s, and a tolerance needs m or rad."),
-        (["--tolerance", "inf"], 2, "Invalid value for '--tolerance': 'inf' is not a plain decimal number."),
+        (["--solver-tolerance", "1 ms"], 2, "Invalid value for '--solver-tolerance': '1 ms' is in s, and a tolerance needs m or rad."),
+        (["--solver-tolerance", "inf"], 2, "Invalid value for '--solver-tolerance': 'inf' is not a plain decimal number."),
     ],
 )
 def test_the_command_names_the_option(arguments: list[str], status: int, message: str, tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_an_unknown_integrator() -> None:
 
 def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
     """With its tolerances."""
-    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, tolerance: 1e-7, absolute_tolerance: 1e-9}"
+    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, solver_tolerance: 1e-7, absolute_tolerance: 1e-9}"
     path = tmp_path / "bounce.yaml"
     path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
     artifact = compile_model(path)
@@ -83,7 +83,7 @@ def test_the_scene_may_name_the_integrator(tmp_path: Path) -> None:
 @pytest.mark.heavy
 def test_the_generic_twin_keeps_the_trapezoidal_rule(tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"
-    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, tolerance: 1e-7, absolute_tolerance: 1e-9}"
+    numerics = "numerics: {dt: 0.01, integrator: dormand-prince, solver_tolerance: 1e-7, absolute_tolerance: 1e-9}"
     path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
     assert completed(simulate(compile_generic_model(path))).effort.events == 0
 

@@ -23,7 +23,7 @@ INTEGRATOR, TOLERANCE, END = "dop853", 1e-10, 0.6
 
 def table_of(file: Path, out: Path, *words: str) -> dict[str, np.ndarray]:
     """The table of the command line."""
-    settings = ("--integrator", INTEGRATOR, "--tolerance", str(TOLERANCE), "--end", str(END), "--no-error", *words)
+    settings = ("--integrator", INTEGRATOR, "--solver-tolerance", str(TOLERANCE), "--end", str(END), "--no-error", *words)
     done = CliRunner().invoke(main, ["simulate", str(file), "--out", str(out), *settings])
     assert done.exit_code == 0, done.output
     return read_reference(out)
@@ -43,7 +43,7 @@ def test_hosts_have_one_table(tmp_path: Path) -> None:
     assert slave.get("slider.x")[0] == pytest.approx(known["slider.x"][-1], abs=1e-8)
     study = {
         "cutjoint_study": 1, "model": str(PRESS), "parameters": {"stiffness": [2000]}, "design": "grid", "integrator": INTEGRATOR,
-        "tolerance": TOLERANCE, "end": END, "trajectories": {"outputs": ["slider.x"]},
+        "solver_tolerance": TOLERANCE, "end": END, "trajectories": {"outputs": ["slider.x"]},
     }  # fmt: skip
     done = cutjoint.sweep(study, tmp_path / "out.parquet")
     alone = table_of(PRESS, tmp_path / "alone.csv", "--set", "stiffness=2000")

@@ -65,7 +65,7 @@ joints:
   pin: {kind: revolute, bodies: [rocker, weight], at: [0.5, 0, 0.3], axis: [0, 1, 0]}
 outputs: [rocker.vx, rocker.x, weight.vx, weight.vz, pin.angle, pin.angle_rate]
 scenes:
-  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002, tolerance: 1.0e-8}}
+  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002, solver_tolerance: 1.0e-8}}
 """
 
 #: A cart on a rail that a guide moves, and a rod on it that turns freely.
@@ -81,7 +81,7 @@ joints:
   pin: {kind: revolute, bodies: [cart, rod], at: [0, 0, 0], axis: [0, 1, 0]}
 outputs: [cart.vx, pin.angle, pin.angle_rate]
 scenes:
-  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002, tolerance: 1.0e-8}}
+  run: {end: 0.4, output_step: 0.02, numerics: {dt: 0.002, solver_tolerance: 1.0e-8}}
 """
 
 

@@ -181,7 +181,7 @@ def test_a_scene_that_wants_more_has_smaller_tolerances(tmp_path: Path) -> None:
     file = _write("press", tmp_path)
     for wanted, tolerance in ((1e-6, 1e-9), (1e-2, 1e-7), (1e-10, 1e-11)):
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
-        data["scenes"]["turn"]["tolerance"] = wanted
+        data["scenes"]["turn"]["accuracy"] = wanted
         file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
         model = read_model(file)
         scene = find_scene(model, None)

@@ -166,7 +166,7 @@ def test_what_method_auto_has_run_is_seen(tmp_path: Path, monkeypatch: pytest.Mo
     text = PRESS.read_text(encoding="utf-8").replace("outputs: [", "outputs: [crank.x, crank.z, ")
     model, table, glb = tmp_path / "press.yaml", tmp_path / "run.csv", tmp_path / "run.glb"
     model.write_text(text, encoding="utf-8")
-    call("simulate", model, "--method", "auto", "--tolerance", "1e-3", "--out", table, "--no-error", "--view", glb)
+    call("simulate", model, "--method", "auto", "--accuracy", "1e-3", "--out", table, "--no-error", "--view", glb)
     columns, (t, places) = read_csv(table), Gltf.read(glb).track("crank", "translation")
     assert t == pytest.approx(columns["t"], abs=1e-6)
     for axis, name in ((0, "crank.x"), (2, "crank.z")):

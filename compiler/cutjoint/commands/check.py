@@ -26,13 +26,13 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("check")
-def command(model: Path, scene: str | None, view: Path | None) -> None:
+def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
-        checked = read_model(model)
+        checked = read_model(model, opened=opened)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"topology of {model.name}"):
         topology = build_topology(checked)
@@ -64,6 +64,7 @@ def command(model: Path, scene: str | None, view: Path | None) -> None:
         options.out.print(describe_shakiness(equations, shaky), markup=False)
     if topology.loops:
         options.out.print(tables.cut_choices(rate_choices(topology, rank_cuts(topology)), mobility.redundant), markup=False)
+    options.out.print(tables.legend(with_loops=bool(topology.loops)))
     options.out.print(f"scenes: {', '.join(checked.scenes) or 'none'}", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):

@@ -71,7 +71,7 @@ def _plan(
     settings, steps = simulation.library.settings, simulation.library.steps
     if asked.tolerance is not None and not steps.adaptive:
         able = join_or(name for known in STEPS.values() for name, kind in known.items() if kind.adaptive)
-        raise RunError(f"--tolerance: beside an FMU only {able} has one; take it, or --dt")
+        raise RunError(f"--solver-tolerance: beside an FMU only {able} has one; take it, or --dt")
     if asked.iterations is not None and not steps.is_iterated:
         raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")
     return Plan(

@@ -7,23 +7,23 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.report.tasks import force_table, pose_table
 from cutjoint.run.outputs import require_apart
-from cutjoint.tasks.states import find_equilibrium
+from cutjoint.tasks.states import find_scene_equilibrium
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_equilibrium
 from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("equilibrium")
-def command(model: Path, scene: str | None, changes: tuple[str, ...], view: Path | None) -> None:
+def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
     """Find the static equilibrium of MODEL and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
     parameters = options.read_parameters(changes)
-    checked = read_model(model)
+    checked = read_model(model, opened=opened)
     chosen = options.take_scene(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
-        found = find_equilibrium(model, scene=chosen.name if checked.scenes else None, parameters=parameters)
+        found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
     if view is not None:

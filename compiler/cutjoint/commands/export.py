@@ -20,16 +20,16 @@ from cutjoint.topology.reading import read_model
 
 @table.command("export")
 def command(
-    model: Path, scene: str | None, peer: str, changes: tuple[str, ...], links: tuple[str, ...], asked: tuple[str, ...],
-    fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None, method: str | None,
-    integrator: str | None, out: Path,
+    model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
+    asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
+    method: str | None, integrator: str | None, out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
-        checked = with_link_masses(read_model(model), options.read_masses(links))
+        checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
         export_fmu(
             checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
@@ -43,7 +43,7 @@ def command(
     exporter = EXPORTERS.load(peer)
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
-    checked = with_link_masses(read_model(model), options.read_masses(links))
+    checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
     chosen = find_scene(checked, scene)
     outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):

@@ -7,13 +7,14 @@ from contextlib import contextmanager
 from functools import wraps
 from math import ceil
 from pathlib import Path
+from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress, Task, TimeRemainingColumn
+from rich.progress import Progress, ProgressColumn, Task, TimeRemainingColumn
 from rich.text import Text
 
 from cutjoint.model.ranges import fault_of
@@ -31,6 +32,9 @@ class _PlainConsole(Console):
     def print(self, *objects: Any, **how: Any) -> None:
         super().print(*(escaped_lines(x) if isinstance(x, str) else x for x in objects), **how)
 
+
+#: The time between two lines about the progress of work, s.
+EVERY = 10.0
 
 out = _PlainConsole(highlight=False, soft_wrap=True)
 err = _PlainConsole(stderr=True, highlight=False, soft_wrap=True)
@@ -81,7 +85,7 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     """A progress bar on standard error; it yields the function that moves it.  What is compiled meanwhile is counted, with a forecast."""
     from cutjoint.toolchain.waits import Compiling, heard_by
 
-    with Progress(*Progress.get_default_columns()[:-1], _Remaining(), console=err, transient=True) as bar:
+    with shown_progress(*Progress.get_default_columns()[:-1], _Remaining()) as bar:
         task = bar.add_task(escape(escaped_lines(label)), total=None, end=None)
 
         def count(now: Compiling) -> None:
@@ -90,6 +94,30 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
 
         with heard_by(count):
             yield lambda share: bar.update(task, total=1.0, completed=share, end=None)
+
+
+@contextmanager
+def shown_progress(*columns: ProgressColumn) -> Iterator[Progress]:
+    """Bars on standard error; off a terminal a line from time to time."""
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        ended = Event()
+        writer = Thread(target=_write_lines, args=(bar, ended), daemon=True)
+        if not err.is_terminal:
+            writer.start()
+        try:
+            yield bar
+        finally:
+            ended.set()
+            if writer.ident is not None:
+                writer.join()
+
+
+def _write_lines(bar: Progress, ended: Event) -> None:
+    begun = monotonic()
+    while not ended.wait(EVERY):
+        for task in bar.tasks:
+            share = "" if task.total is None else f" {task.percentage:.0f} %,"
+            err.print(Text(f"{Text.from_markup(task.description)}:{share} {monotonic() - begun:.0f} s so far"))
 
 
 class _Remaining(TimeRemainingColumn):

@@ -18,7 +18,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
-from cutjoint.run.settings import Options
+from cutjoint.run.settings import Options, accuracy_of
 
 
 def pick_and_play(
@@ -31,7 +31,7 @@ def pick_and_play(
         implementation=request.implementation, solver=asked.solver, integrator=asked.integrator, events=asked.events,
         precision=request.precision, dt=asked.dt, end=asked.end, iterations=asked.iterations,
     )  # fmt: skip
-    variant = _pick(model, scene, asked.tolerance, parameters)
+    variant = _pick(model, scene, _accuracy(asked), parameters)
     played = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
     prepared, run = _play(request, played, play)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
@@ -48,12 +48,18 @@ def _play(request: Request, played: FinishedRun, play: Play) -> tuple[PreparedRu
     return prepared, play(prepared)
 
 
-def _pick(model: Model, scene: Scene, tolerance: float | None, parameters: Mapping[str, float]) -> ReducedModel:
+def _accuracy(asked: Options) -> float | None:
+    """The accuracy that a caller asks for; method auto has no other tolerance, and in earlier versions it was called so."""
+    if asked.tolerance is None or asked.accuracy is not None:
+        return asked.accuracy
+    options.err.print(f"method auto has no solver tolerance; taken as --accuracy {asked.tolerance:g}", markup=False)
+    return asked.tolerance
+
+
+def _pick(model: Model, scene: Scene, accuracy: float | None, parameters: Mapping[str, float]) -> ReducedModel:
     """The model, scene and method that method auto picks; it says what and why."""
-    wanted = replace(scene, method=AUTO, tolerance=tolerance or scene.tolerance)
-    if wanted.tolerance is None:
-        raise RunError(f"{scene.span}: scene '{scene.name}': method auto needs a tolerance; write tolerance: 1 mm, or use --tolerance")
-    with options.progress_bar(f"picking what keeps {wanted.tolerance:g} m and rad"):
+    wanted = replace(scene, method=AUTO, accuracy=accuracy or accuracy_of(scene))
+    with options.progress_bar(f"picking what keeps {wanted.accuracy:g} m and rad"):
         choice = choose(model, wanted, parameters=parameters)
     options.out.print(choice_table(choice, wanted))
     return chosen_model(model, wanted, choice)

@@ -3,20 +3,44 @@
 from __future__ import annotations
 
 import shlex
+from itertools import pairwise
 
 from cutjoint.commands import options
+from cutjoint.methods import AUTO
 
 #: The command that an option of another one has become: what was its file is the second argument there.
 _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
 
 
+#: Options by command and earlier name, and those that are other ones of method auto.
+_OPTIONS = {command: {"--tolerance": "--solver-tolerance"} for command in ("simulate", "batch", "couple")}
+_OF_AUTO = {"--tolerance": "--accuracy"}
+
+
 def in_new_words(words: list[str]) -> list[str]:
     """The words of a call in those of this version; where they differ, a message has them."""
+    words = _with_options(words)
     for (command, option), new in _COMMANDS.items():
         if words[:1] == [command] and (file := _value_of(option, words)) is not None:
             words = [new, *words[1:2], file, *words[2:]] if words[1:2] and not words[1].startswith("-") else [new, *words[1:], file]
             options.err.print(f"{command} {option} is now cutjoint {shlex.join(words)}", markup=False)
     return words
+
+
+def _with_options(words: list[str]) -> list[str]:
+    """The words with options by their names of this version; a message has those that differ."""
+    command = words[0] if words else ""
+    for old, new in _OPTIONS.get(command, {}).items():
+        new = _OF_AUTO.get(old, new) if _asks_for_auto(words) else new
+        for i, word in enumerate(words):
+            if word == old or word.startswith(f"{old}="):
+                words = [*words[:i], new + word.removeprefix(old), *words[i + 1 :]]
+                options.err.print(f"{command} {old} is now {new}", markup=False)
+    return words
+
+
+def _asks_for_auto(words: list[str]) -> bool:
+    return f"--method={AUTO}" in words or any(pair == ("--method", AUTO) for pair in pairwise(words))
 
 
 def _value_of(option: str, words: list[str]) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,10 +25,10 @@ if TYPE_CHECKING:
 
 @table.command("simulate")
 def command(
-    model: Path, scene: str | None, method: str | None, tolerance: float | None, implementation: str, solver: str | None,
-    integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None, end: float | None,
-    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None, error: bool,
-    plots: Path | None, view: Path | None, over: Path | None,
+    model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
+    solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
+    end: float | None, iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
+    error: bool, verbose: bool, plots: Path | None, view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -36,7 +37,8 @@ def command(
     )  # fmt: skip
     parameters = options.read_parameters(changes)
     asked = Options(
-        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events
+        dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
+        accuracy=accuracy,
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
@@ -62,15 +64,21 @@ def command(
     if prepared is None or run is None or (run.failure is not None and run.failure.guards):
         prepared, run, played = _derive_and_play(request, parameters, play)
     console = options.console_beside(out, steps)
-    console.print(tables.facts(f"model {prepared.model}", prepared.counts))
-    console.print(tables.run_facts(prepared.compilation, run))
-    if elsewhere := tables.rows_elsewhere(prepared.run):
-        console.print(elsewhere, markup=False)
     if run.failure is None:
+        with options.progress_bar("estimating the error") if error else nullcontext():
+            write_error(out, run.error if error else None, prepared.compilation.implementation)
+        console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
         if error:
             console.print(tables.error_facts(run.error))
-        write_error(out, run.error if error else None, prepared.compilation.implementation)
-        console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
+    if elsewhere := tables.rows_elsewhere(prepared.run):
+        console.print(elsewhere, markup=False)
+    if verbose:
+        console.print(tables.facts(f"model {prepared.model}", prepared.counts))
+        console.print(tables.run_facts(prepared.compilation, run))
+    else:
+        for name, value in tables.told_facts(prepared.counts, prepared.compilation, run):
+            console.print(f"{name}: {value}", markup=False)
+        console.print(tables.summary_line(prepared.compilation, run), markup=False)
     if plots is not None:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
     if view is not None and run.t.size:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from cutjoint.commands import options, table
 from cutjoint.run.errors import RunError
@@ -37,6 +37,8 @@ def command(
     if threads is not None and scheduler is not None:
         raise RunError("--threads: they are those of this machine; the workers of --scheduler have their own")
     read = read_study(study)
+    for earlier in read.model.notes:
+        options.err.print(earlier, markup=False)
     model = study.parent / read.model.span.file
     require_apart({"the study": study, "the model": model}, documents=[("--out", out), ("--view", view)])
     if replay is not None:
@@ -81,7 +83,7 @@ def _progress(study: Study) -> Iterator[tuple[OnProgress, Callable[[str], None]]
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("runs,"), TimeElapsedColumn(),
         TextColumn("passed,"), TimeRemainingColumn(), TextColumn("left"),
     )  # fmt: skip
-    with Progress(*columns, console=options.err, transient=True) as bar:
+    with options.shown_progress(*columns) as bar:
         task = bar.add_task(f"compiling {study.model.name}", total=None)
 
         def advance(done: int, runs: int) -> None:

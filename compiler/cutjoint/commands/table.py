@@ -39,10 +39,14 @@ FMU = "fmu"
 _FAR = 1e100
 
 
+#: Settings that may be in m or rad, in words.
+_WORDS = {"accuracy": "an accuracy", "tolerance": "a tolerance"}
+
+
 class Setting(click.FloatRange):
     """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
 
-    Times may have a unit, as in 1ms, and so may a tolerance, as in 1mm or 0.1deg.
+    Times may have a unit, as in 1ms, and so may an accuracy or a tolerance, as in 1mm or 0.1deg.
     """
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
@@ -55,7 +59,7 @@ class Setting(click.FloatRange):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
         whole = self._setting in WHOLE
-        if isinstance(value, str) and self._setting in (*TIMES, "tolerance") and not is_number(value):
+        if isinstance(value, str) and self._setting in (*TIMES, "accuracy", "tolerance") and not is_number(value):
             value = self._in_si(value, param, ctx)
         elif isinstance(value, str) and not (is_whole if whole else is_number)(value):
             self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
@@ -66,7 +70,7 @@ class Setting(click.FloatRange):
         return number
 
     def _in_si(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from cutjoint.model.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
+        from cutjoint.model.units import ANGLE, LENGTH, TIME, Dimension, UnitError, described, read_measure
 
         try:
             written = read_measure(text)
@@ -74,7 +78,8 @@ class Setting(click.FloatRange):
             self.fail(f"{error}.", param, ctx)
         if written is None:
             self.fail(f"{text!r} is not a plain decimal number.", param, ctx)
-        dimensions, needs = ((TIME,), "a time needs s") if self._setting in TIMES else ((LENGTH, ANGLE), "a tolerance needs m or rad")
+        dimensions: tuple[Dimension, ...] = (TIME,) if self._setting in TIMES else (LENGTH, ANGLE)
+        needs = f"{_WORDS.get(self._setting, 'a time')} needs {'s' if self._setting in TIMES else 'm or rad'}"
         if written.dimension not in dimensions:
             self.fail(f"{text!r} is in {described(written.dimension)}, and {needs}.", param, ctx)
         return written.value
@@ -144,15 +149,15 @@ OPTIONS: Mapping[str, Row] = {
         "out if there is only one."),
     "method": click.option("--method", type=click.Choice(list(METHODS)), default=DEFAULT_METHOD, show_default=True, help="Formulation."),
     "simulate.method": _one_of("--method", names=lambda: [AUTO, *METHODS], help="Formulation, or auto to pick one that keeps the "
-        "tolerance; by default the scene's, else recursive."),
+        "accuracy; by default the scene's, else recursive."),
     "batch.method": _one_of("--method", names=lambda: names_of(METHODS, lambda m: m.batch),
         help="Formulation; by default the scene's, else recursive."),
     "couple.method": _one_of("--method", names=_STEPS, help="Formulation; by default the scene's, else recursive."),
     "export.method": _one_of("--method", names=_STEPS, help="Formulation of an FMU's steps; recursive otherwise."),
-    "tolerance": click.option("--tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince, dop853 and sdirk4 "
-        "relative and absolute, else of the iteration in a step; the scene's otherwise."),
-    "simulate.tolerance": click.option("--tolerance", type=Setting("tolerance"), help="Of method auto in m and rad, of a step of "
-        "dormand-prince, dop853 and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise."),
+    "accuracy": click.option("--accuracy", type=Setting("accuracy"), help="Largest error of places and angles, m and rad, from which steps "
+        "follow; the scene's otherwise, else 1e-4."),
+    "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince, dop853 and "
+        "sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise."),
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which "
         "nothing is compiled; or a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on "
@@ -233,6 +238,8 @@ OPTIONS: Mapping[str, Row] = {
     "steps": click.option("--steps", type=_FILE, help="CSV file for iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have "
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),
+    "verbose": click.option("--verbose", is_flag=True, help="What was derived, compiled and stepped too: counts, operations, evaluations, "
+        "residuals, energy."),
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.view": _page("that moves in each direction that the loops leave free"),

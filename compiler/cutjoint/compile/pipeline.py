@@ -23,22 +23,30 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.package.locations import AnyPath
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.scenes import find_scene, with_loops
+from cutjoint.run.given import Given, method_of, take_model
+from cutjoint.run.scenes import with_loops
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.reading import read_model
 
 
-def compile_model(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
-    """Compile a model file for a scene, the only one if none is named; numbers whose names match one of the patterns ``opened``, such as
-    "*.stiffness", become parameters.  The other ``choices`` are those of `CompileOptions`, errors as of `compile_scene`."""
-    model = read_model(path, opened=opened)  # model.yaml -> Model
-    return compile_scene(model, find_scene(model, scene), CompileOptions(**choices))
+def compile_model(model: Given, *, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
+    """Compile a model, or its file, for a scene, the only one if none is named; numbers of a file whose names match one of the patterns
+    ``opened``, such as "*.stiffness", become parameters.  The other ``choices`` are those of `CompileOptions`, errors as of
+    `compile_scene`."""
+    read, chosen = take_model(model, scene, opened)  # model.yaml -> Model
+    return compile_scene(read, chosen, CompileOptions(**choices))
+
+
+def take_artifact(model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None) -> Artifact:
+    """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named."""
+    if isinstance(model, Artifact) and scene is None and not opened and method in (None, model.method):
+        return model
+    read, chosen = take_model(model, scene, opened)
+    return compile_scene(read, chosen, CompileOptions(method=method or method_of(chosen)))
 
 
 def compile_scene(

@@ -117,8 +117,8 @@ class Reader(Protocol):
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
         """Three expressions of a law's variables, and of the names in the field ``let``."""
 
-    def law(self, *path: str | int, law: Law) -> Scalar:
-        """A law; ``path`` leads to it."""
+    def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
+        """A law; ``path`` leads to it, ``drawn`` is the value of its length or position in the design position."""
 
     def variable(self, name: str) -> Scalar:
         """A variable of a law."""

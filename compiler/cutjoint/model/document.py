@@ -242,7 +242,7 @@ class MethodNumerics(Part):
 
     dt: Number | None = None
     penalty: Number | None = None
-    tolerance: Number | None = None
+    solver_tolerance: Number | None = None
     iterations: StrictInt | None = None
     multiplier_updates: StrictInt | None = None
 
@@ -255,7 +255,7 @@ class Numerics(Part):
     penalty: Number | None = None
     damping_ratio: Number = _NUMERICS.damping_ratio
     frequency: Number = _NUMERICS.frequency
-    tolerance: Number = _NUMERICS.tolerance
+    solver_tolerance: Number = _NUMERICS.tolerance
     iterations: StrictInt = _NUMERICS.iterations
     multiplier_updates: StrictInt = _NUMERICS.multiplier_updates
     integrator: Annotated[str, OneOf(tuple(INTEGRATORS))] | None = None
@@ -281,17 +281,15 @@ class Scene(Part):
     road: Road = Road()
     numerics: Numerics = Numerics()
     method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None
-    tolerance: Number | None = None
+    accuracy: Number | None = None
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"
     outputs: tuple[OutputEntry, ...] | None = None
 
     @model_validator(mode="after")
-    def _check_auto_has_tolerance(self) -> Scene:
-        if self.method == AUTO and self.tolerance is None:
-            raise shape_error("'method: auto' needs a tolerance", "write both, such as method: auto, tolerance: 1 mm")
+    def _goes_with_its_method(self) -> Scene:
         if self.budget is not None and self.method != AUTO:
-            raise shape_error("'budget' belongs to 'method: auto'", "write method: auto and a tolerance")
+            raise shape_error("'budget' belongs to 'method: auto'", "write method: auto too")
         integrator = INTEGRATORS[self.numerics.integrator or DEFAULT_INTEGRATOR]
         if self.method not in (None, *integrator.methods, *((AUTO,) if integrator.name == DEFAULT_INTEGRATOR else ())):
             message = f"the integrator {integrator.name} belongs to the method {join_or(integrator.methods)}"

@@ -22,7 +22,8 @@ class JointSpring(Part):
 
     stiffness: Number = 0
     damping: Number = 0
-    free_position: Number = 0
+    preload: Number | None = None
+    free_position: Number | None = None
     coordinate: StrictStr | None = None
 
 

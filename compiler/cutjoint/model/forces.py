@@ -83,8 +83,8 @@ class _Reader:
         names = read_names(self.element, self.given(let), (let,), self.element.scope.reading(*law.variables, "t"))
         return self.element.triple(self.given(name), _DIMENSIONS[law.unit], (name,), names)
 
-    def law(self, *path: str | int, law: Law) -> Scalar:
-        return read_law(self.element, self._at(path), _kind_of(law), path)
+    def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
+        return read_law(self.element, self._at(path), _kind_of(law), path, drawn=drawn)
 
     def variable(self, name: str) -> Scalar:
         return variable(name)
@@ -137,7 +137,8 @@ def _own_law(element: Element, part: joint_parts.JointSpring | joint_parts.Joint
 
 
 def _spring_law(element: Element, spring: joint_parts.JointSpring, kind: LawKind) -> Scalar:
-    law = SpringDamper(stiffness=spring.stiffness, damping=spring.damping, free_position=spring.free_position)
+    rest = 0 if spring.free_position is None and spring.preload is None else spring.free_position
+    law = SpringDamper(stiffness=spring.stiffness, damping=spring.damping, preload=spring.preload, free_position=rest)
     return read_law(element, law, kind, ("spring",))
 
 

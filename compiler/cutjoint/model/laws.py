@@ -20,6 +20,9 @@ from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path, field_name
 from cutjoint.model.units import Dimension, Quantity, described
 
+#: The word for the length or position in the design position.
+DRAWN = "drawn"
+
 
 @dataclass(frozen=True)
 class LawKind:
@@ -33,10 +36,13 @@ class LawKind:
         return None if self.result is None else self.result / self.variables[name] ** power
 
 
-def read_law(element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None) -> Scalar:
-    """The expression of a law over its variables and over ``names`` (by default all parameters and quantities)."""
+def read_law(
+    element: Element, law: Any, kind: LawKind, keys: Path, names: Mapping[str, Term] | None = None, *, drawn: Scalar = 0
+) -> Scalar:  # fmt: skip
+    """The expression of a law over its variables and over ``names`` (by default all parameters and quantities); ``drawn`` is the value of
+    its length or position in the design position."""
     symbols = element.scope.reading(*kind.variables) if names is None else names
-    expression = _Law(element, kind, symbols).read(law, keys)
+    expression = _Law(element, kind, symbols, drawn).read(law, keys)
     if has_finite_numbers(expression):
         return expression
     element.fail(worded(field_name(keys), "a number in it overflows"), "write smaller numbers", keys)
@@ -60,6 +66,7 @@ class _Law:
     element: Element
     kind: LawKind
     names: Mapping[str, Term]
+    drawn: Scalar
 
     def read(self, law: Any, keys: Path) -> Scalar:
         match law:
@@ -148,7 +155,7 @@ class _Law:
 
     def curve(self, law: values.Table, of: str, x: list[float], y: list[float], keys: Path) -> Scalar:
         through = polyline if law.interpolation == "linear" else monotone_cubic
-        return self.drawn(lambda: through(variable(of), x, y), of, keys)
+        return self.fitting(lambda: through(variable(of), x, y), of, keys)
 
     def surface(self, law: values.Table, of: list[str], lists: list[list[float]], keys: Path) -> Scalar:
         """The surface of a table of two variables, a row of values for each of the first one."""
@@ -162,9 +169,9 @@ class _Law:
         if not all(rising) or not all(map(math.isfinite, (*x, *y, *(number for row in read for number in row)))):
             return FAILED
         u, v = map(variable, of)
-        return self.drawn(lambda: surface(u, x, v, y, read, is_linear=law.interpolation == "linear"), of[0], keys)
+        return self.fitting(lambda: surface(u, x, v, y, read, is_linear=law.interpolation == "linear"), of[0], keys)
 
-    def drawn(self, draw: Callable[[], Scalar], of: str, keys: Path) -> Scalar:
+    def fitting(self, draw: Callable[[], Scalar], of: str, keys: Path) -> Scalar:
         """The expression of a curve whose numbers fit floats."""
         try:
             curve = draw()
@@ -203,20 +210,29 @@ class _Law:
         """Linear spring and damper: tension along a line, or the force that draws a joint back."""
         for name, free, other, sign in _SPRINGS:
             if name in self.kind.variables:
-                return self.linear(law, name, free, other, keys) * sign
+                return self.linear(law, name, free, other, keys) * sign + self.preload(law, free, keys)
         self.element.fail("stiffness and damping belong to a point_spring or a joint_force", "write an expression", keys)
         return FAILED
 
     def linear(self, law: values.SpringDamper, name: str, free: str, other: str, keys: Path) -> Scalar:
         """stiffness (x - free) + damping rate."""
         rest = getattr(law, free)
-        if getattr(law, other) is not None or (rest is None and law.stiffness != 0):
-            self.element.fail(f"a spring of this kind needs {free}", "", keys)
+        if getattr(law, other) is not None or (rest is None and law.preload is None and law.stiffness != 0):
+            self.element.fail(f"a spring of this kind needs {free}", f"write {free}: {DRAWN} for what is drawn, or a preload", keys)
             return FAILED
         stiffness = self.element.scalar(law.stiffness, self.kind.per(name), (*keys, "stiffness"))
         damping = self.element.scalar(law.damping, self.kind.per("rate"), (*keys, "damping"))
-        origin = self.element.scalar(rest or 0, self.kind.variables[name], (*keys, free))
+        is_drawn = law.preload is not None or (rest == DRAWN and DRAWN not in self.names)
+        origin = self.drawn if is_drawn else self.element.scalar(rest or 0, self.kind.variables[name], (*keys, free))
         return stiffness * (variable(name) - origin) + damping * variable("rate")
+
+    def preload(self, law: values.SpringDamper, free: str, keys: Path) -> Scalar:
+        """The force in the design position of a spring that gives it."""
+        if law.preload is None:
+            return sympy.Integer(0)
+        if getattr(law, free) is not None:
+            self.element.fail(f"preload is the force where the file draws it, and {free} says another", f"leave {free} away", (*keys, free))
+        return self.element.scalar(law.preload, self.kind.result, (*keys, "preload"))
 
     def stop(self, law: values.OneSided, keys: Path) -> Scalar:
         """A soft stop on one side of a place; what pushes two points apart is negative tension."""

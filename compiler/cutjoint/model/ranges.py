@@ -22,6 +22,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "penalty": {"above": 0.0, "most": 1e100},
     "damping_ratio": {"least": 0.0, "most": 1e100},
     "frequency": {"least": 0.0, "most": 1e100},
+    "accuracy": {"above": 0.0},
     "tolerance": {"above": 0.0},
     "absolute_tolerance": {"above": 0.0},
     "loop_tolerance": {"least": 1e-12, "most": 1e-2},

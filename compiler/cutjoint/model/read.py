@@ -15,12 +15,13 @@ from cutjoint.model.expand import expand
 from cutjoint.model.files import with_files
 from cutjoint.model.opening import Opening
 from cutjoint.model.records import Model, Span
+from cutjoint.model.renamed import MODEL, in_new_words
 from cutjoint.model.scenes import read_scenes
 from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
-from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected
+from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected, unused_parameters
 from cutjoint.package.locations import AnyPath, path_of
 
 
@@ -43,6 +44,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     source, files = with_files(parse_yaml(text, file), path_of(folder), problems)
     if problems:
         raise problems.error()
+    source, notes = in_new_words(source, problems, MODEL)
     # data -> document of the right shape
     shaped = check_shape(source, problems)
     if shaped is None:
@@ -82,6 +84,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
         span=source.key_span(("name",)),
         text=text,
         files=files,
+        notes=(*notes, *unused_parameters(source, document)),
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

@@ -529,7 +529,7 @@ class Scene:
     an attitude by ``joint.e0`` to ``joint.e3``, the quaternion that takes the axes of the follower to those of the base, of length one but
     for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
-    picks model, formulation and step so that places and angles are within ``tolerance`` (m, rad) and the run ``budget`` times as fast as
+    picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".
     """
@@ -547,7 +547,7 @@ class Scene:
     outputs: tuple[Output, ...]
     span: Span
     method: str = ""
-    tolerance: float | None = None
+    accuracy: float | None = None
     budget: float | None = None
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
@@ -564,7 +564,8 @@ class Model:
     submodel's instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.
     ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
-    replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places.
+    replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
+    ``notes`` sentences about words of earlier versions in the file, and about parameters that nothing uses.
     """
 
     name: str
@@ -586,6 +587,7 @@ class Model:
     controllers: tuple[Controller, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

@@ -38,6 +38,10 @@ from cutjoint.model.source import Path
 from cutjoint.model.starts import read_states
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 
+#: The field of the solver's tolerance, and the settings of files whose records have another name.
+SOLVER_TOLERANCE = "solver_tolerance"
+SETTINGS = {SOLVER_TOLERANCE: "tolerance"}
+
 #: The variables that penalty and frequency may have.
 _STEP = variable("dt")
 
@@ -87,7 +91,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         outputs=outputs,
         span=where.span,
         method=scene.method or "",
-        tolerance=_above_zero(where, scene.tolerance, "tolerance"),
+        accuracy=_above_zero(where, scene.accuracy, "accuracy"),
         budget=_above_zero(where, scene.budget, "budget"),
         on_violation=scene.on_violation,
         entries={
@@ -141,10 +145,11 @@ def _numerics(where: Element, part: document.Numerics) -> Numerics:
         key: where.scalar(getattr(part, key), of, ("numerics", key), {_STEP.name: Term(_STEP)})
         for key, of in (("penalty", NONE), ("frequency", NONE / TIME)) if getattr(part, key) not in (None, AUTO)
     }  # fmt: skip
-    units = {"dt": TIME, **dict.fromkeys(("damping_ratio", "tolerance", "absolute_tolerance", "spectral_radius", "loop_tolerance"), NONE)}
+    shares = ("damping_ratio", SOLVER_TOLERANCE, "absolute_tolerance", "spectral_radius", "loop_tolerance")
+    units = {"dt": TIME, **dict.fromkeys(shares, NONE)}
     numbers = _settings(where, part, units, ("numerics",))
     methods: dict[str, dict[str, Any]] = {
-        name: _settings(where, settings, {"dt": TIME, "penalty": NONE, "tolerance": NONE}, ("numerics", "methods", name))
+        name: _settings(where, settings, {"dt": TIME, "penalty": NONE, SOLVER_TOLERANCE: NONE}, ("numerics", "methods", name))
         for name, settings in part.methods.items()
     }
     step = numbers.get("dt", STEP)
@@ -174,7 +179,7 @@ def _settings(
     settings |= {key: getattr(part, key) for key in counts if getattr(part, key, None) is not None}
     for key, value in settings.items():
         _in_range(where, key, value, (*keys, key))
-    return settings
+    return {SETTINGS.get(key, key): value for key, value in settings.items()}
 
 
 def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
@@ -195,7 +200,7 @@ _BETWEEN = {
 
 
 def _in_range(where: Element, key: str, value: float, keys: Path) -> None:
-    if key in ("dt", "penalty", "tolerance", "absolute_tolerance", "iterations"):
+    if key in ("dt", "penalty", SOLVER_TOLERANCE, "absolute_tolerance", "iterations"):
         _positive(where, value, keys)
     elif key in _BETWEEN:
         least, most = RANGES[key]["least"], RANGES[key]["most"]

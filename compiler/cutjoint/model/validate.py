@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +18,9 @@ from cutjoint.model.records import GROUND, Body, Joint, Span
 from cutjoint.model.scope import FAILED
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
+
+#: A name in a text.
+_NAME = re.compile(r"[A-Za-z]\w*")
 
 #: The sections whose names must differ.
 _SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "states", "signals", "controllers", "instances")
@@ -52,6 +56,17 @@ def check_submodels(source: Source, problems: Problems, model: document.Document
                 span = source.value_span((*path, "parameters", index))
                 message = f"nothing in it uses the parameter '{parameter}'"
                 problems.add(span, f"submodel '{path[-1]}'", message, "remove it here and in its instances, or use it")
+
+
+def unused_parameters(source: Source, model: document.Document) -> Iterator[str]:
+    """A sentence for each parameter of the model that no expression of the file reads."""
+    left = set(model.parameters)
+    expressions = tuple(output for output in source.data.get("outputs", ()) if not isinstance(output, str))
+    for text in dict.fromkeys(_texts({**source.data, "outputs": expressions})):
+        if not left.isdisjoint(_NAME.findall(text)):
+            left -= symbols_of(text)
+    for name in (name for name in model.parameters if name in left):
+        yield f"{source.key_span(('parameters', name))}: nothing uses the parameter '{name}'"
 
 
 def _texts(data: Any) -> Iterator[str]:

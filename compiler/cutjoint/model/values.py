@@ -360,10 +360,11 @@ class Table(Part):
 
 
 class SpringDamper(Part):
-    """A linear spring and damper."""
+    """A linear spring and damper; ``preload`` is its force where the file draws it, "drawn" its length there."""
 
     stiffness: Number = 0
     damping: Number = 0
+    preload: Number | None = None
     free_length: Number | None = None
     free_position: Number | None = None
 
@@ -397,7 +398,7 @@ Law: TypeAlias = Annotated[
             **dict.fromkeys((int, float, str), "<number>"),
             **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},
             "interpolation": "<table>",
-            **dict.fromkeys(("stiffness", "damping"), "<spring>"),
+            **dict.fromkeys(("stiffness", "damping", "preload"), "<spring>"),
         },
         "needs a number, an expression, or a mapping with polynomial, piecewise, sum, let, table, stop or stiffness",
     ),

@@ -1,8 +1,9 @@
-"""`method: auto`: the cheapest model, formulation and step that keep a scene's tolerance, found by calibration runs.
+"""`method: auto`: the cheapest model, formulation and steps that keep a scene's accuracy, found by calibration runs.
 
 The truth is the full model at steps that are halved until nothing changes any more.  The reduced models of the first method that takes the
 model, and the cheapest of these for each other method, are then tried with steps that divide or multiply the distance of the scene's rows,
-and timed at the longest step within the tolerance.
+and with steps whose error the method's own integrator holds.  All are timed at the longest steps, or the largest tolerance, within the
+accuracy.
 """
 
 from __future__ import annotations
@@ -18,21 +19,22 @@ from math import ceil, inf, log
 from pathlib import Path
 
 from cutjoint.compile.prepared import made_with
-from cutjoint.methods import METHODS
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.measure import Truth, distance, find_truth, fraction, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
-from cutjoint.reduce.trials import DERIVING, Trials, at_step, begin, common_step
+from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import Options, accuracy_of, find_integrator
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.platforms import machine
 
-#: The share of the tolerance that a choice may use, since it is measured against a truth that has an error of its own.
+#: The share of the accuracy that a choice may use, since it is measured against a truth that has an error of its own.
 SHARE = 0.8
 
 #: Steps are tried as multiples of the scene's own for the method: from longer ones down.
@@ -40,6 +42,9 @@ LONGEST, SHORTEST = 16, 2**-9
 
 #: From one step that is tried to the next.
 RATIO = 2**0.5
+
+#: Tolerances of steps that are tried, from the first down to the last, and from one to the next.
+LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TOLERANCE_RATIO = 1e-2, 1e-10, 10**0.5
 
 #: A reduced model is given up where a compiled run takes so many times as long as the best so far, or any run so many times the
 #: instructions.  An error counts as lower below this share of another.
@@ -51,8 +56,8 @@ ROUNDS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A reduced model with a method at a step (s): its distance from the truth, its time in s, and the instructions of its evaluations; or
-    why it was left."""
+    """A reduced model with a method at a step ``dt`` (s), or 0 with the ``tolerance`` of an ``integrator``: its distance from the truth,
+    its time in s, and the instructions of its evaluations; or why it was left."""
 
     variant: str
     method: str
@@ -61,6 +66,13 @@ class Candidate:
     seconds: float
     instructions: float = 0.0
     failure: str = ""
+    integrator: str = ""
+    tolerance: float = 0.0
+
+    @property
+    def steps(self) -> Steps:
+        """The steps of its run."""
+        return Steps(dt=self.dt, integrator=self.integrator, tolerance=self.tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,10 +131,10 @@ class _ReducedModels:
 
 
 def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> Choice:
-    """The choice for a scene with a tolerance, from the cache where it was made before.
+    """The choice for a scene, from the cache where it was made before.
 
     Raises:
-        RunError: nothing keeps the tolerance or the budget; the message says what came nearest.
+        RunError: nothing keeps the accuracy or the budget; the message says what came nearest.
     """
     try:
         place = _cache_path(model, scene, parameters or {})
@@ -133,11 +145,15 @@ def choose(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None
 
 
 def chosen_model(model: Model, scene: Scene, choice: Choice) -> ReducedModel:
-    """The reduced model that was picked, with its step as the scene's own."""
+    """The reduced model that was picked, with its steps as the scene's own."""
     picked = choice.picked
     variant = choice.reduced or _find(picked, _ReducedModels(model, scene))
-    step = common_step(picked.dt, variant.scene.output_step)
     numerics = replace(variant.scene.numerics, methods={**variant.scene.numerics.methods, picked.method: _own(variant.scene, picked)})
+    if picked.integrator:
+        numerics = replace(numerics, dt=None, integrator=picked.integrator, absolute_tolerance=picked.tolerance)
+        return replace(variant, scene=replace(variant.scene, numerics=numerics))
+    step = common_step(picked.dt, variant.scene.output_step)
+    numerics = replace(numerics, integrator=DEFAULT_INTEGRATOR)
     return replace(variant, scene=replace(variant.scene, numerics=numerics, output_step=step))
 
 
@@ -146,7 +162,8 @@ def _find(picked: Candidate, reduced_models: _ReducedModels) -> ReducedModel:
 
 
 def _own(scene: Scene, picked: Candidate) -> dict[str, float]:
-    return {**scene.numerics.methods.get(picked.method, {}), "dt": picked.dt}
+    given = {name: value for name, value in scene.numerics.methods.get(picked.method, {}).items() if name != "dt"}
+    return {**given, **({"tolerance": picked.tolerance} if picked.integrator else {"dt": picked.dt})}
 
 
 def _cache_path(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Path:
@@ -173,7 +190,6 @@ def _keep(made: Choice, place: Path) -> Choice:
 
 
 def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Choice:
-    assert scene.tolerance is not None
     reduced_models = _ReducedModels(model, scene)
     truth = find_truth(model, scene, parameters, when_running=reduced_models.begin)
     steps = _find_steps(reduced_models, scene, parameters, truth)
@@ -182,11 +198,11 @@ def _calibrate(model: Model, scene: Scene, parameters: Mapping[str, float]) -> C
     evidence = _timed_in_turns(list(zip(tried, compiled, strict=True)), parameters)
     good = [c for c in evidence if not c.failure]
     if not good:
-        raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the tolerance of {scene.tolerance:g}: {_nearest(evidence)}")
+        raise RunError(f"{scene.span}: scene '{scene.name}': nothing keeps the accuracy of {accuracy_of(scene):g}: {_nearest(evidence)}")
     picked = min(good, key=lambda c: c.seconds)
     if scene.budget is not None and scene.end / picked.seconds < scene.budget:
-        found = f"the fastest that keeps the tolerance is {scene.end / picked.seconds:.3g} times as fast as real time"
-        raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger tolerance")
+        found = f"the fastest that keeps the accuracy is {scene.end / picked.seconds:.3g} times as fast as real time"
+        raise RunError(f"{scene.span}: scene '{scene.name}': budget {scene.budget:g}: {found}; hint: write a larger accuracy")
     return Choice(picked=picked, evidence=evidence, settled=truth.settled, reduced=_find(picked, reduced_models))
 
 
@@ -194,12 +210,12 @@ def _timed_in_turns(tried: Sequence[tuple[Candidate, Artifact | None]], paramete
     """The candidates; those that may be the fastest are timed again, in turns, so that all are disturbed alike."""
     fastest = min((c.seconds for c, _ in tried if not c.failure), default=inf)
     close = {
-        c: at_step(artifact, c.dt)
+        c: at_step(artifact, c.steps)
         for c, artifact in tried if artifact is not None and not c.failure and c.seconds <= PATIENCE * fastest
     }  # fmt: skip
     if len(close) < 2:
         return tuple(c for c, _ in tried)
-    rounds = [[time_run(artifact, c.dt, parameters).seconds for c, artifact in close.items()] for _ in range(ROUNDS)]
+    rounds = [[time_run(artifact, c.steps, parameters).seconds for c, artifact in close.items()] for _ in range(ROUNDS)]
     seconds = dict(zip(close, (min(column) for column in zip(*rounds, strict=True)), strict=True))
     return tuple(replace(c, seconds=min(c.seconds, seconds.get(c, inf))) for c, _ in tried)
 
@@ -209,13 +225,13 @@ def _nearest(evidence: Sequence[Candidate]) -> str:
     if not ran:
         return "; ".join(f"{c.method}: {c.failure}" for c in evidence)
     best = min(ran, key=lambda c: c.error)
-    return f"{best.method} ({best.variant}) came to {best.error:.2g}; hint: write a larger tolerance"
+    return f"{best.method} ({best.variant}) came to {best.error:.2g}; hint: write a larger accuracy"
 
 
 def _find_steps(
     reduced_models: _ReducedModels, scene: Scene, parameters: Mapping[str, float], truth: Truth
 ) -> list[tuple[Candidate, Trials | None]]:  # fmt: skip
-    """The candidates, not yet timed, and the runs of those within the tolerance, whose code is being compiled.
+    """The candidates, not yet timed, and the runs of those within the accuracy, whose code is being compiled.
 
     The first method with one is searched alone.  The others, side by side, give up where they take much more than that.  A saddle
     point is begun last, since it takes longest to prepare.
@@ -241,46 +257,87 @@ def _search(
         return [(Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None)]
     found: list[tuple[Candidate, Trials | None]] = []
     for variant in variants:
-        candidate, trials = find_step(variant, scene, parameters, truth, fastest=fastest or _fastest(found))
-        if trials is not None:
-            trials.begin_compiling()
-        found.append((candidate, trials))
+        trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
+        for find in (find_step, find_tolerance):
+            candidate = find(variant, scene, parameters, truth, trials, fastest=fastest or _fastest(found))
+            if candidate is not None and not candidate.failure:
+                trials.begin_compiling()
+            found += [] if candidate is None else [(candidate, None if candidate.failure else trials)]
     return found
 
 
 def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
-    """The candidate with the fewest instructions among all that keep the tolerance."""
+    """The candidate with the fewest instructions among all that keep the accuracy."""
     return min((c for c, _ in found if not c.failure), key=lambda c: c.instructions, default=None)
 
 
 def find_step(
-    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, *,
+    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
     ratio: float = RATIO, fastest: Candidate | None = None,
-) -> tuple[Candidate, Trials | None]:  # fmt: skip
-    """The longest step that keeps the scene's tolerance, where there is one with the runs that found it; steps fall by ``ratio``.
+) -> Candidate:  # fmt: skip
+    """The longest step of a reduced model that keeps the scene's accuracy, by its ``trials``; steps fall by ``ratio``.
 
     It gives up where a run is much slower than the ``fastest`` so far, or where a fourth of the step has not brought the error down: the
     rest of the error is then the reduced model's own.
     """
-    assert scene.tolerance is not None
-    trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-    best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the tolerance")
+    best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
     for dt in _falling(variant.scene, variant.method, ratio):
         try:
-            run = trials.run(dt, parameters)
+            run = trials.run(Steps(dt=dt), parameters)
         except SimulatorError as problem:
-            return replace(best, failure=str(problem)), None
+            return replace(best, failure=str(problem))
         error = distance(run, truth.run)
         if reason := _gives_up(trials, run, fastest):
-            return replace(best, failure=reason), None
-        if error <= SHARE * scene.tolerance:
-            found = replace(best, dt=dt, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
-            return found, trials
+            return replace(best, failure=reason)
+        if error <= SHARE * accuracy_of(scene):
+            return replace(best, dt=dt, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
         if error < SETTLING * best.error:
             best = replace(best, dt=dt, error=error)
         elif best.error < inf and dt < best.dt / 4:
-            return replace(best, failure="shorter steps do not lower its error"), None
-    return best, None
+            return replace(best, failure="shorter steps do not lower its error")
+    return best
+
+
+def find_tolerance(
+    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
+    ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
+) -> Candidate | None:  # fmt: skip
+    """The largest tolerance of the method's own integrator that keeps the scene's accuracy; None of a method without one, and of a scene
+    that names its integrator.
+
+    It gives up as `find_step` does, where a hundredth of the tolerance has not brought the error down.
+    """
+    integrator = _own_integrator(variant)
+    if integrator is None:
+        return None
+    best = Candidate(
+        variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no tolerance keeps the accuracy",
+        integrator=integrator, tolerance=LARGEST_TOLERANCE,
+    )  # fmt: skip
+    for k in range(round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1):
+        tolerance = LARGEST_TOLERANCE / ratio**k
+        try:
+            run = trials.run(Steps(integrator=integrator, tolerance=tolerance), parameters)
+        except SimulatorError as problem:
+            return replace(best, failure=str(problem))
+        error = distance(run, truth.run)
+        if reason := _gives_up(trials, run, fastest):
+            return replace(best, failure=reason)
+        if error <= SHARE * accuracy_of(scene):
+            return replace(best, tolerance=tolerance, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
+        if error < SETTLING * best.error:
+            best = replace(best, tolerance=tolerance, error=error)
+        elif best.error < inf and tolerance < best.tolerance / 100:
+            return replace(best, failure="smaller tolerances do not lower its error")
+    return best
+
+
+def _own_integrator(variant: ReducedModel) -> str | None:
+    """The integrator of a method that holds the error of steps, where its scene leaves the choice."""
+    numerics, method = variant.scene.numerics, METHODS[variant.method]
+    free = replace(numerics, dt=None, methods={})
+    name = find_integrator(free, method, Implementation.GENERATED, Options()).name
+    return name if numerics.integrator is None and INTEGRATORS[name].adaptive else None
 
 
 def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:
@@ -288,7 +345,7 @@ def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, 
     if artifact is None:
         return found
     try:
-        cost = time_run(at_step(artifact, found.dt), found.dt, parameters)
+        cost = time_run(at_step(artifact, found.steps), found.steps, parameters)
     except SimulatorError as problem:
         return replace(found, seconds=inf, failure=str(problem))
     return replace(found, seconds=cost.seconds, failure=cost.failure)

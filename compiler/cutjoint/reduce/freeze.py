@@ -37,7 +37,7 @@ def freeze_idle(model: Model, scene: Scene) -> Outcome:
     if poses is None:
         return outcome
     moves = {j.name: _movement(model, j, poses) for j in model.joints if not j.element.is_free}
-    limit = IDLE if scene.tolerance is None else scene.tolerance
+    limit = IDLE if scene.accuracy is None else scene.accuracy
     idle = {name for name, moved in moves.items() if moved <= limit}
     left: list[Note] = []
     while any(j.name in idle and j.guide is None and j.element.speeds for j in model.joints):  # what is fixed anyway is for an exact pass

@@ -17,10 +17,11 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.sequence import ReducedModel
-from cutjoint.reduce.trials import Trials
+from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
+from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 
@@ -42,7 +43,7 @@ class Truth:
 
 
 def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, when_running: Callable[[], None] | None = None) -> Truth:
-    """The full model of a scene with a tolerance by the first method that settles.
+    """The full model of a scene by the first method that settles.
 
     Methods with a linear system come first: they hold loops by the equations.  ``when_running`` is called as the runs of a method begin,
     which leave this program little to do.
@@ -50,7 +51,6 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, w
     Raises:
         RunError: none settles.
     """
-    assert scene.tolerance is not None
     reasons = []
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
@@ -65,12 +65,11 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, w
 
 
 def _settle(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, float]) -> Truth:
-    assert scene.tolerance is not None
     before: Trajectory | None = None
     moved, problem = inf, ""
     for halving in range(MOST_HALVINGS + 1):
         dt = fraction(scene.output_step, step * 2.0**-halving)
-        run = trials.run(dt, parameters)
+        run = trials.run(Steps(dt=dt), parameters)
         if run.failure is not None:
             problem = str(run.failure)
             if before is not None:
@@ -78,7 +77,7 @@ def _settle(trials: Trials, step: float, scene: Scene, parameters: Mapping[str, 
             continue
         moved = distance(before, run) if before is not None else inf
         before = run
-        if moved <= SETTLED * scene.tolerance:
+        if moved <= SETTLED * accuracy_of(scene):
             return Truth(run=run, settled=moved)
     raise RunError(f"the motion still changes by {moved:.2g} at the smallest step" if moved < inf else problem)
 
@@ -139,7 +138,7 @@ def measure_reduced(
         artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=variant.method))
         run = simulate(artifact, dt=dt, parameters=parameters, check=False)
         truth = truth or _finished(run, variant)
-        costs.append(replace(time_run(artifact, dt, parameters), error=distance(run, truth)))
+        costs.append(replace(time_run(artifact, None if dt is None else Steps(dt=dt), parameters), error=distance(run, truth)))
     return costs
 
 
@@ -151,8 +150,9 @@ def _finished(run: Trajectory, variant: ReducedModel) -> Trajectory:
     raise RunError(f"{place}: scene '{variant.scene.name}': the full model has no run to measure by: {run.failure}")
 
 
-def time_run(artifact: Artifact, dt: float | None, parameters: Mapping[str, float] | None = None) -> Cost:
-    """The fastest of several runs; without a given step they keep the scene's tolerance."""
-    runs = [simulate(artifact, dt=dt, parameters=parameters, error=dt is None, check=False) for _ in range(REPETITIONS)]
+def time_run(artifact: Artifact, steps: Steps | None, parameters: Mapping[str, float] | None = None) -> Cost:
+    """The fastest of several runs; without given steps they keep the scene's accuracy."""
+    options = {} if steps is None else steps.options
+    runs = [simulate(artifact, parameters=parameters, error=steps is None, check=False, **options) for _ in range(REPETITIONS)]
     failure = next((str(run.failure) for run in runs if run.failure is not None), "")
     return Cost(seconds=min(run.seconds for run in runs), error=inf, failure=failure)

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextvars import copy_context
+from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 from threading import RLock, Thread
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
@@ -33,8 +34,31 @@ _RESIDUAL = "dynamic_residual"
 _INTERPRETING = 4e-9
 
 
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Equal steps of ``dt`` (s), or steps of an ``integrator`` that are as long as a ``tolerance`` allows, with rows of the scene; dt is
+    then 0."""
+
+    dt: float = 0.0
+    integrator: str = ""
+    tolerance: float = 0.0
+
+    @property
+    def is_equal(self) -> bool:
+        """Return whether all are as long as the others."""
+        return not self.integrator
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of a run with these steps."""
+        return {"dt": self.dt} if self.is_equal else {"integrator": self.integrator, "tolerance": self.tolerance}
+
+    def __str__(self) -> str:
+        return f"{1e3 * self.dt:.4g} ms" if self.is_equal else f"{self.integrator} {self.tolerance:.1e}"
+
+
 class Trials:
-    """Runs of a model by a method with given steps and without a tolerance; ``scheduled`` is what `pipeline.schedule_method` made of it."""
+    """Runs of a model by a method with given steps and without a goal; ``scheduled`` is what `pipeline.schedule_method` made of it."""
 
     def __init__(self, model: Model, scene: Scene, method: str, *, scheduled: tuple[Equations, Program] | None = None) -> None:
         self._model, self._scene, self._method = model, scene, method
@@ -44,6 +68,7 @@ class Trials:
             self._interpreted = interpreted.with_rows(scene.output_step)  # which finds what its loops leave open
         self._left = compiling_seconds(self._operations, method)
         self._step_seconds = _INTERPRETING * self._operations
+        self._last = 0.0
         self._compiling: Future[Artifact] | None = None
 
     @property
@@ -70,20 +95,22 @@ class Trials:
             generated = Generated(*self._scheduled, emit_scheduled(*self._scheduled))
         return compile_scene(self._model, self._scene, CompileOptions(method=self._method), generated=generated)
 
-    def run(self, dt: float, parameters: Mapping[str, float]) -> Trajectory:
-        """A run of steps dt (s), whose rows are some of the scene's; it may have failed.
+    def run(self, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
+        """A run whose rows are some of the scene's; it may have failed.
 
         Raises:
             SimulatorError: the simulator could not run.
             ToolchainError: the C++ side failed.
         """
-        steps = self._scene.end / dt
-        if self.is_compiled or self._left < steps * self._step_seconds:
-            return run_at(self.compiled, dt, parameters)
-        run = run_at(self._interpreted, dt, parameters)
+        expected = self._scene.end / steps.dt * self._step_seconds if steps.is_equal else self._last
+        if self.is_compiled or self._left < expected:
+            return run_at(self.compiled, steps, parameters)
+        run = run_at(self._interpreted, steps, parameters)
         self._left -= run.seconds
-        if run.failure is None:
-            self._step_seconds = run.seconds / steps
+        if steps.is_equal and run.failure is None:
+            self._step_seconds = run.seconds * steps.dt / self._scene.end
+        elif not steps.is_equal:
+            self._last = run.seconds
         return run
 
     def instructions(self, run: Trajectory) -> float:
@@ -103,14 +130,14 @@ def count_instructions(program: Program, method: str, run: Trajectory) -> float:
     return run.effort.iterations * program.instructions(_RESIDUAL) + run.effort.factorisations * evaluation
 
 
-def at_step(artifact: Artifact, dt: float) -> Artifact:
-    """The artifact with rows that a step reaches."""
-    return artifact.with_rows(common_step(dt, artifact.scene.output_step))
+def at_step(artifact: Artifact, steps: Steps) -> Artifact:
+    """The artifact with rows that steps reach."""
+    return artifact.with_rows(common_step(steps.dt, artifact.scene.output_step)) if steps.is_equal else artifact
 
 
-def run_at(artifact: Artifact, dt: float, parameters: Mapping[str, float]) -> Trajectory:
+def run_at(artifact: Artifact, steps: Steps, parameters: Mapping[str, float]) -> Trajectory:
     """A run whose rows are some of the scene's."""
-    return simulate(at_step(artifact, dt), dt=dt, parameters=parameters, error=False, check=False)
+    return simulate(at_step(artifact, steps), parameters=parameters, error=False, check=False, **steps.options)
 
 
 Result = TypeVar("Result")

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
+from cutjoint.run.figures import Line, as_png, draw
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 
@@ -27,18 +24,10 @@ def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
 
 def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[str]], folder: Path) -> Path:
     dimension = _DIMENSIONS.get(unit, unit)
-    figure = Figure(figsize=(9, 1 + 2.1 * len(quantities)), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(len(quantities), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (quantity, columns) in zip(panels, quantities.items(), strict=True):
-        for column in columns:
-            panel.plot(run.t, run[column], linewidth=1.0, label=column.removesuffix(f".{quantity}"))
-        panel.set_ylabel(f"{quantity} [{unit}]")
-        panel.grid(visible=True, linewidth=0.3)
-        panel.legend(loc="upper right", fontsize="small", frameon=False)
-    panels[-1].set_xlabel("t [s]")
-    figure.suptitle(f"{title}: {dimension}")
+    lines = [
+        Line(x=run.t, y=run[column], label=column.removesuffix(f".{quantity}"), unit=unit, panel=quantity)
+        for quantity, columns in quantities.items() for column in columns
+    ]  # fmt: skip
+    figure = draw(lines, x_label="t [s]", title=f"{title}: {dimension}")
     path = folder / f"{dimension.replace(' ', '_').replace('/', '_').replace('*', '_').replace('^', '')}.png"
-    picture = BytesIO()
-    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
-    return write_whole(path, picture.getvalue())
+    return write_whole(path, as_png(figure))

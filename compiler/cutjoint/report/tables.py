@@ -52,7 +52,9 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         (closing_equations(model), f"{mobility.equations}, rank {mobility.rank}"),
         ("design position", _design_position(mobility)),
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
+        *([("motion", motion)] if (motion := _motion(mobility, guided)) else []),
         *([("warning", warning)] if warning else []),
+        *(("note", note) for note in model.notes),
     )  # fmt: skip
 
 
@@ -60,6 +62,17 @@ def _further(model: Model) -> tuple[tuple[str, Sequence[object]], ...]:
     """Elements that most models do not have."""
     signals = [signal for signal in model.signals if not signal.reported]
     return ("gears", model.gears), ("states", model.states), ("signals", signals), ("controllers", model.controllers)
+
+
+def _motion(mobility: Mobility, guided: int) -> str:
+    """The words about a model that has no freedom."""
+    if mobility.degrees_of_freedom:
+        return ""
+    return KINEMATIC if guided else "none: loops and joints leave no freedom, and no joint has a guide"
+
+
+#: The motion of a model that guides drive whole.
+KINEMATIC = "kinematic: guides drive all freedom; runs have the forces of the guides and all reactions"
 
 
 def _assemblies(model: Model) -> str:
@@ -81,10 +94,12 @@ def _design_position(mobility: Mobility) -> str:
         return f"rank {mobility.rank}; no other pose was found beside it, so that it may be singular"
     condition = f"condition {mobility.condition:.3g}"
     if mobility.condition > _NEARLY_SINGULAR:
-        condition += ": some equations are nearly redundant; are the file's numbers rounded?"
+        condition += f": {_NEARLY}; are the file's numbers rounded?"
     return f"rank {mobility.rank} as in {others}, {condition}" if mobility.poses > 1 else f"rigid, {condition}"
 
 
+#: Words about an ordinary design position, and about one whose numbers are rounded.
+_ORDINARY, _NEARLY = (" as in ", "rigid, "), "some equations are nearly redundant"
 #: A condition above this is that of lengths that were meant to be equal, rather than of a mechanism.
 _NEARLY_SINGULAR = 1e5
 
@@ -163,6 +178,24 @@ def rows_elsewhere(run: SimulatorRun) -> str:
     )
 
 
+#: The words of `check` in a line each: (word, meaning, whether it stands in the tables of loops alone).
+_LEGEND = (
+    ("rank", "how many of the equations say something that the others do not; degrees of freedom are the coordinates less the rank", True),
+    ("condition", "how far equations are from saying the same, 1 at best; above 1e5 numbers of the file may be rounded", True),
+    ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
+    ("(chosen)", "the compiler cuts the loop here, since neither the model nor a force says where", True),
+    ("redundant", "equations that follow from others; they do no harm, but reactions that they share are indeterminate", True),
+    ("operations", "of an evaluation, as predicted with this cut; counted once: parts that are computed side by side count as one", True),
+    ("massless", "links without mass, which follow the others", False),
+    ("isomorphic", "parts alike but for their numbers, which are computed side by side", False),
+)  # fmt: skip
+
+
+def legend(*, with_loops: bool) -> Table:
+    """The words of `check` and their meaning."""
+    return facts("words", [(word, meaning) for word, meaning, of_loops in _LEGEND if with_loops or not of_loops])
+
+
 #: The value in the columns of indeterminate reactions.
 LEAST = "of all solutions the one with the smallest multipliers of cut joints"
 
@@ -172,23 +205,51 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
+#: The facts that a run tells in any case.
+_TOLD = ("motion", "warning", "note", "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+
+
+def told_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
+    """The facts about a model and its run that a reader should know, whatever else is shown."""
+    found = [(name, value) for name, value in (*counts, *_run_rows(compilation, run)) if name in _TOLD or _is_odd(name, value)]
+    return list(dict.fromkeys(found))
+
+
+def _is_odd(name: str, value: str) -> bool:
+    """Return whether a fact is that of a design position unlike other poses."""
+    return name == "design position" and (_NEARLY in value or not any(words in value for words in _ORDINARY))
+
+
+def summary_line(compilation: Compilation, run: Trajectory) -> str:
+    """The scene, its method and the time of its run in one line."""
+    return f"scene {compilation.scene}, method {compilation.method}: {_run_time(run)}; --verbose says more"
+
+
 def run_facts(compilation: Compilation, run: Trajectory) -> Table:
     """The costs of compiling and running."""
-    c = compilation
+    return facts(f"scene {compilation.scene}, method {compilation.method}", _run_rows(compilation, run))
+
+
+def _run_time(run: Trajectory) -> str:
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
     factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
-    return facts(f"scene {c.scene}, method {c.method}", [
+    return f"{run.seconds:.4f} s for {simulated:g} s: {factor}"
+
+
+def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
+    c = compilation
+    return [
         ("operations", f"{c.operations} an evaluation, {c.instructions} with lanes counted once"),
         ("generate", _taken(c.generate_seconds)),
         ("compile", _compiled(c)),
-        ("run", f"{run.seconds:.4f} s for {simulated:g} s: {factor}"),
+        ("run", _run_time(run)),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("went over to", run.instead)] if run.instead else []),
         *_effort_facts(run.effort),
         *_balance_facts(run.energy),
         *_speeds_not_given(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
-    ])  # fmt: skip
+    ]  # fmt: skip
 
 
 def _compiled(c: Compilation) -> str:

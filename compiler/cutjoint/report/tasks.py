@@ -19,6 +19,7 @@ from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.run.results import MechanismState
+from cutjoint.run.settings import accuracy_of
 from cutjoint.tasks.realtime import StepTimes
 
 # Equilibria
@@ -230,8 +231,8 @@ def note_lines(variant: ReducedModel) -> Iterator[str]:
 
 def choice_table(choice: Choice, scene: Scene) -> Table:
     """A table of the choice beside the other candidates."""
-    title = f"scene {scene.name}: the fastest within {scene.tolerance:g} m and rad (the truth still moves by {choice.settled:.0e})"
-    table = _reduced_table(title, ("", "method", "model", "dt / ms", "error", "ms", "of real time"), 3)
+    title = f"scene {scene.name}: the fastest within {accuracy_of(scene):g} m and rad (the truth still moves by {choice.settled:.0e})"
+    table = _reduced_table(title, ("", "method", "model", "steps", "error", "ms", "of real time"), 3)
     for candidate in choice.evidence:
         table.add_row("picked" if candidate == choice.picked else "", candidate.method, candidate.variant, *_cells(candidate, scene))
     return table
@@ -242,4 +243,4 @@ def _cells(candidate: Candidate, scene: Scene) -> tuple[str, ...]:
         found = f"{candidate.error:.1e}" if candidate.error < inf else "-"
         return "-", found, "-", candidate.failure.splitlines()[0]
     speed = f"{scene.end / candidate.seconds:.0f} times"
-    return f"{1e3 * candidate.dt:.4g}", f"{candidate.error:.1e}", f"{1e3 * candidate.seconds:.3g}", speed
+    return str(candidate.steps), f"{candidate.error:.1e}", f"{1e3 * candidate.seconds:.3g}", speed

@@ -24,7 +24,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.records import Scene
+from cutjoint.model.records import Model, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
@@ -75,6 +75,11 @@ class Artifact:
             generate_seconds=self.generate_seconds, compile_seconds=self.compile_seconds if self.binary.fresh else 0.0,
             start=start_of(self.mechanism),
         )  # fmt: skip
+
+    @property
+    def model(self) -> Model:
+        """The model that the topology is of."""
+        return self.topology.model
 
     @property
     def topology(self) -> Topology:

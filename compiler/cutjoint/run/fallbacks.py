@@ -135,7 +135,7 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
 def _with_tolerance(file: RunFile, factor: float) -> Fallback:
     absolute, tolerance = file.settings.absolute_tolerance, factor * file.settings.tolerance
     changed = file.with_settings(tolerance=tolerance, absolute_tolerance=None if absolute is None else factor * absolute)
-    return Fallback(words=f"tolerance {tolerance:g}", run_file=changed)
+    return Fallback(words=f"solver_tolerance {tolerance:g}", run_file=changed)
 
 
 def _with_penalty(file: RunFile, penalty: float) -> Fallback:

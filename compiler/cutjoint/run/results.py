@@ -5,22 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from math import nan
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.errors import nearest
+from cutjoint.package.extensions import MissingPackageError
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.settings import StepSettings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
 
 T = TypeVar("T")
 
 Array: TypeAlias = NDArray[np.float64]
 
 
+#: The name of the time among the columns of a table.
+TIME = "t"
 #: The beginning of an advice, or of its last part, that nobody has tried for the run at hand.
 UNTRIED = "not tried: "
 #: The number of columns in a `repr`.
@@ -168,9 +177,11 @@ class ErrorEstimate:
         return f"<ErrorEstimate, {converged}: {len(self.largest)} columns, largest {worst or 'none'}>"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """A table of a run: ``columns`` by name over ``t`` (s), ``units`` of each, and how the run went.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Trajectory(Columns[Array]):
+    """A table of a run, which is a mapping from the names of its columns, "t" first, to arrays (rows,), and how the run went.
+
+    ``t`` (s) is the time, ``columns`` are the outputs over it, ``units`` those of each output.
 
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
     start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
@@ -198,14 +209,51 @@ class Trajectory:
     instead: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
-    def __getitem__(self, column: str) -> Array:
-        return self.columns[column]
+    def __post_init__(self) -> None:
+        self.update({TIME: self.t, **self.columns})
 
     def __repr__(self) -> str:
         reached = f"t = {self.t[-1]:g} s" if self.t.size else "no row"
         end = "" if self.failure is None else f"; failed: {self.failure.message}"
         columns = f"{len(self.columns)} columns ({_listed(self.columns)})"
         return f"<Trajectory to {reached}: {self.t.size} rows, {columns}, {self.steps} steps{end}>"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks: of each column the unit, the first and the last value, the smallest and the largest one."""
+        return f"<p>{escape(repr(self))}</p>{_html_table(self)}"
+
+    def plot(self, *names: str, over: str = TIME, beside: Mapping[str, Trajectory] = MappingProxyType({})) -> Figure:
+        """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``beside`` are other
+        runs by names for their lines.
+
+        Raises:
+            KeyError: there is no such column.
+        """
+        from cutjoint.run.figures import Line, draw
+
+        runs = {"": self, **beside}
+        lines = [
+            Line(x=run[over], y=run[name], label=f"{name}, {label}" if label else name, unit=self.unit_of(name))
+            for name in names or self.columns for label, run in runs.items() if name in run or run is self
+        ]  # fmt: skip
+        return draw(lines, x_label=f"{over} [{self.unit_of(over)}]")
+
+    def unit_of(self, column: str) -> str:
+        """The unit of a column, s of the time."""
+        return "s" if column == TIME else self.units[column]
+
+    def to_xarray(self) -> Dataset:
+        """The columns as a data set of xarray over the coordinate "t", each with its unit as the attribute "units".
+
+        Raises:
+            MissingPackageError: xarray is not installed.
+        """
+        try:
+            from xarray import Dataset
+        except ImportError:
+            raise MissingPackageError("to_xarray needs the package xarray, which is not installed; pip install 'cutjoint[data]'") from None
+        arrays = {name: (TIME, column, {"units": self.units[name]}) for name, column in self.columns.items()}
+        return Dataset(arrays, coords={TIME: (TIME, self.t, {"units": "s"})})
 
     @cached_property
     def error(self) -> ErrorEstimate:
@@ -270,6 +318,22 @@ class MechanismState:
 
     def __repr__(self) -> str:
         return f"<MechanismState of {len(self.values)} quantities ({_listed(self.values)})>"
+
+
+def _html_table(run: Trajectory) -> str:
+    """A row of HTML for each column of a run, with its error where that is known."""
+    known = run.__dict__.get("error")
+    headings = ["", "unit", "first", "last", "smallest", "largest", *([] if known is None else ["error at most"])]
+    rows = [_html_row("th", headings)]
+    for name, column in run.items() if run.t.size else ():
+        values = [column[0], column[-1], column.min(), column.max()]
+        values += [] if known is None or name == TIME else [known[name]]
+        rows.append(_html_row("td", [name, run.unit_of(name), *(f"{value:.6g}" for value in values)]))
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _html_row(cell: str, texts: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
 
 
 def read_effort(summary: Mapping[str, Any]) -> Effort:

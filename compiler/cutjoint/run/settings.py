@@ -149,13 +149,33 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
 def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:
     """The largest error of places and angles (m, rad) of a run whose steps follow from it; None where anything says how steps are."""
     settings, chosen = scene.numerics.of_method(method), INTEGRATORS[integrator]
+    if options.accuracy is not None:
+        _require_accuracy(options)
+        return options.accuracy
     if chosen.adaptive:
         is_free = settings.tolerance == Numerics.tolerance and settings.absolute_tolerance is None and options.tolerance is None
     else:
         is_free = integrator in INTEGRATORS and options.iterations is None
     if not is_free or settings.dt is not None or options.dt is not None:
         return None
-    return GOAL if scene.tolerance is None else scene.tolerance
+    return accuracy_of(scene)
+
+
+def _require_accuracy(options: Options) -> None:
+    """Check that a caller who gives an accuracy says nothing else of the steps.
+
+    Raises:
+        RunError: the step, the solver's tolerance or the iterations are given too.
+    """
+    others = {"dt": options.dt, "solver_tolerance": options.tolerance, "iterations": options.iterations}
+    require_settings(accuracy=options.accuracy)
+    if given := [name for name, value in others.items() if value is not None]:
+        raise RunError(f"accuracy: steps follow from it; leave {join_and(given)} away, or the accuracy")
+
+
+def accuracy_of(scene: Scene) -> float:
+    """The largest error of places and angles (m, rad) that a scene allows."""
+    return GOAL if scene.accuracy is None else scene.accuracy
 
 
 def find_tolerance(scene: Scene, method: str, integrator: str) -> float | None:
@@ -257,8 +277,9 @@ def _require_ranges(scene: Scene, settings: Settings) -> None:
 class Options:
     """Settings that a caller gives in place of the scene's; None for what the scene, the method and the integrator have.
 
-    ``dt`` and ``end`` are in s.  ``tolerance`` is the relative error of an adaptive integrator's step, else the relative change of the
-    accelerations at which the iteration of a step ends.  ``iterations`` is the number that each step has, so that all cost the same.
+    ``dt`` and ``end`` are in s.  ``accuracy`` is the largest error of places and angles (m, rad), from which steps follow.  ``tolerance``,
+    the solver's, is the relative error of an adaptive integrator's step, else the relative change of the accelerations at which the
+    iteration of a step ends.  ``iterations`` is the number that each step has, so that all cost the same.
     ``solver`` is the linear solver, ``integrator`` one of INTEGRATORS, ``events`` one of Events.
     """
 
@@ -270,6 +291,7 @@ class Options:
     solver: str | None = None
     integrator: str | None = None
     events: str | None = None
+    accuracy: float | None = None
 
 
 #: Equal steps by the default rule over events, whatever the scene says; also of tasks without steps.

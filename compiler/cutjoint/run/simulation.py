@@ -1,4 +1,4 @@
-"""A run from Python: Binary -> Trajectory."""
+"""A run of a compiled model: Binary -> Trajectory."""
 
 from __future__ import annotations
 
@@ -18,22 +18,11 @@ def simulate(
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
-    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False,
+    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False, accuracy: float | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Run a compiled model with ``parameters`` (SI units); settings from ``dt`` on are those of `Options`, by default the scene's.
-
-    ``inputs`` drive the run instead of the scene's laws, as `run.inputs` has them.  ``out`` receives the table, ``steps`` a CSV file with
-    iterations and residuals of each step, ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the
-    run keeps the scene's tolerance and has an ``error``; with ``coordinates`` it has those of each row, by which `write_view` draws it.
-    Without ``check`` a run that fails is returned with its failure.
-
-    Raises:
-        RunError: a parameter or an input that cannot be set, or settings that no run has or that do not go together.
-        SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
-        FailedRunError, Interrupted, Terminated: the run failed (the error has its trajectory), or a signal has ended it.
-    """
+    """Run a compiled model; arguments and errors are those of `cutjoint.simulate`."""
     options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,
-                      events=events)  # fmt: skip
+                      events=events, accuracy=accuracy)  # fmt: skip
     plan = make_simulator_run(artifact, options, parameters, inputs=inputs, tangents=tangents is not None, coordinates=coordinates)
     run = run_accurately(plan, out=out, steps=steps, tangents=tangents, progress=progress, estimate=error, advise=check)
     held = {name: value for name, value in (inputs or {}).items() if not isinstance(value, Mapping)}

@@ -11,20 +11,18 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.locations import AnyPath
 from cutjoint.run.errors import RunError
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.given import Given, take_model
 from cutjoint.stepping.library import Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
-from cutjoint.topology.reading import read_model
 
 
 def load(
-    path: AnyPath, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
+    model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
     linearise: bool = False, flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
-    """Compile a model file for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
+    """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
     Steps are those of ``method`` by ``integrator``: "trapezoidal", or of method recursive "rk4", "dormand-prince" or "dop853", of
     method recursive-newton "generalised-alpha", "sdirk4" or "sdirk4-fixed"; that of `simulate` unless one is named, as
@@ -39,8 +37,8 @@ def load(
         ToolchainError: a tool is not installed, or the compiler failed.
     """
     _require_method(method)
-    model = read_model(path, opened=opened)
-    return load_scene(model, find_scene(model, scene), method=method, integrator=integrator, linearise=linearise, flags=flags)
+    read, chosen = take_model(model, scene, opened)
+    return load_scene(read, chosen, method=method, integrator=integrator, linearise=linearise, flags=flags)
 
 
 def load_scene(

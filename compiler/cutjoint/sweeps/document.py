@@ -142,7 +142,7 @@ class Document(Part):
     dt: Number | None = None
     end: Number | None = None
     output_step: Number | None = None
-    tolerance: Number | None = None
+    solver_tolerance: Number | None = None
     flags: StrictStr | None = None
     parameters: dict[StrictStr, Values] = Field(default={})
     positions: dict[StrictStr, Values] = Field(default={})

@@ -15,6 +15,8 @@ from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.operations import ExpressionError
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.records import Model, Scene
+from cutjoint.model.renamed import STUDY, in_new_words
+from cutjoint.model.scenes import SETTINGS, SOLVER_TOLERANCE
 from cutjoint.model.scope import Directory, Element, Scope
 from cutjoint.model.shape import check_part
 from cutjoint.model.source import Path as Keys
@@ -53,11 +55,13 @@ def read_study(path: AnyPath) -> Study:
 
 def read_study_text(text: str, file: str) -> Study:
     """Read a study from its text; ``file`` is the name in messages, and paths in the study start from its folder."""
-    source, problems = parse_yaml(text, file), Problems()
+    problems = Problems()
+    source, notes = in_new_words(parse_yaml(text, file), problems, STUDY)
     document = check_part(source, problems, Document, element_of)
     if document is None:
         raise problems.error()
-    return _Reading(source, problems, document).study()
+    study = _Reading(source, problems, document).study()
+    return replace(study, model=replace(study.model, notes=(*study.model.notes, *notes)))
 
 
 class _Reading:
@@ -122,16 +126,17 @@ class _Reading:
 
     def _with_settings(self, scene: Scene) -> Scene:
         document, times = self.document, {}
-        for name in ("dt", "end", "output_step", "tolerance"):
+        for name in ("dt", "end", "output_step", SOLVER_TOLERANCE):
             value = getattr(document, name)
             if value is not None:
-                times[name] = number = self.where.number(value, None if name == "tolerance" else TIME, (name,))
-                if not isnan(number) and (fault := fault_of_setting(name, number)):
+                times[name] = number = self.where.number(value, None if name == SOLVER_TOLERANCE else TIME, (name,))
+                if not isnan(number) and (fault := fault_of_setting(SETTINGS.get(name, name), number)):
                     self.where.fail(f"{name}: {fault}", "", (name,))
         if self.problems:
             raise self.problems.error()
         scene = replace(scene, output_step=times.get("output_step", scene.output_step))
-        return with_options(scene, document.method, Options(dt=times.get("dt"), end=times.get("end"), tolerance=times.get("tolerance")))
+        asked = Options(dt=times.get("dt"), end=times.get("end"), tolerance=times.get(SOLVER_TOLERANCE))
+        return with_options(scene, document.method, asked)
 
     # Objectives and series
 

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+from warnings import warn
 
 import numpy as np
 
@@ -27,16 +28,16 @@ from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
+from cutjoint.run.given import Given, take_model
 from cutjoint.run.inputs import input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
-from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
 from cutjoint.toolchain.build import FLAGS, Binary, build
-from cutjoint.topology.reading import read_model
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
@@ -63,10 +64,9 @@ class BatchArtifact:
         return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
 
 
-def compile_batch(path: AnyPath, *, scene: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS) -> BatchArtifact:
-    """Compile a model file for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
-    model = read_model(path, opened=opened)
-    return compile_scene_batch(model, find_scene(model, scene), flags=flags)
+def compile_batch(model: Given, *, scene: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model, or its file, for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
+    return compile_scene_batch(*take_model(model, scene, opened), flags=flags)
 
 
 def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
@@ -124,12 +124,13 @@ def _require_batch(scene: Scene) -> None:
 
 
 def simulate_batch(
-    artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], *, dt: float | None = None, end: float | None = None,
-    tolerance: float | None = None, threads: int | None = None, out: AnyPath | None = None, progress: Progress | None = None,
-    check: bool = True,
+    model: BatchArtifact | Given, cases: Sequence[Mapping[str, float]], *, scene: str | None = None, opened: Sequence[str] = (),
+    dt: float | None = None, end: float | None = None, solver_tolerance: float | None = None, threads: int | None = None,
+    out: AnyPath | None = None, progress: Progress | None = None, check: bool = True, tolerance: float | None = None,
 ) -> Batch:  # fmt: skip
-    """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name;
-    ``threads`` are as many as processors by default.
+    """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name; what `compile_batch`
+    has not made is compiled by it.  ``threads`` are as many as processors by default; ``tolerance`` is the earlier name of
+    ``solver_tolerance``.
 
     ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
     A run that fails does not stop the others; with ``check`` it is an error once all have ended.
@@ -142,9 +143,15 @@ def simulate_batch(
         FailedBatchError: some runs failed; it has the batch.
     """
     require_settings(threads=threads)
+    if tolerance is not None:
+        warn("simulate_batch(tolerance=...) is now simulate_batch(solver_tolerance=...)", FutureWarning, stacklevel=2)
+    if isinstance(model, BatchArtifact) and scene is None and not opened:
+        artifact = model
+    else:
+        artifact = compile_batch(model, scene=scene, opened=opened)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
-    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance)
+    begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = len(os.sched_getaffinity(0)) if threads is None else threads
     if artifact.alone is None:
         settings, play = _plan_side_by_side(artifact, cases, asked, threads)

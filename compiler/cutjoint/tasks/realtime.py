@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.compile.pipeline import take_artifact
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
 from cutjoint.package.locations import AnyPath, path_of
-from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
+from cutjoint.run.given import Given
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import make_run_file
@@ -60,10 +61,10 @@ class FailedRealTimeError(IncompleteError):
 
 
 def run_in_real_time(
-    artifact: Artifact, *, dt: float | None = None, end: float | None = None, iterations: int | None = None,
-    parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
+    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), dt: float | None = None, end: float | None = None,
+    iterations: int | None = None, parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
 ) -> StepTimes:  # fmt: skip
-    """Run a compiled model by the trapezoidal rule, as fast as the clock on the wall.
+    """Run a model by the trapezoidal rule, as fast as the clock on the wall; what `compile_model` has not made is compiled by it.
 
     ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
     same; only the method recursive has that.  A run that fails is an error with ``check``, else it is returned as far as it came.
@@ -75,6 +76,7 @@ def run_in_real_time(
         Interrupted, Terminated: a signal has ended the run.
         FailedRealTimeError: the run failed; it has the times of the steps up to then.
     """
+    artifact = take_artifact(model, scene, opened)
     if artifact.implementation != Implementation.GENERATED:
         raise RunError("runs against the wall clock take generated code")
     options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)

@@ -5,7 +5,7 @@ A search takes hundreds of evaluations, so that compiling would take longer than
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,20 +20,19 @@ from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
+from cutjoint.run.given import Given, take_model
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import find_scene, with_closure, with_loops
+from cutjoint.run.scenes import with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.build import build_topology
-from cutjoint.topology.reading import read_model
 
 _SPEEDS = ("vx", "vy", "vz", "wx", "wy", "wz")
 
@@ -48,10 +47,12 @@ class NoEquilibriumError(IncompleteError):
         return report
 
 
-def find_equilibrium(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The static equilibrium of a model file, of the only scene if none is named; the rest as in `find_scene_equilibrium`."""
-    model = read_model(path)
-    return find_scene_equilibrium(model, find_scene(model, scene), parameters=parameters)
+def find_equilibrium(
+    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+) -> MechanismState:  # fmt: skip
+    """The static equilibrium of a model or its file, of the only scene if none is named, with numbers ``opened`` as in `compile_model`; the
+    rest as in `find_scene_equilibrium`."""
+    return find_scene_equilibrium(*take_model(model, scene, opened), parameters=parameters)
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
@@ -85,8 +86,11 @@ def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str
     return np.asarray(run.coordinates[0])
 
 
-def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: Mapping[str, float] | None = None) -> MechanismState:
-    """The state at the start of a scene: places, attitudes and speeds of all bodies, coordinates and speeds of all joints that are not cut.
+def find_initial_state(
+    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+) -> MechanismState:  # fmt: skip
+    """The state at the start of a scene of a model or its file, with numbers ``opened`` as in `compile_model`: places, attitudes and speeds
+    of all bodies, coordinates and speeds of all joints that are not cut.
 
     Raises:
         FailedRunError: the scene has no start; its trajectory has no row.
@@ -95,23 +99,23 @@ def find_initial_state(path: AnyPath, *, scene: str | None = None, parameters: M
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
     """
-    model = read_model(path)
-    chosen = with_loops(with_closure(replace(find_scene(model, scene), end=0.0), PLAIN_CLOSURE), Loops.EXACT)
-    tree = [t.joint for t in build_topology(model).tree]
-    outputs = [*_outputs(model.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
-    artifact = compile_interpreted(model, chosen, outputs=outputs)
+    read, found = take_model(model, scene, opened)
+    chosen = with_loops(with_closure(replace(found, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
+    tree = [t.joint for t in build_topology(read).tree]
+    outputs = [*_outputs(read.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
+    artifact = compile_interpreted(read, chosen, outputs=outputs)
     run = simulate(artifact, parameters=parameters, integrator=PLAIN_STEPS.integrator, events=PLAIN_STEPS.events, error=False)
     values = Columns({name: float(column[0]) for name, column in run.columns.items()})
     return MechanismState(values=values, units=run.units, undetermined=run.undetermined)
 
 
 def find_modes(
-    path: AnyPath, *, scene: str | None = None, at: float | None = None, parameters: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
+    model: Given, *, scene: str | None = None, at: float | None = None, opened: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None, progress: Progress | None = None,
 ) -> Modes:  # fmt: skip
-    """Eigenvalues and mode shapes of a model file, of the only scene if none is named; ``at`` and errors as in `find_scene_modes`."""
-    model = read_model(path)
-    return find_scene_modes(model, find_scene(model, scene), at=at, parameters=parameters, progress=progress)
+    """Eigenvalues and mode shapes of a model or its file, of the only scene if none is named, with numbers ``opened`` as in
+    `compile_model`; ``at`` and errors as in `find_scene_modes`."""
+    return find_scene_modes(*take_model(model, scene, opened), at=at, parameters=parameters, progress=progress)
 
 
 def find_scene_modes(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
+from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
@@ -132,17 +133,23 @@ def _is_as_designed(model: Model, scene: Scene) -> bool:
     return scene.pose == "design" and not scene.positions and all(joint.guide is None for joint in model.joints)
 
 
-def write_view(path: AnyPath, artifact: Artifact, run: Trajectory, *, parameters: Mapping[str, float] | None = None) -> Path:
-    """Write a run of a compiled model as a page (.html) or as a .glb file; ``parameters`` (SI units) are those that the run had.
+def write_view(
+    path: AnyPath, model: Given, run: Trajectory, *, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> Path:  # fmt: skip
+    """Write a run of a model as a page (.html) or as a .glb file; ``scene``, ``opened``, ``method`` and ``parameters`` (SI units) are those
+    that the run had, with an artifact its own.
 
     Raises:
         RunError: `simulate` was not asked for the run's coordinates.
         OutputError: the file cannot be written, or its ending names no kind.
     """
     if run.coordinates is None:
-        raise RunError("the run has no coordinates to draw it by; write simulate(artifact, coordinates=True)")
-    scene = replace(artifact.scene, outputs=artifact.equations.outputs)
-    return write_shown(Path(path), show_run(artifact.topology.model, scene, artifact.method, parameters or {}, run))
+        raise RunError("the run has no coordinates to draw it by; write simulate(model, coordinates=True)")
+    read, chosen = take_model(model, scene, opened)
+    if isinstance(model, Artifact):
+        chosen, method = replace(chosen, outputs=model.equations.outputs), method or model.method
+    return write_shown(Path(path), show_run(read, chosen, method or method_of(chosen), parameters or {}, run))
 
 
 def write_shown(path: Path, shown: ViewSpec, *, over: GhostRun | None = None) -> Path:

@@ -25,10 +25,10 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.version import __version__
-from cutjoint.reduce.choose import Candidate, choose, find_step, timed
+from cutjoint.reduce.choose import Candidate, choose, find_step, find_tolerance, timed
 from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.trials import at_step
+from cutjoint.reduce.trials import Steps, Trials, at_step
 from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.digests import runtime_digest
@@ -63,7 +63,7 @@ def main(only: tuple[str, ...]) -> None:
         found = find_scene(model, scene)
         if only and not {name, found.name} & set(only):
             continue
-        wanted = replace(found, method="auto", tolerance=tolerance, end=found.end if end is None else end)
+        wanted = replace(found, method="auto", accuracy=tolerance, end=found.end if end is None else end)
         rows[f"{name} {found.name}"] = Comparison(model=model, scene=wanted, store=store).row()
         KEPT.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     _print(list(rows.values()))
@@ -90,12 +90,12 @@ class Comparison:
     def _compare(self, picked: Candidate) -> Record:
         tried = list(self._search())
         best = min([*(c for c in tried if not c.failure), picked], key=lambda c: c.seconds)
-        different = list(dict.fromkeys((c.method, c.variant, c.dt) for c in (picked, best)))
+        different = list(dict.fromkeys((c.method, c.variant, c.steps) for c in (picked, best)))
         times = [[self._seconds(*of) for of in different] for _ in range(ROUNDS)]
         fastest = [min(column) for column in zip(*times, strict=True)]
         seconds = [fastest[0], fastest[-1]]
         return {
-            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.tolerance,
+            "model": self.model.name, "scene": self.scene.name, "end": self.scene.end, "tolerance": self.scene.accuracy,
             "picked": asdict(picked), "best": asdict(best), "candidates": [asdict(c) for c in tried],
             "settled": self.truth.settled, "seconds": seconds, "ratio": seconds[0] / seconds[1], "machine": dict(machine()),
             "version": __version__, "runtime": runtime_digest(),
@@ -106,14 +106,15 @@ class Comparison:
         for method in METHODS:
             for variant in self._variants(method):
                 of = {"variant": variant.name, "method": method, "fastest": fastest and asdict(fastest)}
-                found = Candidate(**self._get(of, partial(self._try, variant, fastest)))
-                if not found.failure and (fastest is None or found.seconds < fastest.seconds):
-                    fastest = found
-                yield found
+                for found in (Candidate(**record) for record in self._get(of, partial(self._try, variant, fastest))["candidates"]):
+                    if not found.failure and (fastest is None or found.seconds < fastest.seconds):
+                        fastest = found
+                    yield found
 
     def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
-        found, trials = find_step(variant, self.scene, {}, self.truth, ratio=FINE, fastest=fastest)
-        return asdict(timed(found, None if trials is None else trials.compiled, {}))
+        trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
+        found = [find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest) for find in (find_step, find_tolerance)]
+        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c in found if c is not None]}
 
     def _variants(self, method: str) -> list[ReducedModel]:
         try:
@@ -121,9 +122,9 @@ class Comparison:
         except (ModelError, RunError):
             return []
 
-    def _seconds(self, method: str, name: str, dt: float) -> float:
+    def _seconds(self, method: str, name: str, steps: Steps) -> float:
         variant = next(r for r in self._variants(method) if r.name == name)
-        return time_run(at_step(compile_scene(variant.model, variant.scene, CompileOptions(method=method)), dt), dt).seconds
+        return time_run(at_step(compile_scene(variant.model, variant.scene, CompileOptions(method=method)), steps), steps).seconds
 
     def _get(self, of: dict[str, Any], make: Any) -> Record:
         about = {"model": self.model.content, "scene": repr(asdict(self.scene)), "version": __version__, "runtime": runtime_digest(), **of}
@@ -132,10 +133,10 @@ class Comparison:
 
 def _print(rows: list[Record]) -> None:
     table = Table(title="method auto beside an exhaustive search", title_justify="left", box=None)
-    for heading in ("scene", "tolerance", "picked", "error", "ms", "best of all", "ms", "ratio"):
+    for heading in ("scene", "accuracy", "picked", "error", "ms", "best of all", "ms", "ratio"):
         table.add_column(heading, justify="left")
     for row in rows:
-        picked, best = ([c["method"], c["variant"], f"{1e3 * c['dt']:.3g} ms"] for c in (row["picked"], row["best"]))
+        picked, best = ([c["method"], c["variant"], str(Candidate(**c).steps)] for c in (row["picked"], row["best"]))
         mine, theirs = (f"{1e3 * seconds:.3g}" for seconds in row["seconds"])
         table.add_row(
             f"{row['model']} {row['scene']}", f"{row['tolerance']:g}", ", ".join(picked), f"{row['picked']['error']:.1e}", mine,

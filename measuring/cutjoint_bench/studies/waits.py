@@ -119,7 +119,7 @@ WAITS = (
     Wait(name="batch of 200 runs of the press, cold", model="press", words="batch {model} {cases} --out {out}"),
     Wait(name="modes of the Iltis, changed hardpoint", model="iltis", words="modes {model} --scene simul1", edit="hardpoint"),
     Wait(name="equilibrium of the Iltis, changed hardpoint", model="iltis", words="equilibrium {model} --scene simul1", edit="hardpoint"),
-    Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --tolerance 1e-3"),
+    Wait(name="Iltis simul1 by method auto, cold", model="iltis", words=f"{_SIMUL1} --method auto --accuracy 1e-3"),
     Wait(name="load of the four-bar, cold", model="four_bar", script="import cutjoint; cutjoint.load('{model}')"),
     *(
         Wait(name=f"{what} of the Iltis{how}, {f'changed {edit}' if edit else 'cold'}", model="iltis", script=script, edit=edit)

@@ -1,0 +1,57 @@
+"""Figures of lines: a panel for each quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+
+class Picture(Figure):
+    """A figure that a notebook shows as it is."""
+
+    def _repr_png_(self) -> bytes:
+        return as_png(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A curve of ``y`` over ``x``, both (n,), in the panel of its ``panel`` and ``unit``."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    label: str
+    unit: str
+    panel: str = ""
+
+
+def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
+    """A figure with a panel for each panel and unit that lines name, in their order."""
+    panels: dict[tuple[str, str], list[Line]] = {}
+    for line in lines:
+        panels.setdefault((line.panel, line.unit), []).append(line)
+    figure = Picture(figsize=(9, 1 + 2.1 * len(panels)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, ((name, unit), drawn) in zip(axes, panels.items(), strict=False):
+        for line in drawn:
+            panel.plot(line.x, line.y, linewidth=1.0, label=line.label)
+        panel.set_ylabel(f"{name} [{unit}]".strip())
+        panel.grid(visible=True, linewidth=0.3)
+        panel.legend(loc="upper right", fontsize="small", frameon=False)
+    axes[-1].set_xlabel(x_label)
+    if title:
+        figure.suptitle(title)
+    return figure
+
+
+def as_png(figure: Figure) -> bytes:
+    """The bytes of a PNG file, without date or version."""
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    return picture.getvalue()

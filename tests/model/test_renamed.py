@@ -1,0 +1,70 @@
+"""Words of earlier versions in model and study files: they mean the same, and the new ones are told."""
+
+from __future__ import annotations
+
+import pytest
+
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Scene
+from cutjoint.sweeps.reading import read_study
+from tests.conftest import MODELS
+
+MODEL = """\
+cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+outputs: [bob.x]
+scenes:
+  swing:
+    end: 1
+    tolerance: 1 mm
+    numerics: {tolerance: 1.0e-5, methods: {recursive: {tolerance: 1.0e-7}}}
+"""
+NEW = MODEL.replace("    tolerance", "    accuracy").replace("{tolerance", "{solver_tolerance")
+
+
+def the_scene(text: str) -> tuple[Scene, tuple[str, ...]]:
+    model = read_model_text(text, "arm.yaml")
+    return model.scenes["swing"], model.notes
+
+
+def test_the_tolerance_of_a_scene_is_its_accuracy_and_that_of_numerics_the_solver_s() -> None:
+    (old, notes), (new, none) = the_scene(MODEL), the_scene(NEW)
+    assert (old.accuracy, old.numerics.tolerance, old.numerics.of_method("recursive").tolerance) == (1e-3, 1e-5, 1e-7)
+    assert old.numerics == new.numerics
+    assert old.accuracy == new.accuracy
+    assert none == ()
+    assert notes == (
+        "arm.yaml:10:5: 'tolerance' is now 'accuracy'", "arm.yaml:11:16: 'tolerance' is now 'solver_tolerance'",
+        "arm.yaml:11:57: 'tolerance' is now 'solver_tolerance'",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (MODEL.replace("1 mm", "1 mm\n    accuracy: 1"), "10:5: file: 'tolerance' is the earlier word for 'accuracy', which is given too"),
+        (MODEL.replace("1 mm", "-1 mm"), "10:16: scene 'swing': accuracy must be greater than zero"),
+        (MODEL.replace("tolerance: 1.0e-5", "tolerance: [1]"), "11:27: scene 'swing': numerics.solver_tolerance needs a number"),
+        (NEW.replace("solver_tolerance: 1.0e-5", "solver_toleranc: 1.0e-5"), "unknown field 'solver_toleranc'; did you mean"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_has_its_place(text: str, message: str) -> None:
+    with pytest.raises(ModelError) as error:
+        read_model_text(text, "arm.yaml")
+    assert message in str(error.value)
+
+
+def test_a_study_says_it_too(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        f"cutjoint_study: 1\nmodel: {MODELS / 'press.yaml'}\ntolerance: 1e-8\nparameters: {{stiffness: [1000, 2000]}}\n"
+        "objectives: {peak: {maximum: slider.x}}\n"
+    )
+    study = read_study(file)
+    assert study.model.notes == (f"{file}:3:1: 'tolerance' is now 'solver_tolerance'",)
+    (scene,) = study.scenes
+    assert scene.numerics.of_method("recursive").tolerance == 1e-8

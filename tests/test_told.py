@@ -1,0 +1,110 @@
+"""Output of commands: results and errors first, notes about the model, the progress of long work."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from threading import Event
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from cutjoint.cli import main
+from cutjoint.commands import options
+from cutjoint.model.read import read_model, read_model_text
+from tests.conftest import MODELS, needs_cpp
+
+PRESS = MODELS / "press.yaml"
+ARM = """\
+cutjoint: 1
+name: arm
+gravity: [0, 0, -9.81]
+parameters: {twice: 2*long, long: 1, gain: 2, lever: {value: 3, binding: param}, drive: {value: 0, binding: input}, spare: 5}
+bodies: {bob: {mass: lever, centre_of_mass: [twice, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+forces: {push: {kind: joint_force, joint: pin, law: "drive*gain"}}
+outputs: [bob.x]
+scenes: {swing: {end: 1, inputs: {drive: "spare*t"}}}
+"""
+
+
+def said_by_check(text: str, folder: Path) -> str:
+    file = folder / "model.yaml"
+    file.write_text(text)
+    result = CliRunner().invoke(main, ["check", str(file)])
+    assert result.exit_code == 0, result.output
+    return " ".join(result.output.split())
+
+
+def test_parameters_that_nothing_uses_are_named() -> None:
+    assert read_model_text(ARM, "arm.yaml").notes == ()
+    changed = ARM.replace("*gain", "").replace("[twice, 0, 0]", "[1, 0, 0]").replace('"spare*t"', "t")
+    notes = read_model_text(changed, "arm.yaml").notes
+    assert [note.rpartition(" ")[2] for note in notes] == ["'twice'", "'gain'", "'spare'"]
+    assert notes[0] == "arm.yaml:4:14: nothing uses the parameter 'twice'"
+
+
+@pytest.mark.parametrize("file", sorted(MODELS.glob("*.yaml")), ids=lambda file: file.stem)
+def test_our_models_use_their_parameters_and_the_words_of_this_version(file: Path) -> None:
+    assert read_model(file).notes == ()
+
+
+def test_a_mechanism_that_cannot_move_is_told_from_one_that_guides_drive(tmp_path: Path) -> None:
+    free = ARM
+    assert "degrees of freedom 1 words" in said_by_check(free, tmp_path)
+    rigid = said_by_check(free.replace("kind: revolute", "kind: fixed").replace(", axis: [0, 1, 0]", "").replace(
+        "forces: {push: {kind: joint_force, joint: pin, law: \"drive*gain\"}}", ""), tmp_path)  # fmt: skip
+    assert "motion none: loops and joints leave no freedom, and no joint has a guide" in rigid
+    assert "note" in rigid
+    driven = said_by_check(free.replace("axis: [0, 1, 0]", "axis: [0, 1, 0], guide: t"), tmp_path)
+    assert "motion kinematic: guides drive all freedom" in driven
+
+
+def test_check_explains_its_words(tmp_path: Path) -> None:
+    alone, with_loops = said_by_check(ARM, tmp_path), said_by_check(PRESS.read_text(), tmp_path)
+    assert "isomorphic parts alike but for their numbers" in alone
+    assert "counted once: parts" not in alone
+    assert "counted once: parts that are computed side by side count as one" in with_loops
+
+
+@needs_cpp
+def test_a_run_says_its_file_and_errors_first_and_the_rest_by_request(tmp_path: Path) -> None:
+    words = ["simulate", str(PRESS), "--end", "0.1", "--implementation", "interpreted", "--out", str(tmp_path / "run.csv")]
+    short, long = (CliRunner().invoke(main, [*words, *more]) for more in ([], ["--verbose"]))
+    lines = [line for line in short.stdout.splitlines() if line.strip()]
+    assert lines[0] == f"results: {tmp_path / 'run.csv'}, 4 columns, 11 rows"
+    assert lines[1] == "errors of the steps at most"
+    assert lines[-1].startswith("scene turn, method recursive: ")
+    assert lines[-1].endswith("; --verbose says more")
+    assert len(lines) < 12
+    assert long.stdout.splitlines()[0] == lines[0]
+    assert all(word in long.stdout for word in ("degrees of freedom", "evaluations each", "work and energy"))
+    assert not any(word in short.stdout for word in ("degrees of freedom", "evaluations each", "work and energy"))
+
+
+def test_work_says_off_a_terminal_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    said, written = Event(), io.StringIO()
+
+    class Listening(options._PlainConsole):
+        def print(self, *objects: object, **how: object) -> None:
+            super().print(*objects, **how)
+            said.set()
+
+    monkeypatch.setattr(options, "err", Listening(file=written, width=100))
+    monkeypatch.setattr(options, "EVERY", 1e-3)
+    with options.progress_bar("running swing") as progress:
+        progress(0.25)
+        assert said.wait(60)
+        said.clear()
+        assert said.wait(60)
+    assert "running swing: 25 %, 0 s so far" in written.getvalue()
+
+
+def test_a_terminal_has_a_bar_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(options, "err", Console(file=written, force_terminal=True, width=100))
+    monkeypatch.setattr(options, "EVERY", 1e-3)
+    with options.progress_bar("running swing") as progress:
+        progress(0.25)
+    assert "so far" not in written.getvalue()
