@@ -66,14 +66,14 @@ SHAPES = [
         "kind: revolute",
         "kind: §revolut",
         "@: joint 'hinge': unknown joint kind 'revolut'; did you mean 'revolute'? kinds: "
-        "constant_velocity, cylindrical, distance, fixed, free, planar, point_on_line, prismatic, revolute, "
-        "screw, spherical, universal",
+        "constant_velocity, cylindrical, distance, fixed, free, parallel_axes, planar, point_on_line, point_on_plane, "
+        "prismatic, revolute, screw, spherical, universal",
     ),
     (
         "kind: revolute",
         "kind: §sledge",
         "@: joint 'hinge': unknown joint kind 'sledge'; kinds: constant_velocity, cylindrical, distance, fixed, "
-        "free, planar, point_on_line, prismatic, revolute, screw, spherical, universal",
+        "free, parallel_axes, planar, point_on_line, point_on_plane, prismatic, revolute, screw, spherical, universal",
     ),
     ("kind: revolute, ", "", "13:3: joint 'hinge': the field 'kind' is missing"),
     (
