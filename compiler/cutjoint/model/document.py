@@ -25,6 +25,7 @@ from cutjoint.model.values import (
     Part,
     Point,
     State,
+    TermName,
     Triple,
     Unit,
     shape_error,
@@ -71,8 +72,8 @@ class Elements(Part):
     forces: dict[Name, Force] = Field(default={})
     reactions: dict[Name, Reaction] = Field(default={})
     markers: dict[Name, Marker] = Field(default={})
-    states: dict[ParameterName, FirstOrderState] = Field(default={})
-    signals: dict[ParameterName, Number] = Field(default={})
+    states: dict[TermName, FirstOrderState] = Field(default={})
+    signals: dict[TermName, Number] = Field(default={})
     outputs: tuple[StrictStr, ...] = ()
 
 
