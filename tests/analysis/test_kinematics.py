@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -115,7 +115,74 @@ def test_support_angles_are_the_tilt_of_the_hinges(axle: str, sign: int, tmp_pat
     assert columns["right.anti_brake"] == pytest.approx(np.full(3, anti), abs=CLOSED)
 
 
-# The axle of models/axle.yaml as links between points, solved by SciPy: six distances and heights for the six numbers of an upright's pose
+# Left corners as links between points, solved by SciPy: six distances and heights for the six numbers of a carrier's pose
+
+
+@dataclass(frozen=True)
+class Links:
+    """Points of a corner: ``arms`` keep the distances of the carrier's points from the chassis', ``rod`` that of T2 from T1."""
+
+    points: Mapping[str, Array]
+    arms: tuple[tuple[str, str], ...]
+    rod: tuple[str, str]
+    wheel: str
+
+    def pose(self, travel: float, rack: float) -> tuple[Array, Array]:
+        """The rotation and the shift of the carrier after a rise of its wheel's centre and a displacement of the rack, m."""
+        names = (*(a for a, _ in self.arms), self.rod[0], self.wheel)
+
+        def length(now: Mapping[str, Array], a: str, b: str, moved: float = 0.0) -> float:
+            return float(np.linalg.norm(now[a] - self.points[b] - [0, moved, 0]))
+
+        def gaps(x: Array) -> list[float]:
+            rotation, shift = Rotation.from_rotvec(x[:3]).as_matrix(), x[3:]
+            now = {name: rotation @ self.points[name] + shift for name in names}
+            links = [length(now, a, b) - length(self.points, a, b) for a, b in self.arms]
+            rod = length(now, *self.rod, rack) - length(self.points, *self.rod)
+            return [*links, rod, float(now[self.wheel][2] - self.points[self.wheel][2] - travel)]
+
+        x = fsolve(gaps, np.array([0, 0, 0, 0, 0, travel]), xtol=1e-13)
+        assert np.abs(gaps(x)).max() < 1e-13
+        return Rotation.from_rotvec(x[:3]).as_matrix(), x[3:]
+
+
+def hinged(**points: list[float]) -> dict[str, Array]:
+    """Points, and on either side of each, P, two more along x, P+ and P-: links to both are an arm on a hinge there."""
+    found = {name: np.array(p) for name, p in points.items()}
+    return found | {f"{name}{sign}": p + np.array([side, 0, 0]) for name, p in found.items() for sign, side in (("+", 0.1), ("-", -0.1))}
+
+
+#: models/iltis.yaml in front, and models/car.yaml behind, with the radius of its wheels.
+ILTIS = Links(
+    hinged(B=[0.97, 0.259, 0.302], D1=[0.97, 0.572, 0.229], S=[0.97, 0.1585, 0.6], D2=[0.97, 0.488, 0.531], T1=[0.83, 0.07, 0.6],
+           T2=[0.83, 0.448, 0.531], C=[0.97, 0.615, 0.356]),
+    (("D1", "B+"), ("D1", "B-"), ("D2", "S+"), ("D2", "S-")), ("T2", "T1"), "C",
+)  # fmt: skip
+CAR = Links(
+    hinged(A=[-1.3, 0.33, 0.24], B=[-1.29, 0.69, 0.22], C=[-1.3, 0.4, 0.5], D=[-1.31, 0.66, 0.52], T1=[-1.43, 0.38, 0.31],
+           T2=[-1.43, 0.68, 0.31], W=[-1.3, 0.74, 0.35]),
+    (("B", "A+"), ("B", "A-"), ("D", "C+"), ("D", "C-")), ("T2", "T1"), "W",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "axle", "radius", "links"), [
+    ("iltis", "front", 0.356, ILTIS), ("car", "rear", 0.3, CAR), ("car", "rear_left.carrier,rear_right.carrier", 0.3, CAR),
+])  # fmt: skip
+def test_wheels_of_other_models_stand_as_their_links_say(model: str, axle: str, radius: float, links: Links) -> None:
+    found = find_kinematics(MODELS / f"{model}.yaml", axle=axle, radius=radius, points=5, travel=0.04, turn=0.015)
+    for name, columns in found.sweeps.items():
+        for i, travel in enumerate(columns["left.travel"]):
+            rotation, shift = links.pose(travel, columns["steer"][i] if "steer" in columns else 0.0)
+            e = rotation[:, 1]
+            assert columns["left.camber"][i] == pytest.approx(-np.arcsin(e[2]), abs=1e-10)
+            assert columns["left.toe"][i] == pytest.approx(np.arctan2(e[0], e[1]), abs=1e-10)
+            down = e[2] * e - [0, 0, 1]
+            ground = rotation @ links.points[links.wheel] + shift + radius * down / np.linalg.norm(down)
+            if name == "travel":
+                assert columns["track"][i] == pytest.approx(2 * ground[1], abs=1e-10)
+
+
+# The axle of models/axle.yaml with its coilover, and rates by differences
 
 POINTS = {name: np.array(p) for name, p in {
     "LF": [0.12, 0.20, 0.11], "LR": [-0.16, 0.20, 0.11], "LB": [0.01, 0.555, 0.12], "UF": [0.10, 0.24, 0.26], "UR": [-0.14, 0.24, 0.25],
@@ -131,10 +198,6 @@ class Corner:
 
     travel: float
     rack: float
-
-    @property
-    def inner(self) -> Array:
-        return np.asarray(POINTS["TI"] + [0, self.rack, 0])
 
     def place(self, name: str) -> Array:
         rotation, shift = self.pose
@@ -174,18 +237,8 @@ def _about(axis: Array, at: str, point: str, angle: float) -> Array:
 
 @cache
 def _solved(travel: float, rack: float) -> tuple[Array, Array]:
-    links = [("LB", "LF"), ("LB", "LR"), ("UB", "UF"), ("UB", "UR")]
-
-    def gaps(x: Array) -> list[float]:
-        rotation, shift = Rotation.from_rotvec(x[:3]).as_matrix(), x[3:]
-        now = {name: rotation @ POINTS[name] + shift for name in ("LB", "UB", "TO", "W")}
-        gap = [np.linalg.norm(now[a] - POINTS[b]) - np.linalg.norm(POINTS[a] - POINTS[b]) for a, b in links]
-        rod = np.linalg.norm(now["TO"] - POINTS["TI"] - [0, rack, 0]) - np.linalg.norm(POINTS["TO"] - POINTS["TI"])
-        return [*map(float, gap), float(rod), float(now["W"][2] - POINTS["W"][2] - travel)]
-
-    x = fsolve(gaps, np.array([0, 0, 0, 0, 0, travel]), xtol=1e-13)
-    assert np.abs(gaps(x)).max() < 1e-13
-    return Rotation.from_rotvec(x[:3]).as_matrix(), x[3:]
+    arms = (("LB", "LF"), ("LB", "LR"), ("UB", "UF"), ("UB", "UR"))
+    return Links(POINTS, arms, ("TO", "TI"), "W").pose(travel, rack)
 
 
 @pytest.fixture(scope="module")
@@ -266,11 +319,17 @@ def test_ackermann_is_one_where_the_wheels_roll_about_one_point() -> None:
 # The command
 
 
-def test_the_command_writes_tables_and_plots(tmp_path: Path) -> None:
-    out = tmp_path / "axle.csv"
-    done = CliRunner().invoke(main, ["kinematics", str(MODELS / "axle.yaml"), "--points", "3", "--out", str(out), "--plots", str(tmp_path)])
+def test_the_command_draws_a_picture_of_each_sweep(tmp_path: Path) -> None:
+    done = CliRunner().invoke(main, ["kinematics", str(MODELS / "axle.yaml"), "--points", "3", "--plots", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["axle.csv", "axle.units.json", "roll.png", "steer.png", "travel.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["roll.png", "steer.png", "travel.png"]
+
+
+def test_the_command_writes_a_table(tmp_path: Path) -> None:
+    out = tmp_path / "axle.csv"
+    done = CliRunner().invoke(main, ["kinematics", str(MODELS / "axle.yaml"), "--points", "3", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["axle.csv", "axle.units.json"]
     head, *rows = out.read_text(encoding="utf-8").splitlines()
     assert {row.partition(",")[0] for row in rows} == {"travel", "roll", "steer"}
     found = find_kinematics(MODELS / "axle.yaml", points=3)
