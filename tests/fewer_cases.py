@@ -14,6 +14,7 @@ _METHODS = ("recursive", "augmented")
 #: Tests, or cases of them, that are for `make full` alone, by file: they compile for long what a test beside them compiles in another way,
 #: or say of the vehicle what others say of small models.
 _FULL: Mapping[str, tuple[str, ...]] = {
+    "tests/analysis/test_kinematics.py": ("test_the_command_draws_a_picture_of_each_sweep",),
     "tests/analysis/test_linearisation.py": ("test_trees_in_motion",),
     "tests/bench/test_reductions.py": ("test_lines_are_named_by_reduced_model",),
     "tests/bench/test_killed.py": ("test_processes_end_with_a_killed_bench",),

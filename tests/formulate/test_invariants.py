@@ -248,7 +248,7 @@ def test_motion_does_not_depend_on_the_root(kind: str) -> None:
     at = dense.vector(free.at)
     quaternion = np.roll(Rotation.from_matrix(R).as_quat(), 1)
     q_2 = np.concatenate([p + R @ at - at, quaternion, q[7:]])
-    if kind in (K.SPHERICAL, K.POINT_ON_LINE):
+    if JOINTS[kind].has_ball:
         q_2[-3:] *= -1
     motion, motion_2 = dense.motion(Instant(q=q, v=v)), dense_2.motion(Instant(q=q_2, v=0 * v))
     _, velocity, _ = bodies_motion(dense, motion)

@@ -25,7 +25,7 @@ def document(kind: str, axis: str, is_guided: bool) -> str:
     names = COORDINATES[kind]
     joint = {"kind": kind, "bodies": ["ground", "arm"], "at": [0.1, 0.3, 0.2], "cut": False, **EXAMPLES[kind]}
     if is_guided:
-        laws = ["0.2 + 0.3*sin(t)", "0.5*t**2", "t - 0.1"][: len(names)]
+        laws = ["0.2 + 0.3*sin(t)", "0.5*t**2", "t - 0.1", "0.1*cos(t)"][: len(names)]
         joint["guide"] = laws if len(laws) > 1 else laws[0]
     elif names:
         joint["spring"] = {"stiffness": 9, "damping": 1, "free_position": 0.3, "coordinate": names[0]}

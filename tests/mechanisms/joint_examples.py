@@ -16,6 +16,8 @@ EXAMPLES: Mapping[str, dict[str, Any]] = {
     "planar": {"axis": [0.2, 0.1, 3]},
     "spherical": {},
     "point_on_line": {"axis": [1, 2, 3]},
+    "point_on_plane": {"axis": [2, -1, 3]},
+    "parallel_axes": {"axis": [1, -2, 0.5]},
     "distance": {"to": [0.4, 0.7, 0.2]},
     "free": {},
 }

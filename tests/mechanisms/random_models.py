@@ -41,10 +41,10 @@ from cutjoint.model.records import (
 )
 
 K = JointKind
-#: Kinds whose motions have a coordinate each, of which random models are made, and all kinds, those with shared coordinates last.
-#: All kinds, in an order in which those without a name of their own come last, so that a seed's models stay.
+#: All kinds, in an order in which those without a name of their own come last; named ones whose motions have a coordinate each, of which
+#: random models are made; and all kinds, these first.  So a seed's models stay.
 KINDS = (*JointKind, *(kind for kind in JOINTS if kind not in set(JointKind)))
-PLAIN_KINDS = tuple(kind for kind in KINDS if not JOINTS[kind].shares_coordinates)
+PLAIN_KINDS = tuple(kind for kind in JointKind if not JOINTS[kind].shares_coordinates)
 TREE_KINDS = (*PLAIN_KINDS, *(kind for kind in KINDS if kind not in PLAIN_KINDS))
 PLAIN_CUTS = tuple(kind for kind in PLAIN_KINDS if JOINTS[kind].closes)
 CUT_KINDS = tuple(kind for kind in TREE_KINDS if JOINTS[kind].closes)

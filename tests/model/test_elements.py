@@ -133,7 +133,8 @@ def test_any_direction_across_the_axis_of_an_axisymmetric_body() -> None:
          "inertia: any needs moments about x and y that are always equal, not 0.2 and 0.2; give two directions"),
         ("§{principal: [0.1, 0.2, 0.2], x: any}",
          "inertia: any belongs to one direction beside it; write for example x: direction, y: any"),
-        ("{principal: [0.1, 0.2, 0.2], x: §some, y: [0, 1, 0]}", "inertia.x: must be 'any', not 'some'"),
+        ("{principal: [0.1, 0.2, 0.2], x: §some, y: [0, 1, 0]}",
+         "inertia.x needs three numbers, an axis such as x or -y, or {from: P, to: Q}, or any"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_any_direction(written: str, expected: str) -> None:

@@ -201,9 +201,9 @@ PROBLEMS = [
     ("mirror: y", "mirror: §w", "@: instance 'right': mirror: must be 'x', 'y' or 'z', not 'w'"),
     ("connectors: [body]", "instances: {feather: {use: §wing, connect: {body: arm}, with: {length_1: 1}}}\n    connectors: [body]",
      "@: instance 'left.feather': the submodel 'wing' stands inside itself; remove this instance, or use another submodel"),
-    ("parameters: [length_1]", "parameters: [length_1, §x]",
-     "@: submodel 'wing': parameters: the name 'x' has a meaning of its own in expressions; "
-     "write for example 'x_0'"),
+    ("parameters: [length_1]", "parameters: [length_1, §t]",
+     "@: submodel 'wing': parameters: the name 't' has a meaning of its own in expressions; "
+     "write for example 't_0'"),
     ("parameters: [length_1]", "parameters: [length_1, §length_2]",
      ["@: submodel 'wing': nothing in it uses the parameter 'length_2'; remove it here and in its instances, or use it",
       f"42:3: instance 'left': with lacks length_2; {ALL} parameters",

@@ -66,14 +66,14 @@ SHAPES = [
         "kind: revolute",
         "kind: §revolut",
         "@: joint 'hinge': unknown joint kind 'revolut'; did you mean 'revolute'? kinds: "
-        "constant_velocity, cylindrical, distance, fixed, free, planar, point_on_line, prismatic, revolute, "
-        "screw, spherical, universal",
+        "constant_velocity, cylindrical, distance, fixed, free, parallel_axes, planar, point_on_line, point_on_plane, "
+        "prismatic, revolute, screw, spherical, universal",
     ),
     (
         "kind: revolute",
         "kind: §sledge",
         "@: joint 'hinge': unknown joint kind 'sledge'; kinds: constant_velocity, cylindrical, distance, fixed, "
-        "free, planar, point_on_line, prismatic, revolute, screw, spherical, universal",
+        "free, parallel_axes, planar, point_on_line, point_on_plane, prismatic, revolute, screw, spherical, universal",
     ),
     ("kind: revolute, ", "", "13:3: joint 'hinge': the field 'kind' is missing"),
     (
@@ -85,7 +85,8 @@ SHAPES = [
         ],
     ),
     (", axis: [0, 1, 0]", "", "13:3: joint 'hinge': the field 'axis' is missing"),
-    ("axis: [0, 1, 0]", "axis: §tip", "@: joint 'hinge': axis needs three numbers or {from: P, to: Q}"),
+    ("axis: [0, 1, 0]", "axis: §tip", "@: joint 'hinge': axis needs three numbers, an axis such as x or -y, or {from: P, to: Q}"),
+    ("axis: [0, 1, 0]", "axis: §+y", "@: joint 'hinge': axis needs three numbers, an axis such as x or -y, or {from: P, to: Q}"),
     ("axis: [0, 1, 0]", "§axis: {to: tip}", "@: joint 'hinge': axis: the field 'from' is missing"),
     ("[ground, arm]", "§ground", "@: joint 'hinge': bodies needs two names; write [one, other]"),
     ("axis: [0, 1, 0]", "axis: [0, 1, 0], cut: §1", "@: joint 'hinge': cut needs true or false"),
@@ -186,8 +187,8 @@ def test_shapes(old: str, new: str, expected: str | list[str]) -> None:
 NAMES = [
     (
         "arm_mass: {",
-        "§length: {value: 2}\n  arm_mass: {",
-        "@: parameter 'length': the name 'length' has a meaning of its own in expressions; write for example 'length_0'",
+        "§t: {value: 2}\n  arm_mass: {",
+        "@: parameter 't': the name 't' has a meaning of its own in expressions; write for example 't_0'",
     ),
     (
         DRAG,

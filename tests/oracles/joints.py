@@ -15,9 +15,9 @@ Array = np.ndarray
 SCALARS = {
     JointKind.FIXED: 0, JointKind.REVOLUTE: 1, JointKind.PRISMATIC: 1, JointKind.CYLINDRICAL: 2, JointKind.SCREW: 1,
     JointKind.UNIVERSAL: 2, JointKind.PLANAR: 3, JointKind.SPHERICAL: 0, JointKind.POINT_ON_LINE: 1,
-    JointKind.DISTANCE: 2, JointKind.FREE: 3, JointKind.CONSTANT_VELOCITY: 2,
+    JointKind.DISTANCE: 2, JointKind.FREE: 3, JointKind.CONSTANT_VELOCITY: 2, "point_on_plane": 2, "parallel_axes": 4,
 }  # fmt: skip
-BALLS = (JointKind.SPHERICAL, JointKind.POINT_ON_LINE, JointKind.DISTANCE, JointKind.FREE)
+BALLS = (JointKind.SPHERICAL, JointKind.POINT_ON_LINE, "point_on_plane", JointKind.DISTANCE, JointKind.FREE)
 
 
 def apply(R: Array, x: Array) -> Array:
@@ -69,7 +69,7 @@ def tangents(normal: Array) -> tuple[Array, Array]:
 # Joints
 
 
-def relative_motion(kind: JointKind, is_reversed: bool, axes: tuple[Array, ...], rod: Array, pitch: float, q: Array) -> tuple[Array, Array]:
+def relative_motion(kind: str, is_reversed: bool, axes: tuple[Array, ...], rod: Array, pitch: float, q: Array) -> tuple[Array, Array]:
     """Rotation (..., 3, 3) and displacement (..., 3) of the outer joint point, in the inner body's axes; q (..., n).
 
     ``rod`` is the way from the inner to the outer joint point in the design position.  A reversed joint moves by the inverse of
@@ -87,6 +87,9 @@ def relative_motion(kind: JointKind, is_reversed: bool, axes: tuple[Array, ...],
             case JointKind.POINT_ON_LINE:
                 way = q[..., :1] * axes[0]
                 return (turn, -apply(turn, way)) if is_reversed else (turn, way)
+            case "point_on_plane":
+                way = _across(axes[0], q)
+                return (turn, -apply(turn, way)) if is_reversed else (turn, way)
         first, second = tangents(rod)
         return turn @ rotation_about(first, q[..., 0]) @ rotation_about(second, q[..., 1]), apply(turn, rod)
     R, way = _follower_from_base(kind, axes, pitch, q)
@@ -96,7 +99,13 @@ def relative_motion(kind: JointKind, is_reversed: bool, axes: tuple[Array, ...],
     return inverse, -apply(inverse, way)
 
 
-def _follower_from_base(kind: JointKind, axes: tuple[Array, ...], pitch: float, q: Array) -> tuple[Array, Array]:
+def _across(normal: Array, q: Array) -> Array:
+    """The way by two displacements across a direction."""
+    first, second = tangents(normal)
+    return q[..., :1] * first + q[..., 1:2] * second
+
+
+def _follower_from_base(kind: str, axes: tuple[Array, ...], pitch: float, q: Array) -> tuple[Array, Array]:
     """Rotation and displacement of the follower's joint point in the base's axes, for kinds without a ball."""
     still, upright = np.zeros((*q.shape[:-1], 3)), np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3))
     match kind:
@@ -118,8 +127,9 @@ def _follower_from_base(kind: JointKind, axes: tuple[Array, ...], pitch: float, 
             (c_1, s_1), (c_2, s_2) = ((np.cos(q[..., i : i + 1] / 2), np.sin(q[..., i : i + 1] / 2)) for i in range(2))
             return rotation_of(np.concatenate([c_2 * c_1, c_2 * s_1 * first + s_2 * second], axis=-1)), still
         case JointKind.PLANAR:
-            first, second = tangents(axes[0])
-            return rotation_about(axes[0], q[..., 2]), q[..., :1] * first + q[..., 1:2] * second
+            return rotation_about(axes[0], q[..., 2]), _across(axes[0], q)
+        case "parallel_axes":
+            return rotation_about(axes[0], q[..., 3]), _across(axes[0], q) + q[..., 2:3] * axes[0]
     raise AssertionError(kind)
 
 
@@ -129,7 +139,7 @@ def _follower_from_base(kind: JointKind, axes: tuple[Array, ...], pitch: float, 
 ROWS = {
     JointKind.FIXED: 6, JointKind.REVOLUTE: 6, JointKind.PRISMATIC: 5, JointKind.CYLINDRICAL: 5, JointKind.SCREW: 6,
     JointKind.UNIVERSAL: 4, JointKind.PLANAR: 4, JointKind.SPHERICAL: 3, JointKind.POINT_ON_LINE: 2, JointKind.DISTANCE: 1,
-    JointKind.CONSTANT_VELOCITY: 4,
+    JointKind.CONSTANT_VELOCITY: 4, "point_on_plane": 1, "parallel_axes": 3,
 }  # fmt: skip
 
 #: First rows of the residuals that are vectors.
@@ -137,10 +147,11 @@ VECTORS = {
     JointKind.FIXED: (0, 3), JointKind.REVOLUTE: (0, 3), JointKind.PRISMATIC: (2,), JointKind.CYLINDRICAL: (2,),
     JointKind.SCREW: (2,), JointKind.UNIVERSAL: (0,), JointKind.PLANAR: (1,), JointKind.SPHERICAL: (0,),
     JointKind.POINT_ON_LINE: (), JointKind.DISTANCE: (), JointKind.CONSTANT_VELOCITY: (0,),
+    "point_on_plane": (), "parallel_axes": (0,),
 }  # fmt: skip
 
 
-def residual(kind: JointKind, axes: tuple[Array, ...], rod: Array | None, pitch: float, gap: Array, turn: Array) -> Array:
+def residual(kind: str, axes: tuple[Array, ...], rod: Array | None, pitch: float, gap: Array, turn: Array) -> Array:
     """Phi (..., m) of a cut joint, in the base's axes.
 
     ``gap`` (..., 3) is the way from the base's point to the follower's, ``turn`` (..., 3, 3) the follower's attitude.
@@ -175,6 +186,10 @@ def residual(kind: JointKind, axes: tuple[Array, ...], rod: Array | None, pitch:
             return _beside(across, twist)
         case JointKind.PLANAR:
             return _beside(along, aligned)
+        case "point_on_plane":
+            return along
+        case "parallel_axes":
+            return aligned
         case JointKind.SCREW:
             # the follower's first direction across the axis, turned back by what it has advanced, has no second component
             angle, turned = along / pitch, apply(turn, first)

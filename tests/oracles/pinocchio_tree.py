@@ -119,7 +119,7 @@ class PinocchioTree:
         return vdot
 
 
-def chain(kind: JointKind, is_reversed: bool, axes: list[Array], rod: Array, pitch: float) -> tuple[Array, list[Part]]:
+def chain(kind: str, is_reversed: bool, axes: list[Array], rod: Array, pitch: float) -> tuple[Array, list[Part]]:
     """The attitude of a joint's frame in the design position, and the elementary joints."""
     upright = np.eye(3)
     match kind:
@@ -146,9 +146,21 @@ def chain(kind: JointKind, is_reversed: bool, axes: list[Array], rod: Array, pit
             return upright, [Part(pin.JointModelFreeFlyer(), STILL, "free")]
         case K.POINT_ON_LINE:
             return upright, [_ball(), _slide(axes[0], 0)] if is_reversed else [_slide(axes[0], 0), _ball()]
+        case "point_on_plane":
+            slides = _slides(axes[0], is_reversed)
+            return upright, [_ball(), *slides[::-1]] if is_reversed else [*slides, _ball()]
+        case "parallel_axes":
+            parts = [*_slides(axes[0], is_reversed), _slide(axes[0], 2), _turn(axes[0], 3)]
+            return upright, parts[::-1] if is_reversed else parts
         case K.DISTANCE:
             return upright, [_ball(), Part(pin.JointModelUniversal(*tangents(rod)), pin.SE3(upright, rod), "universal")]
     raise AssertionError(kind)
+
+
+def _slides(axis: Array, is_reversed: bool) -> list[Part]:
+    """The two slides across an axis, which is the opposite of the joint's where that is reversed."""
+    sign = -1 if is_reversed else 1
+    return [_slide(sign * direction, i) for i, direction in enumerate(tangents(sign * axis))]
 
 
 def _slide(axis: Array, at: int) -> Part:

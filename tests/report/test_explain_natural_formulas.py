@@ -71,6 +71,7 @@ RESIDUALS = {
     r"d \cdot a": lambda x: x["d"] @ x["a"],
     r"d \cdot a - h \varphi": lambda x: x["d"] @ x["a"] - x["h"] * x[r"\varphi"],
     r"d \cdot a - s": lambda x: x["d"] @ x["a"] - x["s"],
+    r"d \cdot a - s_{3}": lambda x: x["d"] @ x["a"] - x["s_{3}"],
     r"d \cdot t_1 - s_{1}": lambda x: x["d"] @ x["t_1"] - x["s_{1}"],
     r"d \cdot t_2 - s_{2}": lambda x: x["d"] @ x["t_2"] - x["s_{2}"],
     r"a_b \cdot a_f": lambda x: x["a_b"] @ x["a_f"],

@@ -331,7 +331,7 @@ def test_planar_loop_with_a_force_at_each_joint(joint: str, generic: Path, tmp_p
 @pytest.mark.parametrize("kind", tuple(map(str, GUIDABLE)))
 def test_guided_joint(kind: str, bodies: tuple[str, str], generic: Path, tmp_path: Path) -> None:
     closure = {"kind": "revolute", "bodies": ["right", "tip"], "at": [0.5, 0.5, 0.5], "axis": [0, 1, 1], "cut": True}
-    laws = ["drive + 0.3*t**2", "sin(t)", "drive*t"][: len(COORDINATES.get(kind, "1"))]
+    laws = ["drive + 0.3*t**2", "sin(t)", "drive*t", "t/2"][: len(COORDINATES.get(kind, "1"))]
     guided = joint_of(kind, *bodies, guide=laws if len(laws) > 1 else laws[0])
     check_small(generic, tmp_path, joints={"arm": guided, "closure": closure}, reactions={"hold": {"joint": "arm", "body": "left"}})
 

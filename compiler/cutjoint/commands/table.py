@@ -26,7 +26,7 @@ from cutjoint.methods import (
     join_and,
     names_of,
 )
-from cutjoint.model.ranges import RANGES, TIMES, WHOLE, fault_of, fault_of_setting
+from cutjoint.model.ranges import LENGTHS, PLACES, RANGES, TIMES, WHOLE, fault_of, fault_of_setting
 from cutjoint.model.text import is_number, is_whole
 from cutjoint.package.extensions import EXPORTERS, Door
 
@@ -46,7 +46,7 @@ _WORDS = {"accuracy": "an accuracy", "tolerance": "a tolerance"}
 class Setting(click.FloatRange):
     """The value of a setting, in its range: plain decimal numbers, no infinity, no nan, no underscores, no digits of other scripts.
 
-    Times may have a unit, as in 1ms, and so may an accuracy or a tolerance, as in 1mm or 0.1deg.
+    Times and lengths may have a unit, as in 1ms and 50mm, and so may an accuracy or another length or angle, as in 1mm or 0.1deg.
     """
 
     def __init__(self, setting: str, *, positive: bool = False) -> None:
@@ -59,7 +59,7 @@ class Setting(click.FloatRange):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, as click has it."""
         whole = self._setting in WHOLE
-        if isinstance(value, str) and self._setting in (*TIMES, "accuracy", "tolerance") and not is_number(value):
+        if isinstance(value, str) and self._setting in (*TIMES, *LENGTHS, *PLACES) and not is_number(value):
             value = self._in_si(value, param, ctx)
         elif isinstance(value, str) and not (is_whole if whole else is_number)(value):
             self.fail(f"{value!r} is not a {'whole' if whole else 'plain decimal'} number.", param, ctx)
@@ -70,7 +70,7 @@ class Setting(click.FloatRange):
         return number
 
     def _in_si(self, text: str, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        from cutjoint.model.units import ANGLE, LENGTH, TIME, Dimension, UnitError, described, read_measure
+        from cutjoint.model.units import ANGLE, LENGTH, TIME, UnitError, described, read_measure
 
         try:
             written = read_measure(text)
@@ -78,8 +78,11 @@ class Setting(click.FloatRange):
             self.fail(f"{error}.", param, ctx)
         if written is None:
             self.fail(f"{text!r} is not a plain decimal number.", param, ctx)
-        dimensions: tuple[Dimension, ...] = (TIME,) if self._setting in TIMES else (LENGTH, ANGLE)
-        needs = f"{_WORDS.get(self._setting, 'a time')} needs {'s' if self._setting in TIMES else 'm or rad'}"
+        dimensions, needs = (
+            ((TIME,), "a time needs s") if self._setting in TIMES
+            else ((LENGTH,), "a length needs m") if self._setting in LENGTHS
+            else ((LENGTH, ANGLE), f"{_WORDS.get(self._setting, f'a {self._setting}')} needs m or rad")
+        )  # fmt: skip
         if written.dimension not in dimensions:
             self.fail(f"{text!r} is in {described(written.dimension)}, and {needs}.", param, ctx)
         return written.value
@@ -235,6 +238,20 @@ OPTIONS: Mapping[str, Row] = {
     "sweep.out": click.option("--out", type=_FILE, help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise."),
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
+    "kinematics.out": click.option("--out", type=_FILE, help="CSV file of all sweeps, in SI units; units go beside it."),
+    "axle": click.option("--axle", metavar="NAME", help="The axle, by the words that its wheels' names share, such as front, or the left "
+        "and the right body that carries a wheel, as LEFT,RIGHT; may be left out if there is only one."),
+    "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True, help="Travel of the wheels' centres up "
+        "and down, m."),
+    "turn": click.option("--turn", type=Setting("turn"), help="Travel of the steering joint to either side; 20 mm or 0.5 rad "
+        "otherwise."),
+    "points": click.option("--points", type=Setting("points"), default=21, show_default=True, help="Rows of each sweep."),
+    "steer": click.option("--steer", metavar="JOINT", help="The joint that steers, a slide or a hinge; the axle's only one with a guide "
+        "otherwise."),
+    "radius": click.option("--radius", type=Setting("radius"), help="Of the wheels under load, m; the height of their centres above "
+        "z = 0 otherwise, at most that of a tyre."),
+    "share": click.option("--share", type=Setting("share"), default=1.0, show_default=True, help="The axle's share of the braking and "
+        "driving forces in anti_brake and anti_drive."),
     "steps": click.option("--steps", type=_FILE, help="CSV file for iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have "
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),

@@ -25,6 +25,7 @@ from cutjoint.model.values import (
     Part,
     Point,
     State,
+    TermName,
     Triple,
     Unit,
     shape_error,
@@ -90,8 +91,8 @@ class Controller(Part):
     every: Number
     offset: Number = 0
     delay: Number = 0
-    signals: dict[ParameterName, SampledSignalEntry] = Field(default={})
-    memory: dict[ParameterName, Memory] = Field(default={})
+    signals: dict[TermName, SampledSignalEntry] = Field(default={})
+    memory: dict[TermName, Memory] = Field(default={})
 
 
 class OutputExpression(Part):
@@ -131,9 +132,9 @@ class Elements(Part):
     forces: dict[Name, Force] = Field(default={})
     reactions: dict[Name, Reaction] = Field(default={})
     markers: dict[Name, Marker] = Field(default={})
-    states: dict[ParameterName, FirstOrderState] = Field(default={})
-    signals: dict[ParameterName, Number] = Field(default={})
-    controllers: dict[ParameterName, Controller] = Field(default={})
+    states: dict[TermName, FirstOrderState] = Field(default={})
+    signals: dict[TermName, Number] = Field(default={})
+    controllers: dict[TermName, Controller] = Field(default={})
     outputs: tuple[OutputEntry, ...] = ()
 
 

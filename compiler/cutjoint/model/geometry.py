@@ -87,7 +87,10 @@ def _named_point(element: Element, name: str, keys: Path) -> Vector:
 
 
 def read_direction(element: Element, direction: Any, keys: Path) -> Vector:
-    """A unit vector: three numbers of any length, or from one point to another."""
+    """A unit vector: an axis of the design frame by its name, three numbers of any length, or from one point to another."""
+    if isinstance(direction, str):
+        axis = GLOBAL_AXES["xyz".index(direction[-1])]
+        return _vector(-c for c in axis) if direction.startswith("-") else axis
     vector = _between(element, direction, keys) if isinstance(direction, values.FromTo) else element.triple(direction, None, keys)
     vector = element.settle(vector)
     if math.hypot(*map(element.value, vector)) < SHORTEST:

@@ -11,9 +11,12 @@ MAX_NAME_LENGTH = 64
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
-#: Names that mean something else in every expression or in the laws, and so cannot be a parameter's.
+#: The variables of laws.
 VARIABLES = ("length", "rate", "travel", "position", "x", "y", "z", "vx", "vy", "vz", "wx", "wy", "wz", "t")
-RESERVED_IN_EXPRESSIONS = frozenset({"pi", *FUNCTIONS, *VARIABLES, *kwlist})
+#: Names that mean something else in every expression, and so cannot be a parameter's.
+RESERVED_EVERYWHERE = frozenset({"pi", "t", *FUNCTIONS, *kwlist})
+#: Names that mean something else in every expression or in the laws, and so cannot be that of a part of a law, a state or a signal.
+RESERVED_IN_EXPRESSIONS = frozenset({*RESERVED_EVERYWHERE, *VARIABLES})
 
 
 def name_problem(name: str) -> tuple[str, str] | None:
@@ -30,7 +33,16 @@ def name_problem(name: str) -> tuple[str, str] | None:
 
 
 def parameter_name_problem(name: str) -> tuple[str, str] | None:
-    """The fault in a parameter's name and its remedy, or None; it must not hide a function or a variable of laws either."""
-    if name in RESERVED_IN_EXPRESSIONS:
+    """The fault in a parameter's name and its remedy, or None; it must not hide a function or the time either."""
+    return _reserved(name, RESERVED_EVERYWHERE) or name_problem(name)
+
+
+def term_name_problem(name: str) -> tuple[str, str] | None:
+    """The fault in the name of a law's part, a state or a signal, and its remedy, or None; it must not hide a variable of laws either."""
+    return _reserved(name, RESERVED_IN_EXPRESSIONS) or name_problem(name)
+
+
+def _reserved(name: str, reserved: frozenset[str]) -> tuple[str, str] | None:
+    if name in reserved:
         return f"the name '{name}' has a meaning of its own in expressions", f"write for example '{name}_0'"
-    return name_problem(name)
+    return None

@@ -34,13 +34,22 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "replay": {"least": 0},
     "replays": {"least": 0, "most": 100},
     "repetitions": {"above": 0.0, "most": 1000},
+    "travel": {"least": 1e-6, "most": 1.0},
+    "turn": {"least": 1e-6, "most": 10.0},
+    "points": {"least": 3, "most": 1001},
+    "radius": {"least": 1e-3, "most": 10.0},
+    "share": {"least": 0.0, "most": 1.0},
 }
 
 #: Settings in s.
 TIMES = frozenset({"dt", "output_step", "end", "at"})
 
+#: Settings in m, and settings in m or rad.
+LENGTHS = frozenset({"travel", "radius"})
+PLACES = frozenset({"accuracy", "tolerance", "turn"})
+
 #: Settings that count something.
-WHOLE = frozenset({"iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions"})
+WHOLE = frozenset({"iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions", "points"})
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:

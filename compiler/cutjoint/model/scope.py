@@ -13,6 +13,7 @@ from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import READERS, Names, read_term, variable
+from cutjoint.model.names import VARIABLES
 from cutjoint.model.opening import Opening, number_name
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import GROUND, Scalar, Span, Vector
@@ -103,8 +104,9 @@ class Scope:
         return {**known, "t": Term(variable("t"))}
 
     def reading(self, *variables: str) -> Mapping[str, Term]:
-        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements."""
+        """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements; no name that would be two."""
         terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
+        terms = {name: term for name, term in terms.items() if name not in variables or name not in self.names}
         return terms if self.read is None else Names(terms, self.own, partial(self.read, self))
 
 
@@ -146,6 +148,8 @@ class Element:
             if error.message == f"unknown symbol '{name}'":
                 return f"the quantity '{name}' cannot stand here", READERS
         for name in self.scope.names.keys() - names.keys():
+            if error.message == f"unknown symbol '{name}'" and isinstance(names, Names) and name in VARIABLES:
+                return f"'{name}' is a variable of this law and a parameter", f"call the parameter by another name, such as '{name}_0'"
             if error.message == f"unknown symbol '{name}'":
                 takes_parameters = names or not self.scope.constants()
                 if takes_parameters and self.scope.moves(self.scope.names[name]):

@@ -6,7 +6,7 @@ fault is reported once and in the user's words.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -26,7 +26,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem
+from cutjoint.model.names import MAX_NAME_LENGTH, name_problem, parameter_name_problem, term_name_problem
 
 MAX_COEFFICIENTS = 20
 MAX_PIECES = 100
@@ -106,8 +106,26 @@ def _four(value: Any) -> Any:
     raise shape_error("needs four numbers", "write [w, x, y, z], the scalar first")
 
 
+def _word_of(words: Sequence[str], message: str) -> Callable[[str], str]:
+    """The check of a text that must be one of some words, with the message for others."""
+
+    def checked(word: str) -> str:
+        if word in words:
+            return word
+        raise shape_error(message)
+
+    return checked
+
+
 def _checked_name(name: str) -> str:
     problem = name_problem(name)
+    if problem:
+        raise shape_error(*problem)
+    return name
+
+
+def _checked_term(name: str) -> str:
+    problem = term_name_problem(name)
     if problem:
         raise shape_error(*problem)
     return name
@@ -122,6 +140,7 @@ def _checked_parameter(name: str) -> str:
 
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "maxLength": MAX_NAME_LENGTH}
 Name = Annotated[StrictStr, AfterValidator(_checked_name), WithJsonSchema(_NAME_SCHEMA)]
+TermName = Annotated[StrictStr, AfterValidator(_checked_term), WithJsonSchema(_NAME_SCHEMA)]
 ParameterName = Annotated[StrictStr, AfterValidator(_checked_parameter), WithJsonSchema(_NAME_SCHEMA)]
 Number = Annotated[int | float | str, PlainValidator(_number), WithJsonSchema({"type": ["number", "string"]})]
 Unit = Annotated[str, PlainValidator(_unit), WithJsonSchema({"type": ["string", "integer"]})]
@@ -145,9 +164,16 @@ class FromTo(Part):
     to: StrictStr
 
 
+#: The axes of the design frame by their names, and the opposite directions.
+NAMED_AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+_DIRECTION = "needs three numbers, an axis such as x or -y, or {from: P, to: Q}"
+
+NamedAxis = Annotated[StrictStr, AfterValidator(_word_of(NAMED_AXES, _DIRECTION)), WithJsonSchema({"enum": list(NAMED_AXES)})]
+
 Direction: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")],
-    told_by({tuple: "<list>", "from": "<from>", "to": "<from>"}, "needs three numbers or {from: P, to: Q}"),
+    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[NamedAxis, Tag("<axis>")],
+    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _DIRECTION),
 ]
 
 
@@ -235,9 +261,13 @@ State: TypeAlias = Annotated[
 #: Stands for one of the directions across the axis of an axisymmetric body.
 ANY = "any"
 
+_PRINCIPAL = f"{_DIRECTION}, or any"
+
+_AxisOrAny = Annotated[StrictStr, AfterValidator(_word_of((*NAMED_AXES, ANY), _PRINCIPAL)), WithJsonSchema({"enum": [*NAMED_AXES, ANY]})]
+
 PrincipalDirection: TypeAlias = Annotated[
-    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[Literal["any"], Tag("<any>")],
-    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<any>"}, "needs three numbers, {from: P, to: Q} or any"),
+    Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[_AxisOrAny, Tag("<axis>")],
+    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _PRINCIPAL),
 ]
 
 
@@ -322,7 +352,7 @@ class Sum(Part):
 
 
 #: Names for parts of expressions, each over those above it.
-Names = Annotated[dict[ParameterName, Number], Field(max_length=MAX_PIECES)]
+Names = Annotated[dict[TermName, Number], Field(max_length=MAX_PIECES)]
 
 
 class Let(Part):

@@ -11,6 +11,7 @@ import sympy
 
 from cutjoint.elements.interaction import Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
+from cutjoint.elements.joint import AXIAL_FRAME
 from cutjoint.export.laws import Numbers, Triple
 from cutjoint.export.start import Array
 from cutjoint.formulate.forces import variable
@@ -149,7 +150,8 @@ def _turning(joint: PeerJoint, coordinate: int) -> tuple[Triple, Triple, bool]:
 
 
 def _slide_axis(joint: PeerJoint, coordinate: int) -> Triple:
-    return joint.base_axes[1 + coordinate] if joint.kind is JointKind.PLANAR else joint.base_axes[0]
+    direction = joint.element.slide_direction(joint.element.coordinates[coordinate])
+    return joint.base_axes[AXIAL_FRAME.index(direction)]
 
 
 def road_statements(mechanism: Mechanism, numbers: Numbers, scene: Scene) -> dict[float, tuple[str, str]]:

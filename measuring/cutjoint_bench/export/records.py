@@ -67,8 +67,8 @@ class PeerJoint:
 
     ``base`` and ``follower`` name rigid bodies or "ground".  ``base_point`` and ``follower_point`` are the joint's points of both at the
     start: apart by what the joint has slid, or by the rod of a distance joint.  ``base_axes`` and ``follower_axes`` are the joint's
-    directions as the base and as the follower carry them: its axes as in the model, then two directions across a planar joint's axis
-    along which its displacements count, and across a distance joint's rod.  ``coordinates`` are the model's coordinates of a tree joint at
+    directions as the base and as the follower carry them: its axes as in the model, then two directions across an axis
+    along which displacements count, and across a distance joint's rod.  ``coordinates`` are the model's coordinates of a tree joint at
     the start (by ``cutjoint.model.records.COORDINATES``), none for a cut joint.  ``reversed`` is whether the tree passes from the follower
     to the base.  ``guide`` prescribes the coordinates as functions of ``t``, all other symbols put in; a joint whose guides stand still
     is welded and does not appear.

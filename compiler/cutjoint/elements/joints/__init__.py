@@ -11,8 +11,10 @@ from cutjoint.elements.joints import (
     distance,
     fixed,
     free,
+    parallel_axes,
     planar,
     point_on_line,
+    point_on_plane,
     prismatic,
     revolute,
     screw,
@@ -24,6 +26,7 @@ from cutjoint.elements.joints import (
 JOINTS: Mapping[str, JointElement] = {
     module.ELEMENT.kind: module.ELEMENT
     for module in (
-        fixed, revolute, prismatic, screw, cylindrical, universal, constant_velocity, planar, spherical, point_on_line, distance, free,
+        fixed, revolute, prismatic, screw, cylindrical, universal, constant_velocity, planar, spherical, point_on_line,
+        point_on_plane, parallel_axes, distance, free,
     )
 }  # fmt: skip

@@ -143,8 +143,10 @@ class Collector:
                 base.attitude(joint.base)
                 follower.attitude(joint.follower)
             case Products() if condition.joins_points:
-                if len(condition.base) > 1:  # a direction alone is one that the joint has in common
+                if len(condition.base) > 1:
                     base.attitude(joint.base)
+                else:
+                    self._direction(base, joint, condition.base[0])
             case Products() if not idle:
                 for needs, directions in ((base, condition.base), (follower, condition.follower)):
                     for direction in directions:

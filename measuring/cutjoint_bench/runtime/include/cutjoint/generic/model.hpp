@@ -96,7 +96,7 @@ struct Body {
   int parent = ground, root = ground;
   Joint joint;
   bool reversed = false, guided = false, massless = false;
-  std::array<Guide, 3> guides;  ///< of a guided joint's coordinates
+  std::array<Guide, 4> guides;  ///< of a guided joint's coordinates
   int q = 0, v = 0, speeds = 0, node = -1;
   int mass = -1;
   Fixed centre, inner;  ///< centre of mass; the joint's point of the parent

@@ -1,0 +1,34 @@
+"""`cutjoint kinematics`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cutjoint.commands import options, table
+from cutjoint.report.kinematics import kinematics_tables, plot_kinematics, write_kinematics
+from cutjoint.run.outputs import require_apart, require_folder
+from cutjoint.tasks.kinematics.sweep import find_kinematics
+
+
+@table.command("kinematics")
+def command(
+    model: Path, axle: str | None, travel: float, turn: float | None, points: int, steer: str | None, radius: float | None, share: float,
+    changes: tuple[str, ...], out: Path | None, plots: Path | None,
+) -> None:  # fmt: skip
+    """Move the wheels of an axle of MODEL up and down and steer them; print camber, toe, steering axis, roll centre and ratios."""
+    require_apart({"the model": model}, tables={"--out": out}, plots=plots)
+    if plots is not None:
+        require_folder(plots)
+    with options.progress_bar(f"moving the axle of {model.name}"):
+        found = find_kinematics(
+            model, axle=axle, travel=travel, turn=turn, points=points, steer=steer, radius=radius, share=share,
+            parameters=options.read_parameters(changes),
+        )  # fmt: skip
+    console = options.console_beside(out)
+    for made in kinematics_tables(found):
+        console.print(made)
+    if out is not None:
+        console.print(f"results: {write_kinematics(found, out)}", markup=False)
+    if plots is not None:
+        pictures = plot_kinematics(found, f"{model.stem}, axle {found.axle.name}", plots)
+        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)

@@ -1,0 +1,156 @@
+"""Kinematics of an axle: for people tables in mm and degrees and plots, for programs a CSV file in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO, StringIO
+from math import degrees
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from cutjoint.report.tables import facts
+from cutjoint.run.result_files import open_table, write_all, write_whole
+from cutjoint.tasks.kinematics.axles import SIDES
+from cutjoint.tasks.kinematics.figures import MOTION_RATIO, STEERING_RATIO
+from cutjoint.tasks.kinematics.sweep import LEADING, ROLL, STEERING, TRAVEL, AxleKinematics
+
+#: The most rows that a table for people has.
+_ROWS = 11
+#: The scale, the unit and the decimals of numbers for people, by the unit in files.
+_FOR_PEOPLE = {"m": (1e3, "mm", 2), "rad": (degrees(1.0), "deg", 3), "1": (1.0, "", 3), "m/rad": (1e3 / degrees(1.0), "mm/deg", 3)}
+#: The figures of one wheel that the table of travel has; those of the other are the same on a symmetric axle.
+_OF_ONE_WHEEL = ("camber", "toe", "caster", "kingpin_inclination", "scrub_radius", "caster_trail")
+_OF_BOTH = ("camber", "toe")
+#: The figures of the axle in each sweep's table.
+_OF_AXLE = {
+    TRAVEL: ("track", "roll_centre_height"), ROLL: ("track", "roll_centre_height", "roll_centre_y"),
+    STEERING: ("ackermann", STEERING_RATIO),
+}  # fmt: skip
+_TITLES = {TRAVEL: "both wheels up and down", ROLL: "roll: one wheel up, the other down", STEERING: "steering"}
+
+
+def kinematics_tables(found: AxleKinematics) -> Iterator[Table]:
+    """The axle, its figures in the design position, and a table a sweep."""
+    yield facts(f"axle {found.axle.name}", _about(found))
+    yield _design(found)
+    for name in found.sweeps:
+        yield _sweep(found, name)
+
+
+def _about(found: AxleKinematics) -> Iterator[tuple[str, str]]:
+    axle = found.axle
+    yield "chassis", axle.chassis
+    yield "wheels", ", ".join(f"{w.body}, radius {w.radius * 1e3:.4g} mm" for w in axle.wheels)
+    yield "steered by", axle.steering.name if axle.steering is not None else "nothing; --steer names a joint"
+    if axle.wheelbase is not None:
+        yield "wheelbase", f"{axle.wheelbase * 1e3:.4g} mm, centre of mass {axle.height * 1e3:.4g} mm above the road"
+    for limit in found.limits:
+        yield "limit", limit
+
+
+def _design(found: AxleKinematics) -> Table:
+    """The figures that have no table over a sweep, in the design position, a row a figure."""
+    table = Table(title="design position", title_justify="left", box=None)
+    for heading in ("", *SIDES):
+        table.add_column(heading, justify="right" if heading else "left")
+    columns = found.sweeps[TRAVEL]
+    here = int(np.abs(columns[LEADING[TRAVEL]]).argmin())
+    names = dict.fromkeys(c.partition(".")[2] for c in columns if c.partition(".")[0] in SIDES and c.partition(".")[2] in _SHOWN_ONCE)
+    for name in names:
+        unit = found.units[f"{SIDES[0]}.{name}"]
+        table.add_row(_heading(name, unit).replace("\n", ", "), *(_number(columns[f"{side}.{name}"][here], unit) for side in SIDES))
+    for spring in found.axle.springs:
+        column = f"{spring.name}.{MOTION_RATIO}"
+        table.add_row(f"motion ratio {spring.name}", _number(columns[column][here], "1"))
+    return table
+
+
+_SHOWN_ONCE = ("brake_support_angle", "drive_support_angle", "anti_brake", "anti_drive")
+
+
+def _sweep(found: AxleKinematics, name: str) -> Table:
+    columns = found.sweeps[name]
+    leading = [LEADING[name]]
+    wheels = [f"{SIDES[0]}.{c}" for c in _OF_ONE_WHEEL] if name == TRAVEL else [f"{s}.{c}" for c in _OF_BOTH for s in SIDES]
+    shown = [c for c in (*leading, *wheels, *_OF_AXLE[name]) if c in columns]
+    table = Table(title=_TITLES[name], title_justify="left", box=None)
+    for column in shown:
+        table.add_column(_heading(column, found.units[column]).replace(" inclination", ""), justify="right")
+    rows = columns[leading[0]].size
+    for i in range(0, rows, max(1, -(-rows // _ROWS))):
+        table.add_row(*(_number(columns[c][i], found.units[c]) for c in shown))
+    return table
+
+
+def _heading(column: str, unit: str) -> str:
+    shown = _FOR_PEOPLE[unit][1]
+    return column.replace("_", " ").replace("left.", "left ").replace("right.", "right ") + (f"\n{shown}" if shown else "")
+
+
+def _number(value: float, unit: str) -> str:
+    scale, _, decimals = _FOR_PEOPLE[unit]
+    return "-" if np.isnan(value) else f"{round(scale * value, decimals) + 0.0:.{decimals}f}"
+
+
+def write_kinematics(found: AxleKinematics, path: Path) -> Path:
+    """Write all sweeps into one CSV file, each row with the name of its sweep; units stand beside.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    table = open_table(path, found.units)
+    text = StringIO()
+    print("sweep", *found.units, sep=",", file=text)
+    for name, columns in found.sweeps.items():
+        for row in zip(*(columns[c] for c in found.units), strict=True):
+            print(name, *(f"{x + 0.0:.17g}" for x in row), sep=",", file=text)
+    try:
+        write_all(table.file, text.getvalue().encode())
+        return table.finish()
+    except BaseException as error:
+        table.leave(str(error))
+        raise
+
+
+def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Path]:
+    """Write a picture a sweep as PNG files and return their paths: a panel a figure, a line a side or a spring."""
+    return [_picture(found, name, f"{title}: {_TITLES[name]}", folder / f"{name}.png") for name in found.sweeps]
+
+
+def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
+    columns, leading = found.sweeps[name], LEADING[name]
+    panels: dict[str, list[str]] = {}
+    for column in columns:
+        if column not in (leading, "left.travel", "right.travel"):
+            panels.setdefault(column.rpartition(".")[2], []).append(column)
+    panels = {figure: names for figure, names in panels.items() if any(_varies(columns[c]) for c in names)}
+    rows = -(-len(panels) // 3)
+    drawing = Figure(figsize=(13, 1 + 2.6 * rows), layout="constrained")
+    FigureCanvasAgg(drawing)
+    axes = drawing.subplots(max(rows, 1), 3, sharex=True, squeeze=False).ravel()
+    for ax, (figure, names) in zip(axes, panels.items(), strict=False):
+        scale, unit, _ = _FOR_PEOPLE[found.units[names[0]]]
+        for column in names:
+            label = column.rpartition(".")[0]
+            ax.plot(_FOR_PEOPLE[found.units[leading]][0] * columns[leading], scale * columns[column], linewidth=1.2, label=label or None)
+        ax.set_title(figure.replace("_", " ") + (f" [{unit}]" if unit else ""), fontsize="medium")
+        ax.grid(visible=True, linewidth=0.3)
+        if len(names) > 1:
+            ax.legend(fontsize="small", frameon=False)
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    drawing.supxlabel(_heading(leading, found.units[leading]).replace("\n", ", "))
+    drawing.suptitle(title)
+    picture = BytesIO()
+    drawing.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    return write_whole(path, picture.getvalue())
+
+
+def _varies(values: np.ndarray) -> bool:
+    """True if a figure changes by more than rounding."""
+    known = values[np.isfinite(values)]
+    return known.size > 1 and bool(np.ptp(known) > 1e-9)

@@ -1,0 +1,318 @@
+"""The axles of a model: wheels in pairs, the chassis that carries both, and the joint that steers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from cutjoint.analysis.closing import Array
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Force, Joint, Model, PointSpring, Scalar, Span, Tyre, Vector
+from cutjoint.run.errors import RunError
+
+#: The name of a force that carries a wheel, where it is not of kind tyre.
+TYRE = "tyre"
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """A wheel in the design position: the body that carries it without spinning, ``centre`` and the axis ``outward`` (3,), m, its radius.
+
+    ``side`` is 1 on the left, -1 on the right.
+    """
+
+    body: str
+    centre: Array
+    outward: Array
+    radius: float
+    side: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axle:
+    """An axle: its wheels, left and right, the ``part`` of the model that carries them on the ground in place of the chassis.
+
+    ``steering`` is the joint that steers it, if there is one.  ``springs`` are the forces whose lengths change with it.  ``wheelbase`` and
+    ``height``, of the centre of all masses above the road, are in m, None of a model with one axle.
+    """
+
+    name: str
+    wheels: tuple[Wheel, Wheel]
+    chassis: str
+    part: Model
+    steering: Joint | None
+    springs: tuple[Force, ...]
+    is_front: bool
+    wheelbase: float | None
+    height: float
+
+    @property
+    def steering_unit(self) -> str:
+        """The unit of the steering joint's coordinate, "m" or "rad"; "" without one."""
+        return "" if self.steering is None else self.steering.element.units[self.steering.element.coordinates[0]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """A wheel as the model names it: the force that carries it, if one does."""
+
+    name: str
+    body: str
+    centre: Vector
+    axis: Vector | None
+    radius: Scalar | None
+    span: Span
+
+
+class Values:
+    """The numbers of a model at values of all its parameters."""
+
+    def __init__(self, model: Model, parameters: Mapping[str, float]) -> None:
+        self.parameters = tuple(
+            replace(p, value=float(parameters.get(p.name, p.value)), binding=Binding.CONST) for p in model.parameters
+        )
+        self._symbols = {p.symbol: p.value for p in self.parameters}
+
+    def number(self, expression: Scalar | float) -> float:
+        """The value of an expression."""
+        return evaluate(expression, self._symbols) if hasattr(expression, "free_symbols") else float(expression)
+
+    def vector(self, vector: Vector) -> Array:
+        """The values of three expressions."""
+        return np.array([self.number(x) for x in vector])
+
+
+def find_axle(model: Model, values: Values, name: str | None, *, radius: float | None, steer: str | None) -> Axle:
+    """The axle of a name, the only one if none is given.
+
+    A name is that of an axle, or those of two bodies with a comma between.
+
+    Raises:
+        RunError: there is no such axle, or it lacks what its kinematics need.
+    """
+    pairs = _pairs(model, values)
+    chosen, pair = _chosen(model, values, pairs, name)
+    wheels = tuple(_wheel(model, values, found, side, radius) for found, side in zip(pair, (1, -1), strict=True))
+    chassis = _chassis(model, [wheel.body for wheel in wheels])
+    wheels = tuple(replace(wheel, body=_carrier(model, values, wheel, chassis)) for wheel in wheels)
+    bodies = _carried(model, {wheel.body for wheel in wheels}, chassis)
+    steering = _steering(model, bodies, steer)
+    others = [x for key, other in pairs.items() if key != chosen for x in (_place(values, other),)]
+    here = float(np.mean([wheel.centre[0] for wheel in wheels]))
+    nearest = min(others, key=lambda x: abs(x - here), default=None)
+    tyres = {found.name for found in pair}
+    springs = tuple(f for f in model.forces if f.active and f.name not in tyres and _is_spring(f, bodies, chassis))
+    return Axle(
+        name=chosen, wheels=(wheels[0], wheels[1]), chassis=chassis, part=_part(model, values, bodies, chassis, steering),
+        steering=steering, springs=springs, is_front=nearest is None or here > nearest,
+        wheelbase=None if nearest is None else abs(here - nearest),
+        height=_height(model, values) - float(np.mean([w.centre[2] - w.radius for w in wheels])),
+    )  # fmt: skip
+
+
+# Wheels
+
+
+def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
+    """The axles by their names, from the front backwards: each left wheel and the right one that is nearest along x."""
+    wheels = [wheel for wheel in map(_carried_by, model.forces) if wheel is not None]
+    y = {wheel.name: values.number(wheel.centre[1]) for wheel in wheels}
+    right = [wheel for wheel in wheels if y[wheel.name] < 0]
+    pairs = []
+    for wheel in (wheel for wheel in wheels if y[wheel.name] > 0 and right):
+        x = values.number(wheel.centre[0])
+        other = min(right, key=lambda w: abs(values.number(w.centre[0]) - x))
+        right.remove(other)
+        pairs.append((wheel, other))
+    pairs.sort(key=lambda pair: -_place(values, pair))
+    return dict(zip(_names(pairs), pairs, strict=True))
+
+
+def _carried_by(force: Force) -> _Found | None:
+    """The wheel that a force carries, if it is a tyre by its kind or its name."""
+    if isinstance(force, Tyre):
+        return _Found(
+            name=force.name, body=force.body, centre=force.centre, axis=force.axis, radius=force.radius, span=force.span
+        )  # fmt: skip
+    if TYRE not in force.name.rpartition(".")[2].split("_"):
+        return None
+    if isinstance(force, AxialForce):
+        return _Found(name=force.name, body=force.follower, centre=force.point, axis=None, radius=None, span=force.span)
+    if isinstance(force, PointSpring):
+        return _Found(name=force.name, body=force.follower, centre=force.end, axis=None, radius=None, span=force.span)
+    if isinstance(force, BodyLoad) and force.point is not None:
+        return _Found(name=force.name, body=force.body, centre=force.point, axis=None, radius=None, span=force.span)
+    return None
+
+
+def _names(pairs: Sequence[tuple[_Found, _Found]]) -> list[str]:
+    """The words that the names of an axle's two wheels share, or its place where they share none or another axle has the same."""
+    words = ["_".join(w for w in re.split(r"[._]", pair[0].name) if w in re.split(r"[._]", pair[1].name) and w != TYRE) for pair in pairs]
+    if all(words) and len(set(words)) == len(words):
+        return words
+    return ["front", *(f"middle_{i}" for i in range(1, len(pairs) - 1)), "rear"][: len(pairs)]
+
+
+def _place(values: Values, pair: Iterable[_Found]) -> float:
+    """The mean x of an axle's wheels, m."""
+    return float(np.mean([values.number(wheel.centre[0]) for wheel in pair]))
+
+
+def _chosen(
+    model: Model, values: Values, pairs: Mapping[str, tuple[_Found, _Found]], name: str | None
+) -> tuple[str, tuple[_Found, _Found]]:  # fmt: skip
+    if name is None and len(pairs) == 1:
+        return next(iter(pairs.items()))
+    if name is not None and name in pairs:
+        return name, pairs[name]
+    if name is not None and "," in name:
+        return name, _of_bodies(model, values, pairs, name.split(","))
+    if not pairs:
+        raise RunError(
+            f"{model.span}: no axle: no pair of forces of kind tyre, or called tyre, stands left and right of y = 0; "
+            "name the bodies that carry the wheels, as in --axle LEFT,RIGHT"
+        )
+    wanted = "" if name is None else f"no axle '{name}'; "
+    raise RunError(f"{model.span}: {wanted}--axle is one of {', '.join(pairs)}, or two bodies that carry wheels, as in LEFT,RIGHT")
+
+
+def _of_bodies(
+    model: Model, values: Values, pairs: Mapping[str, tuple[_Found, _Found]], names: Sequence[str]
+) -> tuple[_Found, _Found]:  # fmt: skip
+    """The wheels of two bodies: those of their tyres, else around their centres of mass."""
+    bodies = {body.name: body for body in model.bodies}
+    known = {wheel.body: wheel for wheel in chain.from_iterable(pairs.values())}
+    if len(names) != 2:
+        raise RunError(f"--axle {','.join(names)}: {len(names)} bodies; give the left and the right one")
+    for name in names:
+        if name not in bodies:
+            raise RunError(f"{model.span}: --axle: no body '{name}'; the bodies are {', '.join(bodies)}")
+    found = [
+        known.get(name)
+        or _Found(name=name, body=name, centre=bodies[name].centre_of_mass, axis=None, radius=None, span=bodies[name].span)
+        for name in names
+    ]
+    y = [values.number(wheel.centre[1]) for wheel in found]
+    if not y[0] > y[1]:
+        raise RunError(f"--axle {','.join(names)}: the wheel of '{names[0]}' is not left of that of '{names[1]}'; exchange them")
+    return found[0], found[1]
+
+
+def _wheel(model: Model, values: Values, found: _Found, side: int, radius: float | None) -> Wheel:
+    """The numbers of a wheel; without a given radius it stands on the road at z = 0, but is no larger than its tyre."""
+    centre = values.vector(found.centre)
+    outward = side * (np.array([0.0, 1.0, 0.0]) if found.axis is None else values.vector(found.axis))
+    if radius is None:
+        sizes = [float(centre[2]), *([] if found.radius is None else [values.number(found.radius)])]
+        radius = min((size for size in sizes if size > 0), default=0.0)
+    if not radius > 0:
+        raise RunError(f"{found.span}: '{found.name}': its wheel's centre is not above the road at z = 0; give its --radius")
+    return Wheel(body=found.body, centre=centre, outward=outward / np.linalg.norm(outward), radius=radius, side=side)
+
+
+def _height(model: Model, values: Values) -> float:
+    """The height of the centre of all masses, m; 0 of a model without any."""
+    masses = np.array([values.number(body.mass) for body in model.bodies])
+    heights = np.array([values.number(body.centre_of_mass[2]) for body in model.bodies])
+    return float(masses @ heights / masses.sum()) if masses.sum() else 0.0
+
+
+# The part of the model that an axle is
+
+
+def _reached(joints: Iterable[Joint], start: Iterable[str], without: str) -> set[str]:
+    """The bodies that joints connect, without a way through one body."""
+    ways: dict[str, set[str]] = {}
+    for joint in joints:
+        ways.setdefault(joint.base, set()).add(joint.follower)
+        ways.setdefault(joint.follower, set()).add(joint.base)
+    found, new = set(start), list(start)
+    while new:
+        more = ways.get(new.pop(), set()) - found - {without}
+        found |= more
+        new += more
+    return found
+
+
+def _chassis(model: Model, carriers: Sequence[str]) -> str:
+    """The body through which all ways from the ground to the wheels lead, the nearest to them; the ground where there is none."""
+    on_the_way = []
+    for body in model.bodies:
+        standing = _reached(model.joints, {GROUND}, body.name)
+        if body.name not in carriers and not standing & set(carriers):
+            on_the_way.append((len(standing), body.name))
+    return max(on_the_way, default=(0, GROUND))[1]
+
+
+def _carrier(model: Model, values: Values, wheel: Wheel, chassis: str) -> str:
+    """The body on which a wheel that turns about its axis is carried; the wheel's own body if it has no such hinge."""
+    joints = [joint for joint in model.joints if wheel.body in (joint.base, joint.follower)]
+    if len(joints) != 1 or joints[0].kind != "revolute":
+        return wheel.body
+    other = joints[0].base if joints[0].follower == wheel.body else joints[0].follower
+    turns = np.linalg.norm(np.cross(values.vector(joints[0].axes[0]), wheel.outward)) < 1e-9
+    return other if turns and other != chassis else wheel.body
+
+
+def _carried(model: Model, carriers: set[str], chassis: str) -> set[str]:
+    """The bodies that joints and gears connect with the wheels' bodies, without a way through the chassis or the ground."""
+    joints = {joint.name: joint for joint in model.joints}
+    bodies: set[str] = set()
+    start = carriers
+    while start - bodies:
+        bodies |= _reached(model.joints, start | bodies, chassis)
+        geared = [g for g in model.gears if any(_of_part(joints[name], bodies, chassis) for name in g.joints)]
+        start = {body for g in geared for name in g.joints for body in (joints[name].base, joints[name].follower)} - {chassis, GROUND}
+    return bodies - {GROUND}
+
+
+def _of_part(joint: Joint, bodies: set[str], chassis: str) -> bool:
+    """True if a joint connects bodies of the part with each other or with the chassis."""
+    ends = {joint.base, joint.follower}
+    return bool(ends & bodies) and ends <= bodies | {chassis}
+
+
+def _steering(model: Model, bodies: set[str], steer: str | None) -> Joint | None:
+    """The joint that steers: the named one, else the only one of the axle's joints with a guide."""
+    joints = [joint for joint in model.joints if {joint.base, joint.follower} & bodies]
+    single = [joint for joint in joints if len(joint.element.coordinates) == 1 and not joint.element.has_ball]
+    if steer is not None:
+        for joint in single:
+            if joint.name == steer:
+                return joint
+        raise RunError(
+            f"{model.span}: --steer {steer}: the axle has no such joint with one coordinate; "
+            f"it has {', '.join(j.name for j in single) or 'none'}"
+        )
+    guided = [joint for joint in single if joint.guide is not None]
+    if len(guided) > 1:
+        raise RunError(f"{model.span}: several joints of the axle are guided; --steer is one of {', '.join(j.name for j in guided)}")
+    return guided[0] if guided else None
+
+
+def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering: Joint | None) -> Model:
+    """The model of an axle: its bodies and joints alone, on the ground where the chassis was; the steering joint is free."""
+    joints = []
+    for joint in (j for j in model.joints if _of_part(j, bodies, chassis)):
+        base, follower = (GROUND if body == chassis else body for body in (joint.base, joint.follower))
+        moved = replace(joint, base=base, follower=follower)
+        joints.append(replace(moved, guide=None, cut=False) if joint == steering else moved)
+    kept = {joint.name for joint in joints}
+    return replace(
+        model, parameters=values.parameters, bodies=tuple(b for b in model.bodies if b.name in bodies), joints=tuple(joints), forces=(),
+        reactions=(), markers=(), gears=tuple(g for g in model.gears if kept >= set(g.joints)), states=(), signals=(), scenes={}, guards=(),
+        assemblies=(),
+    )  # fmt: skip
+
+
+def _is_spring(force: Force, bodies: set[str], chassis: str) -> bool:
+    """True if a force acts between bodies of the axle and its chassis, along a length or a joint's coordinate."""
+    if isinstance(force, PointSpring | AxialForce):
+        ends = {force.base, force.follower}
+        return bool(ends & bodies) and ends <= bodies | {chassis}
+    return False
