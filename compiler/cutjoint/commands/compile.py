@@ -13,11 +13,13 @@ from cutjoint.topology.reading import read_model
 
 @table.command("compile")
 def command(
-    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, opened: tuple[str, ...]
+    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, opened: tuple[str, ...]
 ) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, opened=opened)
+        artifact = compile_model(
+            model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, opened=opened
+        )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}", markup=False)

@@ -31,6 +31,7 @@ _CORE = "cutjoint/core/checked_simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
+_POSES = "cutjoint/core/poses.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -178,7 +179,7 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
-    more = [*([_DERIVATIVES] if has_derivatives else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    more = [*([_DERIVATIVES] if has_derivatives else []), *([_POSES] if parts.poses else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
     return [*lanes, _CORE, steps.header, *more]
 
 
@@ -189,9 +190,12 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     start, tables = parts.mechanism, _tables(equations)
     if parts.freedoms is not None:
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
+    if parts.poses:
+        tables.append({"name": "pose_names", "entries": list(parts.poses)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "joint_speeds": start.speeds,
+        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
+        "joint_speeds": start.speeds,
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
@@ -358,6 +362,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 2 * (_stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program)))
         stored += 2 * (len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns))
         stored += 4 * q + 12 * n + 8 * m + 4 * parts.freedoms + 12 * len(equations.inputs) + 2 * n + m + 64
+    stored += 16 * len(parts.poses) + 2
     return 8 * (stored + assembly + masses + others + 512)
 
 

@@ -25,19 +25,19 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states, ``steps`` the properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps
-    of several together, if the method can.
+    first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
+    ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
         steps: Steps, settings: StepSettings, lanes: Lanes | None,
     ) -> None:  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
-        self.settings, self.lanes = settings, lanes
+        self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
@@ -69,6 +69,8 @@ class Library:
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
+        if has_poses:
+            self.poses = self._function("poses", pointer, sim)
         self.give_scene = self._function("give_scene", index, sim)
         self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
         self.give_speed = self._function("give_speed", index, sim, index, number)
@@ -79,6 +81,7 @@ class Library:
         self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
         self.names = {kind: self._table(f"{kind}_name") for kind in _NAMED}
+        self.names["pose"] = self._table("pose_name") if has_poses else ()
         self.names["input"] = self._table("input_name") if has_inputs else ()
         kinds = ("parameter", "output", *(["input"] if has_inputs else []))
         self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}

@@ -11,9 +11,10 @@ import numpy as np
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import Library
-from cutjoint.stepping.values import Array, StateSpace, Values, find_place
+from cutjoint.stepping.values import Array, Poses, StateSpace, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
+_WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
 #: Characters of what a library says of a failure.
@@ -184,6 +185,24 @@ class Simulation:
             SimulationError: there was no `reset`.
         """
         return self._state("accelerations", "speed")
+
+    @property
+    def poses(self) -> Poses:
+        """The poses of all bodies and markers in the present state.  Asking brings arrays of earlier calls up to date too.
+
+        Raises:
+            TypeError: the model was loaded without poses.
+            SimulationError: there was no `reset`.
+        """
+        self._require(self.library.has_poses, _WITHOUT_POSES)
+        self._require_start()
+        self.library.poses(self.address)
+        return self._poses
+
+    @cached_property
+    def _poses(self) -> Poses:
+        names = self.library.names["pose"]
+        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), 16)))
 
     @property
     def gap(self) -> tuple[float, str | None]:

@@ -60,6 +60,29 @@ class Values(MutableMapping[str, float]):
         return f"<{', '.join(f'{name}: {self[name]:.6g}' for name in list(self)[:8])}{', ...' if len(self) > 8 else ''}>"
 
 
+class Poses:
+    """The poses of bodies and markers by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the simulation owns.
+
+    ``position`` (names, 3) is that of a body's centre of mass or of a marker, ``attitude`` (names, 4) a unit quaternion w, x, y, z with
+    w >= 0 that is 1, 0, 0, 0 in the design position, ``velocity`` (names, 3) the point's, ``angular_velocity`` (names, 3) the body's, and
+    ``point`` (names, 3) where the point is in the design position.
+    """
+
+    def __init__(self, names: Sequence[str], array: Array) -> None:
+        self.names, self.array = tuple(names), array
+        array.flags.writeable = False
+        self.position, self.attitude, self.velocity, self.angular_velocity, self.point = np.split(array, (3, 7, 10, 13), axis=1)
+        self._places = {name: i for i, name in enumerate(names)}
+
+    def place(self, name: str) -> int:
+        """The row of a body or marker.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return find_place(self._places, name)
+
+
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
     """x' = A x + B u, y = C x + D u, of changes x of states, u of inputs and y of outputs from a state that a simulation was in.

@@ -296,6 +296,13 @@ class Simulation {
     return columns_.data();
   }
 
+  /// Where bodies and markers are in the present state, and how they move, as the generated function has it.
+  void pose(Real* numbers) {
+    heed_parameters();
+    mechanism_.begin_step(state_.t, Real(1));
+    mechanism_.poses(state_.q.data(), state_.v.data(), numbers);
+  }
+
   /// The present state; with its accelerations and multipliers only if it is complete.
   const StateOf<Subject>& state() const { return state_; }
   const StateOf<Subject>& complete_state() {
