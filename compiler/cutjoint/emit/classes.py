@@ -199,7 +199,7 @@ def sized_system_class(parts: SimulationCode, system: System, *, header: str = "
     equations, plan = system.equations, system.plan
     layout = {
         "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
-        "pattern": pattern_view(plan.pattern, equations.row_names),
+        "pattern": pattern_view(plan.pattern, equations.row_names), "pivot_columns": plan.tiling.elimination.columns,
     }  # fmt: skip
     made = system_class(parts.page, system, unused=_unused(parts, equations), header=header)
     return replace(made, layout=layout)

@@ -197,7 +197,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
         "joint_speeds": start.speeds,
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
-        "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
+        "limits": _limits(), "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
@@ -332,6 +332,14 @@ def _causes() -> list[dict[str, str]]:
     """The faults of the core, as its header lists them."""
     text = (runtime_folder() / "include/cutjoint/core/fault.hpp").read_text(encoding="utf-8")
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
+
+
+def _limits() -> list[str]:
+    """The numbers that hosts set limits of, in the order of the core's header."""
+    text = (runtime_folder() / "include/cutjoint/core/effort.hpp").read_text(encoding="utf-8")
+    names = re.search(r"limit_names\[\] = \{(.*)\}", text)
+    assert names is not None
+    return re.findall(r"\w+", names[1])
 
 
 def simulation_size(parts: SimulationCode, steps: Steps) -> int:

@@ -17,6 +17,18 @@ from cutjoint.emit.standalone import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 
+class EffortRecord(ctypes.Structure):
+    """The record of C."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("gap", "rate", "change", "pivot")), ("iterations", ctypes.c_long),
+        ("evaluations", ctypes.c_long), ("equation", ctypes.c_int),
+    )  # fmt: skip
+
+
+#: The numbers of it that have limits, in their order.
+LIMITED = ("gap", "rate", "change", "pivot", "iterations", "evaluations")
+
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
@@ -49,6 +61,8 @@ class Library:
         self.time = self._function("time", number, sim)
         self.outputs = self._function("outputs", pointer, sim)
         self.gap = self._function("gap", number, sim, ctypes.POINTER(ctypes.c_int))
+        self.last_step = self._function("last_step", index, sim, ctypes.POINTER(EffortRecord))
+        self.set_limit = self._function("set_limit", index, sim, index, number)
         self.set_step = self._function("set_step", index, sim, number)
         if steps.is_iterated:
             self.set_iterations = self._function("set_iterations", index, sim, index)

@@ -10,8 +10,8 @@ import numpy as np
 
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
-from cutjoint.stepping.library import Library
-from cutjoint.stepping.values import Array, Poses, StateSpace, Values, find_place
+from cutjoint.stepping.library import LIMITED, EffortRecord, Library
+from cutjoint.stepping.values import Array, Effort, Poses, StateSpace, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
 _WITHOUT_POSES = "load the model with poses=True"
@@ -47,6 +47,7 @@ class Simulation:
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
         self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
         self._is_started = False
+        self._limits: dict[str, float] = {}
 
     def __repr__(self) -> str:
         return f"<Simulation of '{self.library.model}' at {self.time:.6g} s>"
@@ -217,6 +218,32 @@ class Simulation:
         gap = float(self.library.gap(self.address, ctypes.byref(equation)))
         return gap, None if equation.value < 0 else self.library.names["equation"][equation.value]
 
+    @property
+    def last_step(self) -> Effort:
+        """What the last step did; of integrators that choose their steps, all of those up to the time of the last call.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        record = EffortRecord()
+        self._call(self.library.last_step, ctypes.byref(record))
+        equation = None if record.equation < 0 else self.library.names["equation"][record.equation]
+        return Effort(**{name: getattr(record, name) for name in LIMITED}, equation=equation)
+
+    def set_limits(self, **limits: float) -> None:
+        """Set limits of numbers of `last_step`, of the pivot the least, of the others the most; infinity, of the pivot 0, is none.
+
+        A step beyond one is made and raises a `SimulationError`, after which the motion may go on.  Snapshots have none.
+
+        Raises:
+            KeyError: there is no such number.
+            SimulationError: a limit is below 0 or no number.
+        """
+        places = {name: i for i, name in enumerate(LIMITED)}
+        for place, limit in [(find_place(places, name), limit) for name, limit in limits.items()]:
+            self._call(self.library.set_limit, place, limit)
+        self._limits |= limits
+
     def _state(self, array: str, kind: str) -> Values:
         self._require_start()
         view = self._view(array, kind)
@@ -365,6 +392,7 @@ class Simulation:
     def copy(self) -> Simulation:
         """Copy the simulation with its state; without a `reset` the copy has its parameters alone."""
         other = Simulation(self.library)
+        other.set_limits(**self._limits)
         if self._is_started:
             other.restore(self.snapshot())
         else:

@@ -60,6 +60,22 @@ class Values(MutableMapping[str, float]):
         return f"<{', '.join(f'{name}: {self[name]:.6g}' for name in list(self)[:8])}{', ...' if len(self) > 8 else ''}>"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """What a step did: the ``gap`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the largest
+    ``rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1 + the largest of
+    them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors; ``iterations`` (tries of
+    explicit steps) and ``evaluations``."""
+
+    gap: float
+    rate: float
+    change: float
+    pivot: float
+    iterations: int
+    evaluations: int
+    equation: str | None
+
+
 class Poses:
     """The poses of bodies and markers by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the simulation owns.
 

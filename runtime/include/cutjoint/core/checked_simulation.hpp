@@ -9,6 +9,7 @@
 #include <span>
 #include <type_traits>
 
+#include "cutjoint/core/effort.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/simulation.hpp"
@@ -261,6 +262,24 @@ class CheckedSimulation {
     return gap.size;
   }
 
+  /// `effort` is a record of C with the members of `Effort`.
+  template <class Record>
+  static int last_step(CheckedSimulation* s, Record* effort) {
+    if (const int status = ask_started(s)) return status;
+    if (!effort) return no_array;
+    const Effort found = s->sim.effort();
+    *effort = {found.gap, found.rate, found.change, found.pivot, found.iterations, found.evaluations, found.equation};
+    return call_ok;
+  }
+
+  static int set_limit(CheckedSimulation* s, int which, double limit) {
+    if (!holds_one(s)) return no_simulation;
+    if (which < 0 || which >= Limits::number) return no_such_index;
+    if (!(limit >= 0.0)) return not_finite;
+    s->sim.limits().set(which, limit);
+    return call_ok;
+  }
+
   static double time(const CheckedSimulation* s) { return holds_one(s) ? s->sim.state().t : 0.0; }
   static const double* outputs(CheckedSimulation* s) { return is_started(s) ? s->sim.report() : nullptr; }
   static const double* coordinates(const CheckedSimulation* s) { return is_started(s) ? s->sim.state().q.data() : nullptr; }
@@ -299,9 +318,11 @@ class CheckedSimulation {
       case FaultList::guards: look_up(Model::guard_names, Model::guard_places); break;
       case FaultList::coordinates: look_up(Model::coordinate_names, Model::coordinate_places); break;
       case FaultList::switches: look_up(Model::switch_names, Model::switch_places); break;
+      case FaultList::limits: name = element_of(limit_names, fault.index); break;
       case FaultList::none: break;
     }
-    if (name) words << ": '" << name << "' (" << place << ")";
+    if (name) words << ": '" << name << "'";
+    if (place) words << " (" << place << ")";
     if (fault) words << "; " << advice_of(fault);
     return call_ok;
   }
