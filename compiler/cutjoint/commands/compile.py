@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.run.artifact import Artifact
+from cutjoint.toolchain.build import simulator_of
 from cutjoint.topology.reading import read_model
 
 
@@ -22,7 +24,14 @@ def command(
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
-    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}", markup=False)
+    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+
+
+def _sizes(artifact: Artifact, folder: Path) -> str:
+    """The memory and the stack of a simulation, as the folder's program says them."""
+    program = (folder / simulator_of(artifact.topology.model.name)).resolve()
+    said = subprocess.run([program, "--sizes"], capture_output=True, text=True, check=False)
+    return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
 def _price(artifact: Artifact, path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -166,7 +167,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
     core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
     return "\n".join([
-        "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
+        "\n".join(f"// {line}" for line in page.banner), page.render("standalone/demands.hpp.jinja", **view),
         *(f"#include <{name}>" for name in standard), "",
         *([core.top] if core.top.strip() else []), f"namespace {page.stem}_code {{\n", core.body,
         f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
@@ -197,7 +198,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
         "joint_speeds": start.speeds,
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
-        "limits": _limits(), "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
+        "limits": _limits(), "numbered": _numbered(equations, parts.poses),
+        "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
@@ -332,6 +334,23 @@ def _causes() -> list[dict[str, str]]:
     """The faults of the core, as its header lists them."""
     text = (runtime_folder() / "include/cutjoint/core/fault.hpp").read_text(encoding="utf-8")
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
+
+
+def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """The names by which a host knows numbers when it is compiled."""
+    kinds = {
+        "parameter": [p.name for p in equations.parameters], "input": [p.name for p in equations.inputs],
+        "output": [c.name for c in equations.columns], "pose_of": list(poses),
+    }  # fmt: skip
+    return [(kind, in_c(names)) for kind, names in kinds.items()]
+
+
+def in_c(names: Sequence[str]) -> list[str]:
+    """Names as parts of words of C, each once: where only dots tell some apart, all of these have their numbers behind them."""
+    words = [re.sub(r"\W", "_", name) for name in names]
+    often = Counter(words)
+    found = [word if often[word] == 1 else f"{word}_{i}" for i, word in enumerate(words)]
+    return found if len(set(found)) == len(found) else [f"{word}_{i}" for i, word in enumerate(words)]
 
 
 def _limits() -> list[str]:

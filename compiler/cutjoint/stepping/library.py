@@ -17,6 +17,7 @@ from cutjoint.emit.standalone import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 
+
 class EffortRecord(ctypes.Structure):
     """The record of C."""
 
