@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,11 @@ class Library:
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
         steps: Steps, settings: StepSettings, lanes: Lanes | None,
     ) -> None:  # fmt: skip
+        self._path = Path(path)
+        self._made_with = {
+            "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
+            "has_poses": has_poses, "steps": steps, "settings": settings,
+        }  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
         self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
         self._library = ctypes.CDLL(os.fspath(path))
@@ -105,6 +110,13 @@ class Library:
             self.input = self._function("input", number, sim, index)
             self.set_input = self._function("set_input", index, sim, index, number, number, number)
 
+    def __deepcopy__(self, memo: object) -> Library:
+        return self
+
+    def __reduce__(self) -> tuple[Callable[..., Library], tuple[Path, Mapping[str, object]]]:
+        """The library by its place; its steps of several together, which come from the model, are not compiled elsewhere."""
+        return _opened, (self._path, self._made_with)
+
     def _function(self, name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
         function = getattr(self._library, f"{self.model}_{name}")
         function.restype, function.argtypes = result, arguments
@@ -116,6 +128,11 @@ class Library:
         while (entry := at(len(entries))) is not None:
             entries.append(entry.decode())
         return tuple(entries)
+
+
+def _opened(path: Path, made_with: Mapping[str, Any]) -> Library:
+    """A library that was pickled."""
+    return Library(path, **made_with, lanes=None)
 
 
 #: Places of an array, and the values that simulations have there, (simulations, places).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +58,34 @@ class Values(MutableMapping[str, float]):
 
     def __repr__(self) -> str:
         return f"<{', '.join(f'{name}: {self[name]:.6g}' for name in list(self)[:8])}{', ...' if len(self) > 8 else ''}>"
+
+
+class Outputs(Values):
+    """The outputs of the present state by name, whenever they are read; ``array`` copies all of them.
+
+    ``refresh`` brings their memory up to date.
+    """
+
+    def __init__(self, names: Sequence[str], memory: Array, units: Mapping[str, str], refresh: Callable[[], object]) -> None:
+        super().__init__(names, memory, units)
+        self._refresh = refresh
+
+    @property
+    def array(self) -> Array:
+        """A copy of the numbers of the present state."""
+        self._refresh()
+        return self._memory.copy()
+
+    @array.setter
+    def array(self, memory: Array) -> None:
+        self._memory = memory
+
+    def __getitem__(self, name: str) -> float:
+        self._refresh()
+        return float(self._memory[find_place(self._places, name)])
+
+    def __setitem__(self, name: str, value: float) -> None:
+        raise TypeError(f"'{name}' is an output, which follows from the state")
 
 
 @dataclass(frozen=True, kw_only=True)
