@@ -103,6 +103,10 @@ def test_bytes_that_are_no_state(slave: Slave) -> None:
     for wrong in (data[:-1], data + b"x", bytes(len(data)), b""):
         assert slave.deserialise(wrong)[0] == ERROR
         assert said(slave) == "these bytes are no state of this FMU"
+    for bit in range(0, 8 * len(data), 37):
+        bad = bytearray(data)
+        bad[bit // 8] ^= 1 << bit % 8
+        assert slave.deserialise(bytes(bad))[0] == ERROR
     assert slave.free_state(state) == OK
 
 

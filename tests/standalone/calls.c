@@ -16,6 +16,7 @@ static int faults = 0;
 static void wrong_calls(void) {
   double q[PRESS_COORDINATES + 1] = {0}, v[PRESS_SPEEDS + 1] = {0};
   char text[200], small[8];
+  press_effort effort;
   press_sim* sim = press_create(memory[0], sizeof memory[0]);
   EXPECT(press_create(NULL, PRESS_SIZE) == NULL);
   EXPECT(press_create(memory[1], 100) == NULL);
@@ -33,7 +34,11 @@ static void wrong_calls(void) {
   EXPECT(press_give_speed(sim, 0, INFINITY) == PRESS_NOT_FINITE);
   EXPECT(press_set_step(sim, 0.0) == PRESS_NOT_FINITE);
   EXPECT(press_set_iterations(sim, -1) == PRESS_NOT_FINITE);
+  EXPECT(press_last_step(sim, &effort) == PRESS_NOT_STARTED && press_last_step(NULL, &effort) == PRESS_NO_SIMULATION);
+  EXPECT(press_set_limit(sim, -1, 1.0) == PRESS_NO_SUCH_INDEX && press_set_limit(sim, PRESS_LIMIT_EVALUATIONS + 1, 1.0) == PRESS_NO_SUCH_INDEX);
+  EXPECT(press_set_limit(sim, PRESS_LIMIT_GAP, NAN) == PRESS_NOT_FINITE && press_set_limit(sim, PRESS_LIMIT_GAP, -1.0) == PRESS_NOT_FINITE);
   EXPECT(press_start(sim) == PRESS_OK);
+  EXPECT(press_last_step(sim, NULL) == PRESS_NO_ARRAY && press_last_step(sim, &effort) == PRESS_OK && effort.iterations == 0);
   EXPECT(press_advance(sim, NAN) == PRESS_NOT_FINITE);
   EXPECT(press_advance(sim, -1.0) == PRESS_TIME_PASSED);
   EXPECT(press_set_state(sim, 0.0, NULL, v) == PRESS_NO_ARRAY);
@@ -49,6 +54,19 @@ static void wrong_calls(void) {
   EXPECT(press_explain(sim, small, sizeof small) == PRESS_OK && strlen(small) == sizeof small - 1);
   EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strcmp(text, "nothing failed") == 0);
   EXPECT(strlen(press_status_text(PRESS_NOT_STARTED)) > 0 && strlen(press_status_text(12345)) > 0);
+}
+
+/* A step beyond a limit is made, and told. */
+static void limits(void) {
+  press_effort effort;
+  char text[200];
+  press_sim* sim = press_create(memory[0], sizeof memory[0]);
+  EXPECT(press_set_limit(sim, PRESS_LIMIT_ITERATIONS, 1.0) == PRESS_OK && press_set_step(sim, 1e-3) == PRESS_OK && press_start(sim) == PRESS_OK);
+  EXPECT(press_step(sim) == PRESS_LIMIT_EXCEEDED && fabs(press_time(sim) - 1e-3) < 1e-12);
+  EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strstr(text, "a step exceeds a limit: 'iterations';") == text);
+  EXPECT(press_last_step(sim, &effort) == PRESS_OK && effort.iterations > 1 && effort.evaluations >= effort.iterations);
+  EXPECT(effort.pivot > 0.0 && effort.equation >= 0 && effort.gap <= 1e-9 && effort.gap == press_gap(sim, NULL));
+  EXPECT(press_set_limit(sim, PRESS_LIMIT_ITERATIONS, INFINITY) == PRESS_OK && press_step(sim) == PRESS_OK);
 }
 
 /* Two simulations whose steps alternate are as two that have the program for themselves. */
@@ -85,6 +103,7 @@ static void snapshots(void) {
 
 int main(void) {
   wrong_calls();
+  limits();
   independence();
   snapshots();
   return faults;

@@ -16,7 +16,7 @@ from tests.conftest import MODELS
 
 #: The flags of a folder's README, but for the level of optimisation.
 CXX = ("-std=c++20", "-O1", "-Wall", "-Wextra", "-Werror", "-fno-math-errno", "-fno-tree-slp-vectorize", "-fno-exceptions", "-fno-rtti",
-       "-fno-threadsafe-statics", "-Wno-psabi")  # fmt: skip
+       "-fno-threadsafe-statics")  # fmt: skip
 C = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1")
 LIBRARIES = ("-lm", "-lmvec")
 

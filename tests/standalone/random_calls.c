@@ -26,8 +26,9 @@ static double number(void) {
 static int call(press_sim* sim) {
   double q[PRESS_COORDINATES + 1], v[PRESS_SPEEDS + 1];
   char text[300];
+  press_effort effort;
   int i;
-  switch (rand() % 26) {
+  switch (rand() % 28) {
     case 0:
       if (!press_create(memory, sizeof memory)) return 1;
       press_set_most_steps(sim, 100);
@@ -52,6 +53,8 @@ static int call(press_sim* sim) {
       for (i = 0; i < PRESS_SPEEDS; ++i) v[i] = number();
       return press_set_state(sim, number(), rand() % 8 ? q : NULL, v);
     case 11: return press_save(sim, snapshot);
+    case 26: return press_last_step(sim, rand() % 8 ? &effort : NULL);
+    case 27: return press_set_limit(sim, rand() % 8 - 1, rand() % 2 ? INFINITY : number());
     case 12: return press_restore(sim, snapshot);
     case 13: return press_explain(sim, text, (size_t)(rand() % 300));
     case 14: return press_status_text(rand() % 40 - 10) != NULL;

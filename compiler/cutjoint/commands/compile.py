@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.run.artifact import Artifact
+from cutjoint.toolchain.build import simulator_of
 from cutjoint.topology.reading import read_model
 
 
 @table.command("compile")
 def command(
-    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, opened: tuple[str, ...]
+    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, opened: tuple[str, ...]
 ) -> None:
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, opened=opened)
+        artifact = compile_model(
+            model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, opened=opened
+        )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
-    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}", markup=False)
+    options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+
+
+def _sizes(artifact: Artifact, folder: Path) -> str:
+    """The memory and the stack of a simulation, as the folder's program says them."""
+    program = (folder / simulator_of(artifact.topology.model.name)).resolve()
+    said = subprocess.run([program, "--sizes"], capture_output=True, text=True, check=False)
+    return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
 def _price(artifact: Artifact, path: Path) -> str:

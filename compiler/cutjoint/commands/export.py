@@ -22,7 +22,7 @@ from cutjoint.topology.reading import read_model
 def command(
     model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
     asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
-    method: str | None, integrator: str | None, out: Path,
+    method: str | None, integrator: str | None, poses: bool, out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == table.FMU:
@@ -33,11 +33,12 @@ def command(
         export_fmu(
             checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
-            target=target,
+            target=target, poses=poses,
         )  # fmt: skip
         return
     require_fmu(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
+        poses=poses or None,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     exporter = EXPORTERS.load(peer)

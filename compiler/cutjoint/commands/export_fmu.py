@@ -23,7 +23,7 @@ CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, Tr
 
 def export_fmu(
     model: Model, scene: str | None, path: Path, *, version: int, kind: str, content: str, method: str, integrator: str | None,
-    out: Path, platforms: Sequence[str] = (), target: str | None = None,
+    out: Path, platforms: Sequence[str] = (), target: str | None = None, poses: bool = False,
 ) -> None:  # fmt: skip
     """Write a model as an FMU; errors as of `make_fmu` and `Fmu.pack`.
 
@@ -39,7 +39,7 @@ def export_fmu(
     if (platforms or target) and not binary:
         raise click.UsageError(f"--{'platform' if platforms else 'target'} is for binaries; leave out --sources")
     with options.progress_bar(f"exporting {path.name}"):
-        fmu = make_fmu(model, find_scene(model, scene), version=version, kind=kind, method=method, integrator=integrator)
+        fmu = make_fmu(model, find_scene(model, scene), version=version, kind=kind, method=method, integrator=integrator, poses=poses)
         packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology), platforms=platforms, target=target)
     write_whole(out, packed)
     variables = fmu.interface.variables

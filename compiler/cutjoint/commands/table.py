@@ -205,6 +205,8 @@ OPTIONS: Mapping[str, Row] = {
     "approximate": click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little."),
     "linearise": click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional "
         "ones."),
+    "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
+        "variables."),
     "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
         "cutjoint-bench is needed, or an FMU for those that import one."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "

@@ -20,6 +20,7 @@ from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, SystemEquations
+from cutjoint.formulate.recursive.poses import POSES
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
@@ -112,6 +113,11 @@ class Standalone:
         return self.parts.freedoms
 
     @property
+    def poses(self) -> tuple[str, ...]:
+        """The names of bodies and markers whose poses it has."""
+        return self.parts.poses
+
+    @property
     def simulator(self) -> str:
         """The name of the program that reads a run file and prints a table."""
         return simulator_of(self.name)
@@ -169,12 +175,14 @@ def make_standalone(
 
     Raises:
         RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
-            coordinates, which have no derivatives, or the scene has a setting or a start without a finite value.
+            coordinates, which have no derivatives and no poses, or the scene has a setting or a start without a finite value.
     """
     equations, program, source = generated
     _require_unknowns(equations)
     if linearise:
-        _require_relative(equations)
+        _require_relative(equations, "linearise", "which have no derivatives")
+    if any(f.name == POSES for f in equations.mechanism.functions):
+        _require_relative(equations, POSES, "which do not say how all bodies stand")
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
@@ -216,10 +224,11 @@ def _require_unknowns(equations: Equations) -> None:
         raise RunError(f"{model.span.file}: nothing in the model moves, so that '{equations.method}' has no equation; use {DEFAULT_METHOD}")
 
 
-def _require_relative(equations: Equations) -> None:
-    """Check that the state has relative coordinates, from which minimal ones are chosen."""
+def _require_relative(equations: Equations, asked: str, why: str) -> None:
+    """Check that the state has relative coordinates, from which minimal ones are chosen and all bodies follow."""
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
-        raise RunError(f"linearise: the state of method '{equations.method}' has natural coordinates; use {join_or(linearised_methods())}")
+        able = join_or(linearised_methods())
+        raise RunError(f"{asked}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
 
 
 def linearised_methods() -> tuple[str, ...]:
@@ -267,7 +276,7 @@ def plan_delivery(
     """Plan a folder for the results of `pipeline.generate`; None if the options have no ``out``.
 
     Raises:
-        RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) of a folder that has none.
+        RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) or ``poses`` of one that has none.
         OutputError: one of the files is the model.
     """
     folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise
@@ -277,6 +286,8 @@ def plan_delivery(
         if linearise:
             able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
             raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
+        if options.poses:
+            raise RunError(f"poses: only folders that stand alone have them; give one by out, in {DEFAULT_PRECISION}")
         delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise)

@@ -18,7 +18,7 @@ class CompileOptions:
     ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
     PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
-    and with ``linearise`` derivatives at a state.
+    with ``linearise`` derivatives at a state, and with ``poses`` those of all bodies and markers.
     """
 
     method: str = DEFAULT_METHOD
@@ -30,6 +30,7 @@ class CompileOptions:
     out: AnyPath | None = None
     integrator: str | None = None
     linearise: bool = False
+    poses: bool = False
 
 
 #: The choices where none is made.

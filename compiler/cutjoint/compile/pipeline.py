@@ -66,7 +66,9 @@ def compile_scene(
     begin = perf_counter()
     if generated is None:
         outputs = scene.outputs if options.outputs is None else options.outputs
-        generated = generate(model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision)
+        generated = generate(
+            model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision, poses=options.poses
+        )  # fmt: skip
     made, delivery = generated, plan_delivery(generated, options)
     seconds, written = perf_counter() - begin, perf_counter()
 
@@ -89,16 +91,18 @@ def compile_scene(
 
 def generate(
     model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
-    precision: str = DEFAULT_PRECISION,
+    precision: str = DEFAULT_PRECISION, poses: bool = False,
 ) -> Generated:  # fmt: skip
-    """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register."""
+    """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register,
+    with ``poses`` the mechanism has the function of that name."""
     lanes = lanes and PRECISIONS[precision].packed
-    equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes)
+    equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses)
     return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
 
 
 def schedule_method(
-    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True
+    model: Model, scene: Scene, outputs: Sequence[Output], *, method: str = DEFAULT_METHOD, lanes: bool = True,
+    poses: bool = False,
 ) -> tuple[Equations, Program]:  # fmt: skip
     """Derive the equations and the program of a scene, without its source."""
     # Model -> Topology -> Equations -> Program
@@ -106,9 +110,10 @@ def schedule_method(
         from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
 
         opened = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
-        start = require_firmness(derive(model, opened, ()), method)
+        start = require_firmness(derive(model, opened, (), poses=poses), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
-    recursive = require_firmness(derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name), method)
+    closure = METHODS[method].closure(scene.numerics.closure).name
+    recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
 
@@ -123,11 +128,13 @@ def emit_scheduled(equations: Equations, program: Program, *, lanes: bool = True
     return systems.emit_scheduled(equations, program, lanes=lanes, packed=PRECISIONS[precision].packed)
 
 
-def derive(model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE) -> RecursiveEquations:
+def derive(
+    model: Model, scene: Scene, outputs: Sequence[Output], *, closure: str = PLAIN_CLOSURE, poses: bool = False
+) -> RecursiveEquations:  # fmt: skip
     """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
     `compile_scene`."""
     topology = build_topology(with_asked_loops(model, scene, DEFAULT_METHOD))
-    return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure))
+    return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses))
 
 
 def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:

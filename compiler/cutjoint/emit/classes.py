@@ -13,6 +13,7 @@ from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, swi
 from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.poses import POSES, posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
 from cutjoint.program.blocks import BindingTime
@@ -43,6 +44,7 @@ _ABOUT = {
     "report": "The reported columns.",
     "energy": "Kinetic energy, and the power of all forces, guides and drives.",
     "sample": "What controllers hold next.",
+    POSES: "Position, rotation by columns, velocity, angular velocity and the point in the design position of each body and marker.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
@@ -92,6 +94,12 @@ class SimulationCode:
     def lanes(self) -> int:
         """The number of simulations side by side, 0 if there is no such class."""
         return 0 if self.side_by_side is None else LANES
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """The names of bodies and markers whose poses the interface has."""
+        has_them = any(f.name == POSES for f in self.mechanism.functions)
+        return tuple(posed_points(self.mechanism.topology.model)) if has_them else ()
 
     @property
     def stepped(self) -> RecursiveEquations | SystemEquations:
@@ -171,6 +179,8 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard", "sample"}
     if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
         unused -= {"energy"}  # of one that holds coordinates at rest or finds penalties, one instance at a time
+    if conditions != "bool":
+        unused |= {POSES}
     layout = {
         "guides_jump": parts.guides_jump and conditions == "bool" and parts.system is None,
         "charts": equations.charts, "cuts": [c.first for c in equations.closures], "switches": switches_of(equations), **sizes_of(equations)
@@ -190,7 +200,7 @@ def sized_system_class(parts: SimulationCode, system: System, *, header: str = "
     equations, plan = system.equations, system.plan
     layout = {
         "guides_jump": parts.guides_jump, "charts": equations.charts, "cuts": [], "switches": switches_of(equations), **sizes_of(equations),
-        "pattern": pattern_view(plan.pattern, equations.row_names),
+        "pattern": pattern_view(plan.pattern, equations.row_names), "pivot_columns": plan.tiling.elimination.columns,
     }  # fmt: skip
     made = system_class(parts.page, system, unused=_unused(parts, equations), header=header)
     return replace(made, layout=layout)

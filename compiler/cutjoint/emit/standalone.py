@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -31,6 +32,7 @@ _CORE = "cutjoint/core/checked_simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
+_POSES = "cutjoint/core/poses.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -165,7 +167,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
     core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
     return "\n".join([
-        "\n".join(f"// {line}" for line in page.banner), f'#include "{view["header"]}.h"\n',
+        "\n".join(f"// {line}" for line in page.banner), page.render("standalone/demands.hpp.jinja", **view),
         *(f"#include <{name}>" for name in standard), "",
         *([core.top] if core.top.strip() else []), f"namespace {page.stem}_code {{\n", core.body,
         f"namespace {SPACE} {{\n", *code, f"}}  // namespace {SPACE}\n",
@@ -178,7 +180,7 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
-    more = [*([_DERIVATIVES] if has_derivatives else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    more = [*([_DERIVATIVES] if has_derivatives else []), *([_POSES] if parts.poses else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
     return [*lanes, _CORE, steps.header, *more]
 
 
@@ -189,10 +191,14 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     start, tables = parts.mechanism, _tables(equations)
     if parts.freedoms is not None:
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
+    if parts.poses:
+        tables.append({"name": "pose_names", "entries": list(parts.poses)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "joint_speeds": start.speeds,
+        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
+        "joint_speeds": start.speeds,
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
+        "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
@@ -332,6 +338,31 @@ def _causes() -> list[dict[str, str]]:
     return [{"name": name.upper(), "number": number, "text": words} for name, number, words in _CAUSE.findall(text)]
 
 
+def _numbered(equations: RecursiveEquations | SystemEquations, poses: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """The names by which a host knows numbers when it is compiled."""
+    kinds = {
+        "parameter": [p.name for p in equations.parameters], "input": [p.name for p in equations.inputs],
+        "output": [c.name for c in equations.columns], "pose_of": list(poses),
+    }  # fmt: skip
+    return [(kind, in_c(names)) for kind, names in kinds.items()]
+
+
+def in_c(names: Sequence[str]) -> list[str]:
+    """Names as parts of words of C, each once: where only dots tell some apart, all of these have their numbers behind them."""
+    words = [re.sub(r"\W", "_", name) for name in names]
+    often = Counter(words)
+    found = [word if often[word] == 1 else f"{word}_{i}" for i, word in enumerate(words)]
+    return found if len(set(found)) == len(found) else [f"{word}_{i}" for i, word in enumerate(words)]
+
+
+def _limits() -> list[str]:
+    """The numbers that hosts set limits of, in the order of the core's header."""
+    text = (runtime_folder() / "include/cutjoint/core/effort.hpp").read_text(encoding="utf-8")
+    names = re.search(r"limit_names\[\] = \{(.*)\}", text)
+    assert names is not None
+    return re.findall(r"\w+", names[1])
+
+
 def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
     equations, start = parts.stepped, parts.mechanism
@@ -362,6 +393,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 2 * (_stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program)))
         stored += 2 * (len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns))
         stored += 4 * q + 12 * n + 8 * m + 4 * parts.freedoms + 12 * len(equations.inputs) + 2 * n + m + 64
+    stored += 16 * len(parts.poses) + 2
     return 8 * (stored + assembly + masses + others + 512)
 
 

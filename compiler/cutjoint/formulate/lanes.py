@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from cutjoint.formulate.records import CHECKS, Function, RecursiveEquations
+from cutjoint.formulate.recursive.poses import POSES
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
 from cutjoint.program.lower import reachable_blocks
@@ -27,7 +28,8 @@ def schedule_recursive(equations: RecursiveEquations, *, lanes: bool) -> Program
     if equations.topology.held:
         often, used = often | _WITH_MULTIPLIERS, {f.name: _used(families, f) for f in equations.functions}
     folded = {f.name: fold(equations.builder, used[f.name], f.results) for f in equations.functions if f.name in often}
-    return schedule(equations.builder, [(f.name, folded.get(f.name, f.results)) for f in equations.functions], lanes=lanes, last=CHECKS)
+    functions = [(f.name, folded.get(f.name, f.results)) for f in equations.functions]
+    return schedule(equations.builder, functions, lanes=lanes, last=(*CHECKS, POSES))
 
 
 def _used(families: list[Family], function: Function) -> list[Family]:

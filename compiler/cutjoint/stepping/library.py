@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,19 @@ from cutjoint.emit.standalone import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 
+
+class EffortRecord(ctypes.Structure):
+    """The record of C."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("gap", "rate", "change", "pivot")), ("iterations", ctypes.c_long),
+        ("evaluations", ctypes.c_long), ("equation", ctypes.c_int),
+    )  # fmt: skip
+
+
+#: The numbers of it that have limits, in their order.
+LIMITED = ("gap", "rate", "change", "pivot", "iterations", "evaluations")
+
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
@@ -25,19 +38,24 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states, ``steps`` the properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps
-    of several together, if the method can.
+    first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
+    ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
         steps: Steps, settings: StepSettings, lanes: Lanes | None,
     ) -> None:  # fmt: skip
+        self._path = Path(path)
+        self._made_with = {
+            "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
+            "has_poses": has_poses, "steps": steps, "settings": settings,
+        }  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
-        self.settings, self.lanes = settings, lanes
+        self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
@@ -49,6 +67,8 @@ class Library:
         self.time = self._function("time", number, sim)
         self.outputs = self._function("outputs", pointer, sim)
         self.gap = self._function("gap", number, sim, ctypes.POINTER(ctypes.c_int))
+        self.last_step = self._function("last_step", index, sim, ctypes.POINTER(EffortRecord))
+        self.set_limit = self._function("set_limit", index, sim, index, number)
         self.set_step = self._function("set_step", index, sim, number)
         if steps.is_iterated:
             self.set_iterations = self._function("set_iterations", index, sim, index)
@@ -69,6 +89,8 @@ class Library:
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
+        if has_poses:
+            self.poses = self._function("poses", pointer, sim)
         self.give_scene = self._function("give_scene", index, sim)
         self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
         self.give_speed = self._function("give_speed", index, sim, index, number)
@@ -79,6 +101,7 @@ class Library:
         self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
         self.names = {kind: self._table(f"{kind}_name") for kind in _NAMED}
+        self.names["pose"] = self._table("pose_name") if has_poses else ()
         self.names["input"] = self._table("input_name") if has_inputs else ()
         kinds = ("parameter", "output", *(["input"] if has_inputs else []))
         self.units = {kind: dict(zip(self.names[kind], self._table(f"{kind}_unit"), strict=True)) for kind in kinds}
@@ -86,6 +109,13 @@ class Library:
             self.arrays["inputs"] = self._function("inputs", pointer, sim)
             self.input = self._function("input", number, sim, index)
             self.set_input = self._function("set_input", index, sim, index, number, number, number)
+
+    def __deepcopy__(self, memo: object) -> Library:
+        return self
+
+    def __reduce__(self) -> tuple[Callable[..., Library], tuple[Path, Mapping[str, object]]]:
+        """The library by its place; its steps of several together, which come from the model, are not compiled elsewhere."""
+        return _opened, (self._path, self._made_with)
 
     def _function(self, name: str, result: Any, *arguments: Any) -> Callable[..., Any]:
         function = getattr(self._library, f"{self.model}_{name}")
@@ -98,6 +128,11 @@ class Library:
         while (entry := at(len(entries))) is not None:
             entries.append(entry.decode())
         return tuple(entries)
+
+
+def _opened(path: Path, made_with: Mapping[str, Any]) -> Library:
+    """A library that was pickled."""
+    return Library(path, **made_with, lanes=None)
 
 
 #: Places of an array, and the values that simulations have there, (simulations, places).

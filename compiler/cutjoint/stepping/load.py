@@ -20,7 +20,7 @@ from cutjoint.toolchain.build import FLAGS
 
 def load(
     model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    linearise: bool = False, flags: Sequence[str] = FLAGS,
+    linearise: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
@@ -29,7 +29,7 @@ def load(
     `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853 and sdirk4 are as long as tolerances
     allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the patterns
     ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times
-    as long to compile.
+    as long to compile, with ``poses`` it has those of all bodies and markers.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the scene is wrong, or there is no such method or
@@ -38,16 +38,16 @@ def load(
     """
     _require_method(method)
     read, chosen = take_model(model, scene, opened)
-    return load_scene(read, chosen, method=method, integrator=integrator, linearise=linearise, flags=flags)
+    return load_scene(read, chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags)
 
 
 def load_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
-    flags: Sequence[str] = FLAGS,
+    poses: bool = False, flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
-    generated = generate(model, scene, scene.outputs, method=method)
+    generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise)
     standalone = alone()
     mechanism = generated.equations.mechanism
@@ -59,7 +59,8 @@ def load_scene(
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
-        states=len(mechanism.state.states), steps=standalone.steps, settings=standalone.settings, lanes=lanes,
+        states=len(mechanism.state.states), has_poses=bool(standalone.poses),
+        steps=standalone.steps, settings=standalone.settings, lanes=lanes,
     ))  # fmt: skip
 
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
-from cutjoint.stepping.library import Library
-from cutjoint.stepping.values import Array, StateSpace, Values, find_place
+from cutjoint.stepping.library import LIMITED, EffortRecord, Library
+from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
+_WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
 #: Characters of what a library says of a failure.
@@ -35,7 +36,9 @@ class Simulation:
     """One simulation of a model: `reset` finds a consistent start, `step` and `advance` go on.
 
     ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene.  ``coordinates``, ``speeds`` and
-    ``outputs`` are those of the present state.  All are views of the simulation's own memory, in SI units.
+    ``outputs`` are those of the present state, also where a caller holds them; arrays are views of the simulation's own memory but for
+    those of outputs and accelerations, which are copies.  All is in SI units.  A pickled simulation goes on where its library is, in
+    the same cache.
     """
 
     def __init__(self, library: Library) -> None:
@@ -46,6 +49,7 @@ class Simulation:
         self.parameters = Values(library.names["parameter"], self._view("parameters", "parameter"), library.units["parameter"])
         self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
         self._is_started = False
+        self._limits: dict[str, float] = {}
 
     def __repr__(self) -> str:
         return f"<Simulation of '{self.library.model}' at {self.time:.6g} s>"
@@ -141,21 +145,20 @@ class Simulation:
         return float(self.library.time(self.address))
 
     @property
-    def outputs(self) -> Values:
-        """The outputs of the scene at the present state.
+    def outputs(self) -> Outputs:
+        """The outputs of the scene at the present state, also where they are held and read later; ``array`` copies them.
 
         Raises:
             SimulationError: there was no `reset`.
         """
         self._require_start()
-        self.library.outputs(self.address)
         return self._outputs
 
     @cached_property
-    def _outputs(self) -> Values:
-        names = self.library.names["output"]
-        array = np.ctypeslib.as_array(self.library.outputs(self.address), (len(names),)) if names else np.zeros(0)
-        return Values(names, array, self.library.units["output"])
+    def _outputs(self) -> Outputs:
+        names, evaluate, address = self.library.names["output"], self.library.outputs, self.address
+        memory = np.ctypeslib.as_array(evaluate(address), (len(names),)) if names else np.zeros(0)
+        return Outputs(names, memory, self.library.units["output"], lambda: evaluate(address))
 
     @property
     def coordinates(self) -> Values:
@@ -165,6 +168,11 @@ class Simulation:
         Raises:
             SimulationError: there was no `reset`.
         """
+        self._require_start()
+        return self._coordinates
+
+    @cached_property
+    def _coordinates(self) -> Values:
         return self._state("coordinates", "coordinate")
 
     @property
@@ -174,16 +182,41 @@ class Simulation:
         Raises:
             SimulationError: there was no `reset`.
         """
+        self._require_start()
+        return self._speeds
+
+    @cached_property
+    def _speeds(self) -> Values:
         return self._state("speeds", "speed")
 
     @property
     def accelerations(self) -> Values:
-        """The rates of the speeds, by the names of these.
+        """A copy of the rates of the speeds at the present state, by the names of these.
 
         Raises:
             SimulationError: there was no `reset`.
         """
-        return self._state("accelerations", "speed")
+        self._require_start()
+        names = self.library.names["speed"]
+        return Values(names, np.array(self.library.arrays["accelerations"](self.address)[: len(names)]))
+
+    @property
+    def poses(self) -> Poses:
+        """The poses of all bodies and markers in the present state.  Asking brings arrays of earlier calls up to date too.
+
+        Raises:
+            TypeError: the model was loaded without poses.
+            SimulationError: there was no `reset`.
+        """
+        self._require(self.library.has_poses, _WITHOUT_POSES)
+        self._require_start()
+        self.library.poses(self.address)
+        return self._poses
+
+    @cached_property
+    def _poses(self) -> Poses:
+        names = self.library.names["pose"]
+        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), 16)))
 
     @property
     def gap(self) -> tuple[float, str | None]:
@@ -198,8 +231,33 @@ class Simulation:
         gap = float(self.library.gap(self.address, ctypes.byref(equation)))
         return gap, None if equation.value < 0 else self.library.names["equation"][equation.value]
 
+    @property
+    def last_step(self) -> Effort:
+        """What the last step did; of integrators that choose their steps, all of those up to the time of the last call.
+
+        Raises:
+            SimulationError: there was no `reset`.
+        """
+        record = EffortRecord()
+        self._call(self.library.last_step, ctypes.byref(record))
+        equation = None if record.equation < 0 else self.library.names["equation"][record.equation]
+        return Effort(**{name: getattr(record, name) for name in LIMITED}, equation=equation)
+
+    def set_limits(self, **limits: float) -> None:
+        """Set limits of numbers of `last_step`, of the pivot the least, of the others the most; infinity, of the pivot 0, is none.
+
+        A step beyond one is made and raises a `SimulationError`, after which the motion may go on.  Snapshots have none.
+
+        Raises:
+            KeyError: there is no such number.
+            SimulationError: a limit is below 0 or no number.
+        """
+        places = {name: i for i, name in enumerate(LIMITED)}
+        for place, limit in [(find_place(places, name), limit) for name, limit in limits.items()]:
+            self._call(self.library.set_limit, place, limit)
+        self._limits |= limits
+
     def _state(self, array: str, kind: str) -> Values:
-        self._require_start()
         view = self._view(array, kind)
         view.flags.writeable = False
         return Values(self.library.names[kind], view)
@@ -344,13 +402,18 @@ class Simulation:
         self._is_started = True
 
     def copy(self) -> Simulation:
-        """Copy the simulation with its state; without a `reset` the copy has its parameters alone."""
-        other = Simulation(self.library)
-        if self._is_started:
-            other.restore(self.snapshot())
-        else:
-            other.parameters.array[:] = self.parameters.array
-        return other
+        """Copy the simulation with its state; without a `reset` the copy has its parameters and inputs alone."""
+        return _rebuilt(*self.__reduce__()[1])
+
+    def __copy__(self) -> Simulation:
+        return self.copy()
+
+    def __deepcopy__(self, memo: object) -> Simulation:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float]]]:
+        snapshot = self.snapshot() if self._is_started else None
+        return _rebuilt, (self.library, snapshot, self.parameters.array.copy(), self.inputs.array.copy(), self._limits)
 
     @staticmethod
     def _require(able: bool, advice: str) -> None:
@@ -373,3 +436,13 @@ class Simulation:
             text = room.value
         hint = "" if self._is_started else "; call reset()"
         raise SimulationError(f"{self.library.model}, at {self.time:.6g} s: {text.decode()}{hint if status < 0 else ''}", status)
+
+
+def _rebuilt(library: Library, snapshot: bytes | None, parameters: Array, inputs: Array, limits: Mapping[str, float]) -> Simulation:
+    """A simulation that stands where another stood."""
+    made = Simulation(library)
+    made.parameters.array[:], made.inputs.array[:] = parameters, inputs
+    made.set_limits(**limits)
+    if snapshot is not None:
+        made.restore(snapshot)
+    return made

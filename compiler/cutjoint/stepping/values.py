@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +58,73 @@ class Values(MutableMapping[str, float]):
 
     def __repr__(self) -> str:
         return f"<{', '.join(f'{name}: {self[name]:.6g}' for name in list(self)[:8])}{', ...' if len(self) > 8 else ''}>"
+
+
+class Outputs(Values):
+    """The outputs of the present state by name, whenever they are read; ``array`` copies all of them.
+
+    ``refresh`` brings their memory up to date.
+    """
+
+    def __init__(self, names: Sequence[str], memory: Array, units: Mapping[str, str], refresh: Callable[[], object]) -> None:
+        super().__init__(names, memory, units)
+        self._refresh = refresh
+
+    @property
+    def array(self) -> Array:
+        """A copy of the numbers of the present state."""
+        self._refresh()
+        return self._memory.copy()
+
+    @array.setter
+    def array(self, memory: Array) -> None:
+        self._memory = memory
+
+    def __getitem__(self, name: str) -> float:
+        self._refresh()
+        return float(self._memory[find_place(self._places, name)])
+
+    def __setitem__(self, name: str, value: float) -> None:
+        raise TypeError(f"'{name}' is an output, which follows from the state")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """What a step did: the ``gap`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the largest
+    ``rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1 + the largest of
+    them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors; ``iterations`` (tries of
+    explicit steps) and ``evaluations``."""
+
+    gap: float
+    rate: float
+    change: float
+    pivot: float
+    iterations: int
+    evaluations: int
+    equation: str | None
+
+
+class Poses:
+    """The poses of bodies and markers by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the simulation owns.
+
+    ``position`` (names, 3) is that of a body's centre of mass or of a marker, ``attitude`` (names, 4) a unit quaternion w, x, y, z with
+    w >= 0 that is 1, 0, 0, 0 in the design position, ``velocity`` (names, 3) the point's, ``angular_velocity`` (names, 3) the body's, and
+    ``point`` (names, 3) where the point is in the design position.
+    """
+
+    def __init__(self, names: Sequence[str], array: Array) -> None:
+        self.names, self.array = tuple(names), array
+        array.flags.writeable = False
+        self.position, self.attitude, self.velocity, self.angular_velocity, self.point = np.split(array, (3, 7, 10, 13), axis=1)
+        self._places = {name: i for i, name in enumerate(names)}
+
+    def place(self, name: str) -> int:
+        """The row of a body or marker.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return find_place(self._places, name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -103,20 +103,22 @@ class Fmu:
 
 
 def make_fmu(
-    model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None
+    model: Model, scene: Scene, *, version: int, kind: str = "cs", method: str = DEFAULT_METHOD, integrator: str | None = None,
+    poses: bool = False,
 ) -> Fmu:
-    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method`` that has folders.
+    """The FMU of a model in a scene by FMI ``version``, 2 or 3, of one of `KINDS`, with the steps of a ``method`` that has folders;
+    ``poses`` has those of all bodies and markers as local variables.
 
     Raises:
         RunError: the method has no folders, or none with states for model exchange.
         others: as of `pipeline.generate`, `make_standalone`.
     """
     _require_method(method, kind)
-    generated = generate(model, scene, scene.outputs, method=method)
+    generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
     standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1])
-    interface = make_interface(described, standalone.run_file, standalone.freedoms)
+    interface = make_interface(described, standalone.run_file, standalone.freedoms, standalone.poses)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     layer = page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")
@@ -168,8 +170,8 @@ def _view(standalone: Standalone, interface: Interface, version: int, kind: str,
         "cs": KINDS[kind][0], "me": exchanges, "kinds": " and ".join(["co-simulation"] * KINDS[kind][0] + ["model exchange"] * exchanges),
         "functions": sorted(set(re.findall(rf"\b{name}_(\w+)\(", standalone.files[header]))),
         "stops": stops, "missing": missing_functions(exchanges=exchanges, stops_at_events=stops),
-        "adaptive": steps.adaptive, "iterated": steps.is_iterated, "starts": interface.starts, "rated": interface.rated,
-        "samples": bool(standalone.parts.stepped.held),
+        "adaptive": steps.adaptive, "iterated": steps.is_iterated, "has_poses": bool(standalone.poses),
+        "starts": interface.starts, "rated": interface.rated, "samples": bool(standalone.parts.stepped.held),
         "mark": sha256(f"{standalone.digest} {standalone.integrator} {interface!r}".encode()).hexdigest()[:16],
         **{kind: [repr(v.start) for v in getattr(interface, kind)] for kind in ("parameters", "settings", "inputs")},
     }  # fmt: skip

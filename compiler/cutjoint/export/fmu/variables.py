@@ -53,8 +53,8 @@ class Start:
 class Interface:
     """Each kind of variable in the order of value references, after time, which has 0.
 
-    What follows the outputs is for model exchange alone.  ``rates`` are the first and second derivatives of the inputs whose numbers
-    ``rated`` has: those that move guides.
+    ``poses`` are those of bodies and markers on request; what follows them is for model exchange alone.  ``rates`` are the first and second
+    derivatives of the inputs whose numbers ``rated`` has: those that move guides.
     """
 
     parameters: tuple[Variable, ...]
@@ -62,6 +62,7 @@ class Interface:
     starts: tuple[Start, ...]
     inputs: tuple[Variable, ...]
     outputs: tuple[Variable, ...]
+    poses: tuple[Variable, ...] = ()
     rated: tuple[int, ...] = ()
     rates: tuple[Variable, ...] = ()
     states: tuple[Variable, ...] = ()
@@ -74,7 +75,7 @@ class Interface:
         time = Variable(name="time", causality="independent", variability="continuous", description="Time", unit="s", start=None)
         taken = {v.name for v in (*self.parameters, *self.inputs, *self.outputs)}
         fixed = [_beside(taken, v) for v in (time, *self.settings, *map(_of_start, self.starts))]
-        exchanged = [_beside(taken, v) for v in (*self.rates, *self.states, *self.derivatives, *self.indicators)]
+        exchanged = [_beside(taken, v) for v in (*self.poses, *self.rates, *self.states, *self.derivatives, *self.indicators)]
         return (fixed[0], *self.parameters, *fixed[1:], *self.inputs, *self.outputs, *exchanged)
 
 
@@ -85,8 +86,11 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
     return variable
 
 
-def make_interface(equations: RecursiveEquations, run_file: RunFile, freedoms: int | None = None) -> Interface:
-    """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too.
+def make_interface(
+    equations: RecursiveEquations, run_file: RunFile, freedoms: int | None = None, posed: Sequence[str] = ()
+) -> Interface:
+    """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too, and
+    of elements that are ``posed`` their poses.
 
     Raises:
         RunError: an input has no finite value at the start.
@@ -101,14 +105,15 @@ def make_interface(equations: RecursiveEquations, run_file: RunFile, freedoms: i
     settings, starts, inputs = tuple(_settings(run_file)), tuple(_starts(equations, run_file)), _inputs(equations)
     counts = (len(parameters), len(settings), len(starts), len(inputs))
     outputs = _outputs(equations, starts, counts)
-    interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs)
+    poses = tuple(variable for name in posed for variable in _pose(name))
+    interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs, poses=poses)
     return interface if freedoms is None else _with_states(interface, equations, freedoms)
 
 
 def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: int) -> Interface:
     """The interface with rates of inputs, states, their derivatives and event indicators; outputs follow from states."""
     first_input = 1 + len(interface.parameters) + len(interface.settings) + len(interface.starts)
-    first_rate = first_input + len(interface.inputs) + len(interface.outputs)
+    first_rate = first_input + len(interface.inputs) + len(interface.outputs) + len(interface.poses)
     model = equations.topology.model
     rated = tuple(i for i, p in enumerate(equations.inputs) if guided_by(model, p) is not None)
     first_state = first_rate + 2 * len(rated)
@@ -165,6 +170,22 @@ def _local(name: str, description: str, dependencies: tuple[int, ...] = ()) -> V
     return Variable(
         name=name, causality="local", variability="continuous", description=description, unit=_PLAIN, start=None, dependencies=dependencies
     )  # fmt: skip
+
+
+#: The numbers of a pose, in the order of the C interface, with words and units.
+_POSE = (
+    *((axis, f"Place along {axis}", "m") for axis in "xyz"),
+    *((f"q{part}", f"Part {part} of the unit quaternion of the attitude", "") for part in "wxyz"),
+    *((f"v{axis}", f"Velocity along {axis}", "m/s") for axis in "xyz"),
+    *((f"w{axis}", f"Angular velocity about {axis}", "rad/s") for axis in "xyz"),
+    *((f"d{axis}", f"Place along {axis} in the design position", "m") for axis in "xyz"),
+)
+
+
+def _pose(element: str) -> Iterator[Variable]:
+    """The pose of a body or marker."""
+    for name, about, unit in _POSE:
+        yield replace(_local(f"pose.{element}.{name}", f"{about}, of {element}"), unit=unit)
 
 
 def _settings(run_file: RunFile) -> Iterator[Variable]:

@@ -22,6 +22,7 @@ from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.recursive.poses import pose_slots, poses_function
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.formulate.samples import sample_function, sample_slots
@@ -42,7 +43,7 @@ REFINEMENTS = 1
 
 
 def formulate_recursive(
-    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE
+    topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE, poses: bool = False
 ) -> RecursiveEquations:  # fmt: skip
     """The equations of a scene: accelerations, residuals of the cut joints, and the reported quantities.
 
@@ -50,7 +51,8 @@ def formulate_recursive(
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, gap -> the step
     of the speeds' integrals that closes the gaps of the cut joints and moves the masses least; with guards ``guard``: q, v -> margins;
     with switches ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v -> the margins of their arguments;
-    with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they hold next.
+    with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they hold next; with
+    ``poses`` the function of that name.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
@@ -110,6 +112,7 @@ def formulate_recursive(
         *domains_function(domains),
         *laws.functions,
         *sample_function(b, k.translator, model, reporter.quantity),
+        *(poses_function(k, model) if poses else ()),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, state=layout, parameters=open_parameters(model),
@@ -120,6 +123,7 @@ def formulate_recursive(
             **layout.closure_slots(("lambda", "correction", "residual", "rate", "gap")), **column_slots(outputs),
             **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
             **sample_slots(model),
+            **(pose_slots(model) if poses else {}),
         },
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),

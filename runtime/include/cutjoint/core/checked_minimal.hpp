@@ -107,7 +107,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return call_ok;
   }
 
-  static std::size_t snapshot_size() { return sizeof(Memory) + sizeof(Model::mark); }
+  static std::size_t snapshot_size() { return Base::template size_with<Memory>(); }
 
   static int save(const CheckedMinimal* s, void* snapshot) {
     if (const int status = Base::ask_started(s)) return status;

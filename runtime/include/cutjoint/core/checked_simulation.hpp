@@ -9,6 +9,7 @@
 #include <span>
 #include <type_traits>
 
+#include "cutjoint/core/effort.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/simulation.hpp"
@@ -39,6 +40,18 @@ int find_in(const Table& table, const char* name) {
   return -1;
 }
 
+/// A number that follows from bytes, of which there are whole words: a change of one word always changes it.
+inline std::uint64_t checksum_of(const void* bytes, std::size_t length) {
+  std::uint64_t sum = 0xcbf29ce484222325ULL;
+  for (std::size_t i = 0; i < length; i += sizeof sum) {
+    std::uint64_t word;
+    std::memcpy(&word, static_cast<const char*>(bytes) + i, sizeof word);
+    sum = (sum ^ word) * 0x100000001b3ULL;
+    sum ^= sum >> 32;
+  }
+  return sum;
+}
+
 inline bool is_finite(double x) { return x - x == 0.0; }
 
 inline bool all_finite(const double* numbers, int length) {
@@ -66,7 +79,7 @@ inline const char* text_of_status(int status) {
     case no_such_index: return "an index is not that of any";
     case not_started: return "the simulation has not been started";
     case not_finite: return "a number is not finite, or out of its range";
-    case no_array: return "an array is a null pointer, or no snapshot of this model";
+    case no_array: return "an array is a null pointer, or no snapshot of this model and version, or a damaged one";
     case time_passed: return "the time to advance to has passed";
     default: return text_of(static_cast<Cause>(status));
   }
@@ -269,6 +282,24 @@ class CheckedSimulation {
     return gap.size;
   }
 
+  /// `effort` is a record of C with the members of `Effort`.
+  template <class Record>
+  static int last_step(CheckedSimulation* s, Record* effort) {
+    if (const int status = ask_started(s)) return status;
+    if (!effort) return no_array;
+    const Effort found = s->sim.effort();
+    *effort = {found.gap, found.rate, found.change, found.pivot, found.iterations, found.evaluations, found.equation};
+    return call_ok;
+  }
+
+  static int set_limit(CheckedSimulation* s, int which, double limit) {
+    if (!holds_one(s)) return no_simulation;
+    if (which < 0 || which >= Limits::number) return no_such_index;
+    if (!(limit >= 0.0)) return not_finite;
+    s->sim.limits().set(which, limit);
+    return call_ok;
+  }
+
   static double time(const CheckedSimulation* s) { return holds_one(s) ? s->sim.state().t : 0.0; }
   static const double* outputs(CheckedSimulation* s) { return is_started(s) ? s->sim.report() : nullptr; }
   static const double* coordinates(const CheckedSimulation* s) { return is_started(s) ? s->sim.state().q.data() : nullptr; }
@@ -277,7 +308,7 @@ class CheckedSimulation {
   static const double* multipliers(CheckedSimulation* s) { return is_started(s) ? s->sim.complete_state().lambda.data() : nullptr; }
   static const double* parameters(const CheckedSimulation* s) { return holds_one(s) ? s->sim.parameters().data() : nullptr; }
 
-  static std::size_t snapshot_size() { return sizeof(typename Sim::Memory) + sizeof(Model::mark); }
+  static std::size_t snapshot_size() { return size_with<typename Sim::Memory>(); }
 
   static int save(const CheckedSimulation* s, void* snapshot) {
     if (const int status = ask_started(s)) return status;
@@ -310,9 +341,11 @@ class CheckedSimulation {
       case FaultList::controllers:
         if constexpr (requires { Model::controller_names; }) look_up(Model::controller_names, Model::controller_places);
         break;
+      case FaultList::limits: name = element_of(limit_names, fault.index); break;
       case FaultList::none: break;
     }
-    if (name) words << ": '" << name << "' (" << place << ")";
+    if (name) words << ": '" << name << "'";
+    if (place) words << " (" << place << ")";
     if (fault) words << "; " << advice_of(fault);
     return call_ok;
   }
@@ -323,6 +356,13 @@ class CheckedSimulation {
     return s->sim.is_started() ? call_ok : not_started;
   }
 
+  /// The bytes of a snapshot: mark, memory, checksum.
+  template <class Memory>
+  static constexpr std::size_t size_with() {
+    static_assert(sizeof(Memory) % sizeof(std::uint64_t) == 0 && sizeof Model::mark == sizeof(std::uint64_t));
+    return sizeof Model::mark + sizeof(Memory) + sizeof(std::uint64_t);
+  }
+
   /// Bytes between members are 0, so that equal states have equal snapshots: the memory is made in place, not copied.
   template <class Memory, class Make>
   static int write(Make make, void* snapshot) {
@@ -330,7 +370,10 @@ class CheckedSimulation {
     alignas(Memory) char bytes[sizeof(Memory)] = {};
     ::new (bytes) Memory(make());
     std::memcpy(snapshot, &Model::mark, sizeof Model::mark);
-    std::memcpy(static_cast<char*>(snapshot) + sizeof Model::mark, bytes, sizeof bytes);
+    char* const behind = static_cast<char*>(snapshot) + sizeof Model::mark;
+    std::memcpy(behind, bytes, sizeof bytes);
+    const std::uint64_t sum = checksum_of(bytes, sizeof bytes);
+    std::memcpy(behind + sizeof bytes, &sum, sizeof sum);
     return call_ok;
   }
 
@@ -339,6 +382,8 @@ class CheckedSimulation {
     if (!snapshot || std::memcmp(snapshot, &Model::mark, sizeof Model::mark) != 0) return no_array;
     alignas(Memory) char bytes[sizeof(Memory)];
     std::memcpy(bytes, static_cast<const char*>(snapshot) + sizeof Model::mark, sizeof bytes);
+    const std::uint64_t sum = checksum_of(bytes, sizeof bytes);
+    if (std::memcmp(static_cast<const char*>(snapshot) + sizeof Model::mark + sizeof bytes, &sum, sizeof sum) != 0) return no_array;
     take(*reinterpret_cast<const Memory*>(bytes));
     return call_ok;
   }

@@ -37,10 +37,11 @@ enum class Cause : int {
   loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size, or guides go where it cannot close
   stands_still = 30,              ///< steps are so short that the rest of the run would have no end
   sample_not_finite = 31,         ///< a controller computes a value that is not finite
+  limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
 };
 
 /// The list in which what failed most has its place.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5, controllers = 6 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5, controllers = 6, limits = 7 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
 /// bound, `iterations` their number, `closer` whether the last of them came closer.  The lists are those of the stepped mechanism or system, or
@@ -61,7 +62,10 @@ struct Fault {
 };
 
 /// Whether a fault is of what a step has led to, not of the step.
-constexpr bool has_made_step(const Fault& fault) { return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_torn || fault.cause == Cause::sample_not_finite; }
+constexpr bool has_made_step(const Fault& fault) {
+  return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_torn || fault.cause == Cause::sample_not_finite ||
+         fault.cause == Cause::limit_exceeded;
+}
 
 /// The message of a cause.
 constexpr const char* text_of(Cause cause) {
@@ -97,6 +101,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
     case Cause::loops_torn: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
     case Cause::sample_not_finite: return "a controller computes a value that is not finite";
+    case Cause::limit_exceeded: return "a step exceeds a limit";
     case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
@@ -149,6 +154,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
+    case Cause::limit_exceeded: return "the step is made, and the motion may go on; not tried: a smaller dt, or another limit";
     case Cause::stands_still:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
              "a pose in which a motion moves no mass, as of massless links in line; not tried: a larger tolerance";

@@ -84,7 +84,13 @@ class FixedPointSteps {
   void watch_impacts(const ImpactWatch<M>& watch) { watch_ = watch; }
 
   long iterations() const { return steps_.evaluations(); }
-  long evaluations() const { return steps_.evaluations() + relative_.evaluations(); }
+  long evaluations() const {
+    if constexpr (can_jump<M>) return steps_.evaluations() + relative_.evaluations();
+    else return steps_.evaluations();
+  }
+
+  /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
+  double change() const { return steps_.change(); }
 
   using Memory = typename CrossedIf<M>::Memory;
 

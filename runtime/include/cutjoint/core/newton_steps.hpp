@@ -140,6 +140,14 @@ class NewtonSteps {
   long evaluations() const { return newton_.evaluations(); }
   long factorisations() const { return newton_.factorisations(); }
 
+  /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
+  double change() const { return newton_.change(); }
+  double smallest_pivot() const
+    requires requires { S::pivot_columns; }
+  {
+    return solver_.smallest_pivot(newton_.tangent().data());
+  }
+
   struct Memory {
     typename Newton::Memory newton;
     [[no_unique_address]] typename Solver::Memory solver;

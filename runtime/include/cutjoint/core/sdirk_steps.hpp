@@ -71,6 +71,11 @@ class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_le
   long evaluations() const { return stages_.evaluations(); }
   long iterations() const { return stages_.iterations(); }
   long factorisations() const { return stages_.factorisations(); }
+  double smallest_pivot() const
+    requires requires { S::pivot_columns; }
+  {
+    return solver_.smallest_pivot(stages_.tangent().data());
+  }
 
   using Scheme = stepping::ImplicitScheme<sdirk::Stages<S, Solver>>;
   using Stepper = stepping::Stepper<Scheme>;

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <optional>
 #include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/effort.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/host_inputs.hpp"
@@ -238,6 +240,17 @@ class Simulation {
     return find_gap();
   }
 
+  /// What the last step did, of adaptive integrators the last call.
+  Effort effort() {
+    Effort effort = last_;
+    subject().begin_step(state_.t, Real(1));
+    measure_loops(effort);
+    measure_pivots(effort);
+    return effort;
+  }
+
+  /// Limits of that, from the next step on; they are the host's, and no part of what is remembered.
+  Limits& limits() { return limits_; }
   /// What controllers hold; no number is what they hold before their first samples.
   const auto& held_values() const
     requires may_sample<Subject>
@@ -339,6 +352,13 @@ class Simulation {
     }
     is_reported_ = true;
     return columns_.data();
+  }
+
+  /// Where bodies and markers are in the present state, and how they move, as the generated function has it.
+  void pose(Real* numbers) {
+    heed_parameters();
+    mechanism_.begin_step(state_.t, Real(1));
+    mechanism_.poses(state_.q.data(), state_.v.data(), numbers);
   }
 
   /// The present state; with its accelerations and multipliers only if it is complete.
@@ -449,6 +469,7 @@ class Simulation {
     steps_.emplace(subject(), settings_, roads_);
     steps_->begin(state_);
     is_reported_ = false;
+    last_ = {};
   }
 
   void load_subject() {
@@ -595,9 +616,10 @@ class Simulation {
   }
 
   Fault whole_step() {
-    if (const Fault fault = integrate(Real(settings_.dt), next_whole())) return fault;
-    ++number_;
-    return {};
+    const Real whole = next_whole();
+    const Fault fault = integrate(Real(settings_.dt), whole);
+    if (state_.t == whole) ++number_;  // also where the step is made, and what it has led to is a fault
+    return fault;
   }
 
   Fault steps_to(Real until) {
@@ -607,8 +629,9 @@ class Simulation {
         if (const Fault fault = whole_step()) return fault;
         continue;
       }
-      if (const Fault fault = integrate(left, until)) return fault;
-      count_from_here();
+      const Fault fault = integrate(left, until);
+      if (state_.t == until) count_from_here();
+      if (fault) return fault;
     }
     return {};
   }
@@ -618,12 +641,13 @@ class Simulation {
     while (until - state_.t > rounding() && event < 0) {
       const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = go_over_until(end);
       is_reported_ = false;
+      const Effort before = counted();
       if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
-      if (const Fault fault = watch()) return fault;
-      if (const Fault fault = sample()) return fault;
+      const Fault fault = end_step(before);
       if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
       if (state_.t == whole) ++number_;
       else count_from_here();
+      if (fault) return fault;
     }
     return {};
   }
@@ -665,15 +689,19 @@ class Simulation {
     return {};
   }
 
-  /// The gap where the mechanism or system is at the present time.
-  Gap find_gap() {
-    Equations<Subject> residual, rate;
+  void find_residuals(Equations<Subject>& residual, Equations<Subject>& rate) {
     if constexpr (is_system) {
       Equations<Subject> curvature;
       subject().constraint_residual(state_.q.data(), state_.v.data(), state_.vdot.data(), residual.data(), rate.data(), curvature.data());
     } else if constexpr (sizes.equations > 0) {
       mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
     }
+  }
+
+  /// The gap where the mechanism or system is at the present time.
+  Gap find_gap() {
+    Equations<Subject> residual, rate;
+    find_residuals(residual, rate);
     return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
@@ -697,11 +725,49 @@ class Simulation {
   }
 
   Fault integrate_part(Real h, Real until) {
+    const Effort before = counted();
     if (const Fault fault = take_part(h, until)) return fault;
     state_.t = until;
     if (const Fault fault = watch_gaps()) return fault;
+    return end_step(before);
+  }
+
+  /// What a step has led to, and the samples of controllers at its end.
+  Fault end_step(const Effort& before) {
+    const Fault fault = look_back(before);
+    const Fault sampled = sample();
+    return fault ? fault : sampled;
+  }
+
+  /// Iterations and evaluations up to now.
+  Effort counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
+
+  /// What a step has led to: a force that was left out and would act, or more than a limit.
+  Fault look_back(const Effort& before) {
+    last_ = counted();
+    last_.iterations -= before.iterations;
+    last_.evaluations -= before.evaluations;
+    if constexpr (requires { steps_->change(); }) last_.change = steps_->change();
     if (const Fault fault = watch()) return fault;
-    return sample();
+    if (!limits_.any()) return {};
+    Effort effort = last_;
+    if (limits_.of_loops()) measure_loops(effort);
+    if (limits_.of_pivots()) measure_pivots(effort);
+    return limits_.watch(effort, static_cast<double>(state_.t), number_ + 1);
+  }
+
+  void measure_pivots(Effort& effort) const {
+    if constexpr (requires { steps_->smallest_pivot(); }) effort.pivot = steps_->smallest_pivot();
+  }
+
+  /// Gaps and rates where the mechanism or system is at the present time.
+  void measure_loops(Effort& effort) {
+    Equations<Subject> residual, rate;
+    find_residuals(residual, rate);
+    const Gap gap = largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
+    effort.gap = gap.size;
+    effort.equation = gap.equation;
+    for (const Real& x : rate) effort.rate = std::max(effort.rate, std::abs(static_cast<double>(x)));
   }
 
   /// The state stays where it fails.
@@ -755,6 +821,8 @@ class Simulation {
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;
+  Effort last_;    ///< of what is counted alone
+  Limits limits_;
   Real origin_{0};
   long number_ = 0;       ///< of steps since then
   double counted_ = 0.0;  ///< their length

@@ -87,6 +87,9 @@ class Trapezoidal {
   /// How often each instance was evaluated until it had converged.
   const typename Instances::Count& evaluations() const { return evaluations_; }
 
+  /// What the last iteration changed the accelerations of a mechanism alone by, as a share of 1 + the largest of them.
+  double change() const { return static_cast<double>(change_ / size_); }
+
   /// Count evaluations from nought.
   void count_anew() { evaluations_ = typename Instances::Count{}; }
 

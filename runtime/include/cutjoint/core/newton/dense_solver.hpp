@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <utility>
 
@@ -16,6 +17,8 @@ template <class S>
 class DenseSolver {
  public:
   using Real = typename S::real_type;
+
+  static constexpr std::size_t rows = static_tangent<S>().rows;
 
   explicit DenseSolver(const S& system) : system_(system), order_(tangent_of(system).rows) {}
 
@@ -48,6 +51,15 @@ class DenseSolver {
     return {};
   }
 
+  /// The smallest pivot, as a share of the largest entry of its column.
+  double smallest_pivot(const Real* values) const
+    requires Sized<S>
+  {
+    std::array<int, rows> columns;
+    for (std::size_t k = 0; k < rows; ++k) columns[k] = static_cast<int>(k);
+    return share_of_columns<S>(values, [this](std::size_t k) { return static_cast<double>(a_[k * rows + k]); }, columns);
+  }
+
  private:
   Real& at(std::size_t i, std::size_t j) { return a_[j * order_.size() + i]; }
 
@@ -76,8 +88,6 @@ class DenseSolver {
   void subtract(std::size_t k, Real factor, Real* column) {
     for (std::size_t i = k + 1; i < order_.size(); ++i) column[i] -= at(i, k) * factor;
   }
-
-  static constexpr std::size_t rows = static_tangent<S>().rows;
 
   const S& system_;
   Array<S, rows * rows> a_;

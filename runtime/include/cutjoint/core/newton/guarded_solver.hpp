@@ -45,6 +45,13 @@ class GuardedSolver {
     return now_.trusted ? Breakdown{} : Breakdown{Breakdown::Kind::singular, -1};
   }
 
+  /// The smallest pivot of the last factors, as a share of the largest entry of its column; infinity before there are any.
+  double smallest_pivot(const Real* values) const
+    requires requires { S::pivot_columns; }
+  {
+    return now_.pivots ? pivoting_.smallest_pivot(values) : fixed_.smallest_pivot(values);
+  }
+
   /// How often the fixed pivot order had to give way to pivoting.
   long fallbacks() const { return fallbacks_; }
 

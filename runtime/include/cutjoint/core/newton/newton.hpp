@@ -184,6 +184,9 @@ class Newton : public Workspace<S, Solver> {
 
   long iterations() const { return iterations_; }
 
+  /// What the last iteration changed the accelerations by, as a share of 1 + the largest of them.
+  double change() const { return static_cast<double>(change_ / size_); }
+
   /// How many parts the steps that were divided have been taken in.
   long substeps() const { return substeps_; }
 

@@ -1,6 +1,11 @@
 // The factorisation that was emitted with a system, with its static pivot order.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <iterator>
+#include <limits>
 #include <type_traits>
 
 #include "cutjoint/core/newton/system.hpp"
@@ -28,6 +33,19 @@ Solver solver_for(const S& system, const Settings& settings) {
   else return Solver(system);
 }
 
+/// The smallest of pivots as a share of the largest entry of its column; `pivot_of(k)` is one, in the column `columns[k]` of the values.
+template <class S, class PivotOf, class Columns>
+double share_of_columns(const auto* values, PivotOf pivot_of, const Columns& columns) {
+  double smallest = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < std::size(columns); ++k) {
+    const auto column = static_cast<std::size_t>(columns[k]);
+    double largest = 0.0;
+    for (int i = S::pattern.first[column]; i < S::pattern.first[column + 1]; ++i) largest = std::max(largest, std::abs(static_cast<double>(values[i])));
+    smallest = std::min(smallest, std::abs(pivot_of(k)) / largest);
+  }
+  return smallest;
+}
+
 /// Factors the tangents of a system by its own `factor` and `solve`; all memory is taken in the constructor.
 template <class S>
 class StaticSolver {
@@ -45,6 +63,13 @@ class StaticSolver {
   Breakdown solve(Real* x) {
     system_.solve(factors_.data(), x);
     return {};
+  }
+
+  /// The smallest pivot of the last factors, as a share of the largest entry of its column; infinity before there are any.
+  double smallest_pivot(const Real* values) const
+    requires requires { S::pivot_columns; }
+  {
+    return share_of_columns<S>(values, [this](std::size_t k) { return 1.0 / static_cast<double>(factors_[k]); }, S::pivot_columns);
   }
 
   /// The next solutions follow from the matrix alone.

@@ -235,6 +235,9 @@ class Stages : public Workspace<S, Solver> {
 
   long iterations() const { return iterations_; }
 
+  /// The values of the last tangent.
+  const Entries<S>& tangent() const { return tangent_; }
+
   // With what restarts take.
   long evaluations() const { return Base::evaluations() + evaluations_; }
   long factorisations() const { return Base::factorisations() + factorisations_; }

@@ -1,0 +1,111 @@
+"""What a step did, and limits of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cutjoint
+from tests.conftest import MODELS, needs_cpp
+
+pytestmark = needs_cpp
+
+PRESS = MODELS / "press.yaml"
+
+#: Two masses on rails with a spring between them, and one to the ground.
+COUPLED = """
+cutjoint: 1
+name: coupled
+gravity: [0, 0, 0]
+bodies: {left: {mass: 2, centre_of_mass: [0, 0, 0]}, right: {mass: 3, centre_of_mass: [1, 0, 0]}}
+joints:
+  one: {kind: prismatic, bodies: [ground, left], at: [0, 0, 0], axis: [1, 0, 0]}
+  two: {kind: prismatic, bodies: [ground, right], at: [1, 0, 0], axis: [1, 0, 0]}
+forces:
+  spring: {kind: point_spring, bodies: [left, right], from: [0, 0, 0], to: [1, 0, 0], law: {stiffness: 800, free_length: 1}}
+outputs: [left.x]
+scenes: {swing: {end: 1, rates: {one.displacement_rate: 0.001}}}
+"""
+
+
+@pytest.fixture
+def press() -> cutjoint.Simulation:
+    return cutjoint.load(PRESS, integrator="trapezoidal")
+
+
+def test_gaps_and_rates_are_those_of_the_jacobian(press: cutjoint.Simulation) -> None:
+    press.reset(iterations=2)
+    press.play(40)
+    step = press.last_step
+    assert (step.gap, step.equation) == press.gap
+    assert step.gap > 0
+    assert step.rate == pytest.approx(np.abs(press.jacobian @ press.speeds.array).max(), abs=1e-14)
+
+
+def test_the_change_is_that_by_one_more_iteration(press: cutjoint.Simulation) -> None:
+    press.reset(iterations=0)
+    press.play(10)
+    before, found = press.snapshot(), []
+    for iterations in (3, 4):
+        press.restore(before)
+        assert press.library.set_iterations(press.address, iterations) == 0
+        press.step()
+        found.append(press.accelerations.array.copy())
+        assert (press.last_step.iterations, press.last_step.evaluations) == (iterations, iterations)
+    less, more = found
+    assert press.last_step.change == pytest.approx(np.abs(more - less).max() / (1 + np.abs(more).max()), rel=1e-12)
+    assert press.last_step.pivot == np.inf
+
+
+def test_the_pivot_is_that_of_the_elimination(tmp_path: Path) -> None:
+    path, dt = tmp_path / "coupled.yaml", 0.05
+    path.write_text(COUPLED)
+    sim = cutjoint.load(path, method="recursive-newton", integrator="trapezoidal").reset(dt=dt)
+    sim.step()
+    stiffness = 800 * dt**2 / 4
+    tangent = np.array([[2 + stiffness, -stiffness], [-stiffness, 3 + stiffness]])
+    assert sim.last_step.pivot == pytest.approx(np.linalg.det(tangent) / tangent[0, 0] / tangent[1, 1], rel=1e-5)  # turns aside: 1e-6
+
+
+def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> None:
+    free = cutjoint.load(PRESS, integrator="trapezoidal").reset()
+    press.reset()
+    free.play(20)
+    most = free.last_step.iterations
+    press.set_limits(iterations=most - 1)
+    told = set()
+    for _ in range(20):
+        try:
+            press.step()
+        except cutjoint.SimulationError as error:
+            told.add((error.status, str(error).partition(" s: ")[2]))
+    words = "a step exceeds a limit: 'iterations'; the step is made, and the motion may go on; not tried: a smaller dt, or another limit"
+    assert told == {(31, words)}
+    assert press.time == free.time
+    assert np.array_equal(press.coordinates.array, free.coordinates.array)
+    copy = press.copy()
+    with pytest.raises(cutjoint.SimulationError, match="'iterations'"):
+        copy.advance(press.time + 0.1)
+    press.set_limits(iterations=np.inf, gap=1e-30)
+    with pytest.raises(cutjoint.SimulationError, match="'gap'"):
+        press.play(100)
+    press.set_limits(gap=np.inf, pivot=0.5, rate=1.0, change=1.0, evaluations=100)
+    press.advance(press.time + 0.1)  # a method without factors has no pivot that is too small
+    with pytest.raises(KeyError, match="did you mean 'gap'"):
+        press.set_limits(gab=1.0)
+    with pytest.raises(cutjoint.SimulationError, match="not finite, or out of its range"):
+        press.set_limits(gap=-1.0)
+
+
+def test_a_call_ends_at_the_step_beyond_a_limit() -> None:
+    sim = cutjoint.load(PRESS, integrator="rk4").reset(dt=1e-3)
+    sim.set_limits(rate=0.0)
+    with pytest.raises(cutjoint.SimulationError, match="'rate'"):
+        sim.advance(0.1)
+    assert 0 < sim.time < 0.1
+    sim.set_limits(rate=np.inf)
+    sim.advance(0.1)
+    sim.step()
+    assert sim.time == pytest.approx(0.101)
