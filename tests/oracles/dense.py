@@ -142,12 +142,14 @@ class Solution:
 
 
 class DenseMechanism:
-    """A model on its spanning tree in a scene; ``parameters`` override values by name, ``roads`` are the tyres' roads by name."""
+    """A model on its spanning tree in a scene; ``parameters`` override values by name, ``roads`` are the tyres' roads by name; vector
+    residuals are in the axes of the body ``axes``."""
 
     def __init__(
         self, topology: Topology, scene: Scene, parameters: Mapping[str, float] | None = None,
-        roads: Mapping[str, Flat] | None = None,
+        roads: Mapping[str, Flat] | None = None, axes: str = GROUND,
     ) -> None:  # fmt: skip
+        self.axes = axes
         self.topology, self.scene, self.model = topology, scene, topology.model
         self.roads = roads or {}
         given = parameters or {}
@@ -432,14 +434,14 @@ class DenseMechanism:
         return residual(cut.kind, axes, None if to is None else to - at, pitch, gap, turn)
 
     def base_turn(self, at: Instant) -> Array:
-        """Turns vector residuals from their base's axes into global axes, (m, m)."""
+        """Turns vector residuals from their base's axes into those of the body ``axes``, (m, m)."""
         poses = self.poses(at.q, at.t)
         turn = np.eye(self.m)
         for cut in self.topology.cuts:
             first = self.equations[cut.name].start
             for row in VECTORS[cut.kind]:
                 rows = slice(first + row, first + row + 3)
-                turn[rows, rows] = poses[cut.base][0]
+                turn[rows, rows] = poses[self.axes][0].T @ poses[cut.base][0]
         return turn
 
     # Solution

@@ -95,7 +95,7 @@ def both(
 ) -> tuple[BlockMechanism, DenseMechanism]:  # fmt: skip
     """The formulation and the oracle of one model, which agree in the layout of q, v and the equations."""
     blocks = BlockMechanism(topology, scene, outputs=outputs, parameters=parameters, roads=roads, closure=closure)
-    dense = DenseMechanism(topology, scene, parameters=parameters, roads=roads)
+    dense = DenseMechanism(topology, scene, parameters=parameters, roads=roads, axes=blocks.equations.axes)
     charts = {c.joint: (c.q, c.v, c.scalars, c.ball) for c in blocks.equations.charts}
     assert charts == {name: (x.q, x.v, x.scalars, x.ball) for name, x in dense.layout.items()}
     closures = {c.joint: (c.first, len(c.names)) for c in blocks.equations.closures}

@@ -88,7 +88,8 @@ class Rotation(Motion, Protocol):
 
 
 class Mechanics(Protocol):
-    """The motions of a force's places, and the verbs by which it works on its bodies, as a method has them; vectors are (3, 1), global."""
+    """The motions of a force's places, and the verbs by which it works on its bodies, as a method has them.  Vectors (3, 1) are in the
+    axes that the method resolves them in."""
 
     @property
     def b(self) -> Builder:
@@ -104,7 +105,7 @@ class Mechanics(Protocol):
         """A value that is zero while the equilibrium is sought."""
 
     def point(self, at: Point) -> Motion:
-        """The place of a point from the world's origin, and its velocity."""
+        """The place of a point from the world's origin in global axes, and its velocity in those of the method."""
 
     def way(self, start: Point, end: Point) -> Motion:
         """The way from one point to another."""
@@ -117,6 +118,12 @@ class Mechanics(Protocol):
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """The components of a vector in a body's axes."""
+
+    def in_global(self, vector: Block) -> Block:
+        """The components of a vector in global axes."""
+
+    def from_global(self, components: Block) -> Block:
+        """The vector of components in global axes."""
 
     def from_body(self, carrier: Carrier, components: Block) -> Block:
         """The vector of components in a body's axes."""

@@ -118,6 +118,14 @@ class Laws:
         slopes = {"stiffness": sympy.diff(law, variable(position)), "damping": sympy.diff(law, variable("rate"))}
         return {name: self.scalar(expression, values) for name, expression in {"force": law, **slopes}.items()}
 
+    def in_global(self, vector: Block) -> Block:
+        """The components of a vector in global axes, which are those of most methods."""
+        return vector
+
+    def from_global(self, components: Block) -> Block:
+        """The vector of components in global axes."""
+        return components
+
     def in_motion(self, value: Block) -> Block:
         """A value that is zero while the equilibrium is sought."""
         return self.b.scale(self.b.symbol("motion", 1, BindingTime.STEP), value)

@@ -158,10 +158,11 @@ class RecursiveEquations(Equations):
 
     Inputs by symbol: ``q:joint``, ``v:joint``, ``vdot:joint``, ``lambda:joint`` (a cut joint's multipliers), ``gap:joint``, ``numerics``
     (penalty, damping ratio, frequency).  Results: ``vdot:joint``, ``correction:joint``, ``residual:joint``, ``rate:joint``,
-    ``dz:joint``, ``column:name``, ``value:number``.
+    ``dz:joint``, ``column:name``, ``value:number``.  Vectors, of residuals too, are resolved in the axes of the body ``axes``.
     """
 
     switches: tuple[SwitchPlace, ...]
+    axes: str
 
     @property
     def closures(self) -> tuple[Closure, ...]:

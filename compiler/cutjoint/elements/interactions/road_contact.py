@@ -121,7 +121,7 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     slope = b.call("road_slope", x, y, table=tyre.name)
     clearance = b.sub(z, b.call("road_height", x, y, table=tyre.name))
     n_z = b.call("div", b.number(1.0), b.call("sqrt", b.add(b.number(1.0), b.mul(slope, slope))))
-    n = b.column([b.neg(b.mul(slope, n_z)), b.zero(1), n_z])
+    n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1), n_z]))
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
     e_y, e_z = b.cross(n, e_x), b.cross(e_x, axis)

@@ -30,7 +30,7 @@ class Wrench(Interaction):
         components = b.column([m.scalar(c, values) for c in force.components])
         if force.moving_only:
             components = m.in_motion(components)
-        vector = m.from_body(self.point.carrier, components) if force.in_body else components
+        vector = m.from_body(self.point.carrier, components) if force.in_body else m.from_global(components)
         if force.point is None:
             m.turn(self.point.carrier, vector)
         else:
@@ -44,8 +44,8 @@ class Wrench(Interaction):
         else:
             at = m.point(self.point)
             vectors = {"": at.x, "v": at.v}
-        if force.in_body:
-            vectors = {name: m.in_body(self.point.carrier, vector) if name else vector for name, vector in vectors.items()}
+        for name in [name for name in vectors if name]:
+            vectors[name] = m.in_body(self.point.carrier, vectors[name]) if force.in_body else m.in_global(vectors[name])
         return {f"{name}{axis}": m.b.element(vector, i) for name, vector in vectors.items() for i, axis in enumerate("xyz")}
 
     def explain(self, force: BodyLoad, page: Page) -> Explanation:

@@ -30,10 +30,20 @@ from cutjoint.formulate.states import state_rates, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
-from cutjoint.model.records import Output, Scene
+from cutjoint.model.records import GROUND, Output, Scene
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.switches import find_domains, find_switches
 from cutjoint.topology.records import Topology
+
+
+def resolving_body(topology: Topology) -> str:
+    """The body in whose axes vectors are resolved: the free one that carries all others, if there is one, else the ground."""
+    roots = [t for t in topology.tree if t.parent == GROUND]
+    inside = {body for branch in topology.branches for body in branch.bodies}
+    if len(roots) != 1 or not roots[0].joint.element.is_free or roots[0].joint.guide is not None or roots[0].child in inside:
+        return GROUND
+    return roots[0].child
+
 
 _STATE = ("const Real* q", "const Real* v")
 
@@ -57,7 +67,7 @@ def formulate_recursive(
     model, b = topology.model, Builder()
     charts = make_charts(topology)
     numbers = make_numbers(b, topology.closing, closure)
-    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts})
+    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts}, axes=resolving_body(topology))
     system = BodySystem(builder=b)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
@@ -125,7 +135,8 @@ def formulate_recursive(
             **sample_slots(model),
             **(pose_slots(model) if poses else {}),
         },
-        switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
+        axes=k.axes, switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs,
+        input_values=laws.length,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 

@@ -18,14 +18,14 @@ from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.dependencies import forces_in_order
-from cutjoint.model.records import COORDINATES, Body, Force, LawForce, Model, Scene
+from cutjoint.model.records import COORDINATES, GROUND, Body, Force, LawForce, Model, Scene
 from cutjoint.program.blocks import Block
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
     """M_i and the weight and inertia forces of every body."""
     b = k.builder
-    gravity = k.vector(model.gravity)
+    gravity = k.direction(GROUND, model.gravity)
     by_name = {body.name: body for body in model.bodies}
     for name in k.motions:
         body = by_name[name]
@@ -134,6 +134,14 @@ class WrenchMechanics(Laws):
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """R^T v."""
         return self.b.mul(self.b.transpose(self.k.frames[self._body(carrier)].R), vector)
+
+    def in_global(self, vector: Block) -> Block:
+        """The components of a vector in global axes."""
+        return self.k.in_global(vector)
+
+    def from_global(self, components: Block) -> Block:
+        """The vector of components in global axes."""
+        return self.k.from_global(components)
 
     def from_body(self, carrier: Carrier, components: Block) -> Block:
         """R v."""

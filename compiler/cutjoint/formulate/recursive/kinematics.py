@@ -1,8 +1,9 @@
 """Positions, velocities and motion subspaces of all bodies, from the ground outwards.
 
-The motion of a body is Z = [v0; w], the velocity of its point at the pole and its angular velocity, in global axes
-(Cuadrado et al. 2000, eqs. 23, 26, 27).  The pole of a branch that stands free is its root body's origin at this instant; that of a
-branch on the ground is its first joint.  Bodies of one branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
+The motion of a body is Z = [v0; w], the velocity of its point at the pole and its angular velocity (Cuadrado et al. 2000, eqs. 23, 26,
+27).  All vectors are resolved in the same axes: global ones, or those that the body has at this instant that carries all others.  The pole
+of a branch that stands free is its root body's origin at this instant; that of a branch on the ground is its first joint.  Bodies of one
+branch share the pole, so that Z_i = Z_p + b_i zd_i without frame transforms.
 
 `derive_poses` has the poses of all bodies as blocks of the tree's coordinates, and nothing of the recursion's dynamics.
 """
@@ -28,8 +29,8 @@ from cutjoint.topology.records import Topology, TreeJoint
 class Frame:
     """The pose and velocity of a body.
 
-    ``R`` (3, 3) body to global axes; ``r`` (3, 1) its origin from the pole; ``origin`` that point in the design position; ``Z`` (6, 1);
-    ``pole`` (3, 1) the pole from the world's origin, ``root`` the body that names the branch.
+    ``R`` (3, 3) from the body's axes; ``r`` (3, 1) its origin from the pole; ``origin`` that point in the design position; ``Z`` (6, 1);
+    ``pole`` (3, 1) the pole from the world's origin in global axes, ``root`` the body that names the branch.
     """
 
     R: Block
@@ -72,11 +73,16 @@ class JointMotion:
 
 @dataclass(kw_only=True)
 class Kinematics:
-    """All frames and joint motions, and the geometry that forces and closures ask for."""
+    """All frames and joint motions, and the geometry that forces and closures ask for.
+
+    Vectors are resolved in the axes of the body ``axes``, whose turn from the global ones is ``turn`` (3, 3), or in global ones.
+    """
 
     builder: Builder
     translator: Translator
     topology: Topology
+    axes: str = GROUND
+    turn: Block | None = None
     frames: dict[str, Frame] = field(default_factory=dict)
     motions: dict[str, JointMotion] = field(default_factory=dict)
 
@@ -97,19 +103,27 @@ class Kinematics:
         """A design vector as a column."""
         return self.builder.column([self.translator.scalar(x) for x in vector])
 
+    def in_global(self, vectors: Block) -> Block:
+        """Columns (3, n) of vectors in global axes."""
+        return vectors if self.turn is None else self.builder.mul(self.turn, vectors)
+
+    def from_global(self, vectors: Block) -> Block:
+        """Columns (3, n) of vectors that are given in global axes."""
+        return vectors if self.turn is None else self.builder.mul(self.builder.transpose(self.turn), vectors)
+
     def direction(self, body: str, direction: Vector) -> Block:
-        """A body-fixed direction in global axes."""
+        """A body-fixed direction."""
         return self.builder.mul(self.frames[body].R, self.vector(direction))
 
     def point(self, body: str, point: Vector) -> Block:
-        """A body-fixed point from its branch's pole, in global axes."""
+        """A body-fixed point from its branch's pole."""
         frame = self.frames[body]
         arm = tuple(p - o for p, o in zip(point, frame.origin, strict=True))
         return self.builder.add(frame.r, self.direction(body, arm))
 
     def absolute(self, body: str, point: Block) -> Block:
-        """A point given from the pole, from the world's origin."""
-        return self.builder.add(point, self.frames[body].pole)
+        """A point given from the pole, from the world's origin in global axes."""
+        return self.builder.add(self.in_global(point), self.frames[body].pole)
 
     def velocity(self, body: str, point: Block) -> Block:
         """The velocity of the body's point that stands at ``point`` from the pole: v0 + w x p."""
@@ -124,7 +138,7 @@ class Kinematics:
     def pole_step(self, start: str, end: str) -> Block:
         """The way from the pole of ``start`` to the pole of ``end``; zero when they share it."""
         first, second = self.frames[start], self.frames[end]
-        return self.builder.zero(3) if first.root == second.root else self.builder.sub(second.pole, first.pole)
+        return self.builder.zero(3) if first.root == second.root else self.from_global(self.builder.sub(second.pole, first.pole))
 
     def twist_at(self, twist: Block, step: Block) -> Block:
         """A twist with its linear part taken at a pole that stands ``step`` further: [v0 + w x s; w]."""
@@ -133,6 +147,14 @@ class Kinematics:
             return twist
         v0, w = halves(b, twist)
         return b.stack([[b.add(v0, b.cross(w, step))], [w]])
+
+    def for_subspace(self, body: str, column: Block) -> Block:
+        """A column of a joint's speeds, or of forces on them, as one that multiplies its motion subspace."""
+        return column if body != self.axes else self.builder.stack([[self.from_global(half)] for half in halves(self.builder, column)])
+
+    def of_subspace(self, body: str, column: Block) -> Block:
+        """A column of a joint's speeds from one that multiplies its motion subspace."""
+        return column if body != self.axes else self.builder.stack([[self.in_global(half)] for half in halves(self.builder, column)])
 
 
 def halves(builder: Builder, column: Block) -> tuple[Block, Block]:
@@ -148,14 +170,16 @@ def motion_cross(builder: Builder, twist: Block, motion: Block) -> Block:
 
 
 def derive_kinematics(
-    builder: Builder, translator: Translator, topology: Topology, charts: Mapping[str, Chart]
-) -> Kinematics:
-    """The frames and motions of all bodies."""
+    builder: Builder, translator: Translator, topology: Topology, charts: Mapping[str, Chart], *, axes: str = GROUND
+) -> Kinematics:  # fmt: skip
+    """The frames and motions of all bodies, resolved in global axes, or in those of a free body that carries all others."""
     b = builder
-    k = Kinematics(builder=b, translator=translator, topology=topology)
+    k = Kinematics(builder=b, translator=translator, topology=topology, axes=axes)
     zero, still = b.zero(3), b.zero(6)
     origin = (sympy.Integer(0),) * 3
-    k.frames[GROUND] = Frame(R=b.identity(3), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)
+    if axes != GROUND:
+        k.turn = _turn_of(k, next(t for t in topology.tree if t.child == axes), charts)
+    k.frames[GROUND] = Frame(R=k.from_global(b.identity(3)), r=zero, origin=origin, Z=still, pole=zero, root=GROUND)
     for t in topology.tree:
         equation = "R_i = R_p R(q), Z_i = Z_p + b_i zd_i, Zdd_i = Zdd_p + b_i zdd_i + d_i  (eqs. 23, 26, 27)"
         with b.section("kinematics", t.joint.name, equation, t.joint.span.place):
@@ -170,7 +194,10 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     position, quaternion, rate, acceleration = following.motion if following else _coordinates(k, t, kernel, model, chart)
     local = k.translator.with_values(dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False)))
     local = local.with_values(dict(zip(kernel.u, rate, strict=True)))
-    turn = b.name(local.matrix(kernel.rotation), "R", t.joint.name)
+    turn = local.matrix(kernel.rotation)
+    if t.child == k.axes:
+        turn = b.identity(3)  # its own axes
+    b.name(turn, "R", t.joint.name)
     shift = local.matrix(kernel.displacement)
     if t.parent == GROUND:
         frame, motion = _add_root(k, t, kernel, local, turn, shift, rate)
@@ -190,6 +217,15 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
         columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and (chart or following) else None,
         position=position, rate=rate, acceleration=acceleration, slope=following.slope if following else None, own=own, follows=follows,
     )  # fmt: skip
+
+
+def _turn_of(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
+    """The rotation of a free body from its own axes to global ones."""
+    kernel = derive_joint(t)
+    with k.builder.section("kinematics", t.joint.name, "R, from the axes in which all vectors are resolved", t.joint.span.place):
+        _, quaternion, _, _ = _coordinates(k, t, kernel, k.topology.model, charts[t.joint.name])
+        rotation = k.translator.with_values(dict(zip(QUATERNION, quaternion, strict=True))).matrix(kernel.rotation)
+        return k.builder.name(rotation, "R", "global")
 
 
 def _following(k: Kinematics, t: TreeJoint, model: Model) -> Following | None:
@@ -251,7 +287,7 @@ def _add_root(
     inner = k.vector(inner_point(t.joint, t.reversed))
     origin = reference_point(t.joint, t.reversed)
     if t.joint.element.is_free:
-        Z = b.column(rate)
+        Z = k.for_subspace(t.child, b.column(rate))
         v, w = halves(b, Z)
         frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
         return frame, (b.identity(6), b.stack([[b.cross(v, w)], [b.zero(3)]]), None)

@@ -130,7 +130,7 @@ def given_accelerations(k: Kinematics) -> dict[str, Block]:
         above = b.add(Zdd[motion.tree_joint.parent], motion.d)
         if motion.b is not None and motion.chart is not None:
             vdot = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
-            above = b.add(above, b.mul(motion.b, vdot))
+            above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot)))
         if motion.follows is not None:
             leader = k.topology.model.following[motion.tree_joint.joint.name].leader
             above = b.add(above, b.scale(b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION), motion.follows))

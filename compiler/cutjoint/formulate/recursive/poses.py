@@ -38,6 +38,7 @@ def pose_slots(model: Model) -> dict[str, Slot]:
 
 def _pose(k: Kinematics, body: str, point: Vector) -> Block:
     b, frame, at = k.builder, k.frames[body], k.point(body, point)
-    columns = [b.take(frame.R, (0, 3), (j, j + 1)) for j in range(3)]
-    _, spin = halves(b, frame.Z)
-    return b.stack([[part] for part in (k.absolute(body, at), *columns, k.velocity(body, at), spin, k.vector(point))])
+    R, (_, spin) = k.in_global(frame.R), halves(b, frame.Z)
+    columns = [b.take(R, (0, 3), (j, j + 1)) for j in range(3)]
+    velocity, turning = k.in_global(k.velocity(body, at)), k.in_global(spin)
+    return b.stack([[part] for part in (k.absolute(body, at), *columns, velocity, turning, k.vector(point))])

@@ -51,17 +51,17 @@ class Quantities:
         k, b = self.kinematics, self.kinematics.builder
         at = k.point(body, point)
         if quantity in ATTITUDE:
-            return attitude(b, k.frames[body].R, quantity)
+            return attitude(b, k.in_global(k.frames[body].R), quantity)
         axis = "xyz".index(quantity[-1])
         match quantity[:-1]:
             case "":
                 return b.element(k.absolute(body, at), axis)
             case "v":
-                return b.element(k.velocity(body, at), axis)
+                return b.element(k.in_global(k.velocity(body, at)), axis)
             case "w":
-                return b.element(k.frames[body].Z, 3 + axis)
+                return b.element(k.in_global(b.take(k.frames[body].Z, (3, 6))), axis)
             case "a":
-                return b.element(self.acceleration(body, at), axis)
+                return b.element(k.in_global(self.acceleration(body, at)), axis)
         raise ValueError(f"a body has no quantity {quantity}")
 
     def acceleration(self, body: str, at: Block) -> Block:

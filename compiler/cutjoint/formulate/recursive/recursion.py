@@ -162,7 +162,7 @@ def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, 
             elif motion.centre is not None:
                 pivots[body] = _eliminate_ball(system, body, motion, motion.centre)
             else:
-                pivots[body] = _eliminate(system, body, motion, motion.b)
+                pivots[body] = _eliminate(kinematics, system, body, motion, motion.b)
             _name_pivot(b, pivots.get(body), body, motion)
         system.release(body)
     return pivots
@@ -198,7 +198,7 @@ def _carry(system: BodySystem, body: str, motion: JointMotion) -> None:
         system.couple(parent, other, system.coupling(body, other))
 
 
-def _eliminate(system: BodySystem, body: str, motion: JointMotion, subspace: Block) -> Pivot:
+def _eliminate(k: Kinematics, system: BodySystem, body: str, motion: JointMotion, subspace: Block) -> Pivot:
     b, parent, d = system.builder, motion.tree_joint.parent, motion.d
     M, others = system.M[body], system.coupled(body)
     bT = b.transpose(subspace)
@@ -207,7 +207,7 @@ def _eliminate(system: BodySystem, body: str, motion: JointMotion, subspace: Blo
     lower, inverse = b.ldl(D)
     generalised = b.mul(bT, force)
     if body in system.joint_forces:
-        generalised = b.add(generalised, system.joint_forces[body])
+        generalised = b.add(generalised, k.for_subspace(body, system.joint_forces[body]))
     g = b.forward(lower, generalised)
     rows = {j: b.mul(bT, system.coupling(body, j)) for j in others}
     if parent != GROUND:
@@ -317,7 +317,7 @@ def _solve(k: Kinematics, motion: JointMotion, pivot: Pivot, Zdd: dict[str, Bloc
     if pivot.centre is None or motion.centre is None:
         assert motion.b is not None
         unknown = b.backward(pivot.lower, b.weigh(pivot.inverse, right))
-        return b.add(b.add(inner, motion.d), b.mul(motion.b, unknown)), unknown
+        return b.add(b.add(inner, motion.d), b.mul(motion.b, unknown)), k.of_subspace(motion.tree_joint.child, unknown)
     v, w = halves(b, inner)
     right = b.sub(right, b.mul(pivot.centre, b.add(v, b.cross(w, motion.centre))))
     total = b.backward(pivot.lower, b.weigh(pivot.inverse, right))

@@ -25,7 +25,7 @@ _ELIMINATION = (
 )
 
 _NOTES = (
-    r"$Z = (v_0, \omega)$ holds the velocity of a body's point at the pole and its angular velocity, in global axes. The pole is the first "
+    r"$Z = (v_0, \omega)$ holds the velocity of a body's point at the pole and its angular velocity. The pole is the first "
     "joint's point of a branch on the ground, or the origin of a free root body. $M$ and $Q$ are a body's mass matrix and force there, "
     "$C$ the couplings that cut joints bring.",
     "Body $i$ with parent $p$, coupled to bodies $j$ and $k$, gives up its unknowns $z$, leaves first; the last line then runs from the "
