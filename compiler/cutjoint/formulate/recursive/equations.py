@@ -37,12 +37,20 @@ from cutjoint.topology.records import Topology
 
 
 def resolving_body(topology: Topology) -> str:
-    """The body in whose axes vectors are resolved: the free one that carries all others, if there is one, else the ground."""
-    roots = [t for t in topology.tree if t.parent == GROUND]
+    """The body in whose axes vectors are resolved: the one that carries all others and turns, if there is one, else the ground.
+
+    The ground too where it slides in a plane and all turn about its normal: nothing else turns the vectors of such a mechanism.
+    """
+    root, *others = (t for t in topology.tree if t.parent == GROUND)
     inside = {body for branch in topology.branches for body in branch.bodies}
-    if len(roots) != 1 or not roots[0].joint.element.is_free or roots[0].joint.guide is not None or roots[0].child in inside:
+    inside |= {body for assembly in topology.model.assemblies for body in assembly.bodies}
+    element = root.joint.element
+    turns = element.angles or element.has_ball
+    if others or not turns or root.joint.guide is not None or root.child in inside:
         return GROUND
-    return roots[0].child
+    in_space = any(t.joint.element.has_ball or len(t.joint.element.angles) > 1 for t in topology.tree)
+    slides = len(element.coordinates) - len(element.angles)
+    return root.child if in_space or slides < 2 else GROUND
 
 
 _STATE = ("const Real* q", "const Real* v")

@@ -25,13 +25,12 @@ from cutjoint.program.blocks import Block
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
     """M_i and the weight and inertia forces of every body."""
     b = k.builder
-    gravity = k.direction(GROUND, model.gravity)
     by_name = {body.name: body for body in model.bodies}
     for name in k.motions:
         body = by_name[name]
         equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
         with b.section("body", name, equation, body.span.place):
-            system.M[name], system.Q[name] = _body(k, body, gravity)
+            system.M[name], system.Q[name] = _body(k, body, k.direction(GROUND, model.gravity))
 
 
 def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:

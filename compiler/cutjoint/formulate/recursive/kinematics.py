@@ -150,11 +150,21 @@ class Kinematics:
 
     def for_subspace(self, body: str, column: Block) -> Block:
         """A column of a joint's speeds, or of forces on them, as one that multiplies its motion subspace."""
-        return column if body != self.axes else self.builder.stack([[self.from_global(half)] for half in halves(self.builder, column)])
+        return self.twists_from_global(column) if self._is_free_root(body) else column
 
     def of_subspace(self, body: str, column: Block) -> Block:
         """A column of a joint's speeds from one that multiplies its motion subspace."""
-        return column if body != self.axes else self.builder.stack([[self.in_global(half)] for half in halves(self.builder, column)])
+        if not self._is_free_root(body):
+            return column
+        return self.builder.stack([[self.in_global(half)] for half in halves(self.builder, column)])
+
+    def twists_from_global(self, twists: Block) -> Block:
+        """Columns (6, n) of twists that are given in global axes."""
+        b, n = self.builder, twists.shape[1]
+        return b.stack([[self.from_global(b.take(twists, rows, (0, n)))] for rows in ((0, 3), (3, 6))]) if self.turn is not None else twists
+
+    def _is_free_root(self, body: str) -> bool:
+        return body == self.axes and next(t for t in self.topology.tree if t.child == body).joint.element.is_free
 
 
 def halves(builder: Builder, column: Block) -> tuple[Block, Block]:
@@ -172,7 +182,7 @@ def motion_cross(builder: Builder, twist: Block, motion: Block) -> Block:
 def derive_kinematics(
     builder: Builder, translator: Translator, topology: Topology, charts: Mapping[str, Chart], *, axes: str = GROUND
 ) -> Kinematics:  # fmt: skip
-    """The frames and motions of all bodies, resolved in global axes, or in those of a free body that carries all others."""
+    """The frames and motions of all bodies, resolved in global axes, or in those of the body that carries all others."""
     b = builder
     k = Kinematics(builder=b, translator=translator, topology=topology, axes=axes)
     zero, still = b.zero(3), b.zero(6)
@@ -220,11 +230,12 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
 
 
 def _turn_of(k: Kinematics, t: TreeJoint, charts: Mapping[str, Chart]) -> Block:
-    """The rotation of a free body from its own axes to global ones."""
+    """The rotation of a body next to the ground from its own axes to global ones."""
     kernel = derive_joint(t)
     with k.builder.section("kinematics", t.joint.name, "R, from the axes in which all vectors are resolved", t.joint.span.place):
-        _, quaternion, _, _ = _coordinates(k, t, kernel, k.topology.model, charts[t.joint.name])
-        rotation = k.translator.with_values(dict(zip(QUATERNION, quaternion, strict=True))).matrix(kernel.rotation)
+        position, quaternion, _, _ = _coordinates(k, t, kernel, k.topology.model, charts[t.joint.name])
+        values = dict(zip((*kernel.q, *QUATERNION), (*position, *quaternion), strict=False))
+        rotation = k.translator.with_values(values).matrix(kernel.rotation)
         return k.builder.name(rotation, "R", "global")
 
 
@@ -291,11 +302,11 @@ def _add_root(
         v, w = halves(b, Z)
         frame = Frame(R=turn, r=b.zero(3), origin=origin, Z=Z, pole=b.add(inner, shift), root=t.child)
         return frame, (b.identity(6), b.stack([[b.cross(v, w)], [b.zero(3)]]), None)
-    subspace = local.matrix(kernel.subspace) if kernel.u else None
+    subspace = k.twists_from_global(local.matrix(kernel.subspace)) if kernel.u else None
     Z = b.mul(subspace, b.column(rate)) if subspace is not None else b.zero(6)
-    frame = Frame(R=turn, r=shift, origin=origin, Z=Z, pole=inner, root=t.child)
+    frame = Frame(R=turn, r=k.from_global(shift), origin=origin, Z=Z, pole=inner, root=t.child)
     centre = b.zero(3) if t.joint.element.is_ball else None
-    return frame, (subspace, local.matrix(kernel.drift), centre)
+    return frame, (subspace, k.twists_from_global(local.matrix(kernel.drift)), centre)
 
 
 def _add_branch(
