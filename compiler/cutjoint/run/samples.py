@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import fmod
 
+from cutjoint.methods import INTEGRATORS, join_or
 from cutjoint.model.records import Controller, Model, Scene
 from cutjoint.run.errors import RunError
 
 #: The largest distance of a number of steps from a whole one.
 _WHOLE = 1e-6
+
+
+def require_sampling(model: Model, integrator: str) -> None:
+    """Check that an integrator ends its steps at samples, if there are any.
+
+    Raises:
+        RunError: it does not.
+    """
+    if model.controllers and integrator not in (known.name for known in INTEGRATORS.values()):
+        first = model.controllers[0]
+        words = f"the integrator {integrator} takes no samples, which the controller '{first.name}' needs"
+        raise RunError(f"{first.span}: {words}; use {join_or(tuple(known.name for known in INTEGRATORS.values()))}")
 
 
 def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:

@@ -641,11 +641,20 @@ class Simulation {
 
   /// Controllers that are due take their samples.
   Fault sample() {
-    if constexpr (may_sample<Subject>)
+    if constexpr (may_sample<Subject>) {
+      if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
       for (std::size_t i = 0; i < sampling_.size(); ++i)
         if (sampling_.is_due(i, state_.t, rounding()))
           if (const Fault fault = sample(i)) return fault;
+    }
     return {};
+  }
+
+  /// The present state has the accelerations that forces give it.
+  void restart_at_sample() {
+    is_reported_ = false;
+    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
+    else steps_->restart_after_input_jump(state_);
   }
 
   /// The accelerations that a sample reads are those of the values before, and those behind it follow from what is held then.
@@ -658,9 +667,7 @@ class Simulation {
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};
     if (!changes) return {};
-    is_reported_ = false;
-    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
-    else steps_->restart_after_input_jump(state_);
+    restart_at_sample();
     if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
     return {};
   }
