@@ -271,6 +271,19 @@ def test_equal_steps_that_do_not_divide_an_interval() -> None:
         run(servo(), dt=2e-2)
 
 
+def test_a_row_of_many_samples_and_one_of_too_many() -> None:
+    """1e5 samples in a row of results: -k of the level that was held over 10 us is that of the loop without sampling to 1e-5."""
+    model = read_model_text(POLE.replace("100 ms", "1e-5").replace("output_step: 0.1", "output_step: 1"), "pole.yaml")
+    trajectory = run(model, integrator="dormand-prince")
+    assert abs(trajectory.columns["level.value"][-1] / math.exp(-A - B * K) - 1) < 1e-3
+    with pytest.raises(RunError) as caught:
+        run(read_model_text(POLE.replace("100 ms", "1e-9"), "pole.yaml"))
+    assert str(caught.value) == (
+        "pole.yaml:14:3: controller 'loop': a run of 1 s has more than 1e+08 samples, one each 1e-09 s; write a longer every, or an "
+        "earlier end"
+    )
+
+
 def test_an_integrator_of_another_package_that_takes_no_samples() -> None:
     pytest.importorskip("cutjoint_bench")
     words = r"servo.yaml:14:3: the integrator reference takes no samples, which the controller 'outer' needs; use trapezoidal, "

@@ -93,7 +93,7 @@ def make_run_file(
     given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
-        require_sampling(model, settings.integrator)
+        require_sampling(model, scene, settings.integrator)
         if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:
             require_fitting_steps(model, scene, settings.dt)
     return RunFile(

@@ -684,23 +684,24 @@ class Simulation {
     return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
-  /// A step to a time, in parts where the course of a guide has parts.
+  /// A step to a time, in parts where the course of a guide has parts or controllers are due.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
-    const Real next = go_over_until(until);
-    if (next < until) {
-      const StateOf<Subject> from = state_;
-      const auto before = followed_;
-      const auto held = sampling_.memory();
-      Fault fault = integrate_part(next - state_.t, next);
-      if (!fault) fault = integrate(until - next, until);
-      if (fault) {
-        sampling_.restore(held);
-        go_back(from, before);
-      }
-      return fault;
+    Real next = go_over_until(until);
+    if (!(next < until)) return integrate_part(h, until);
+    const StateOf<Subject> from = state_;
+    const auto before = followed_;
+    const auto held = sampling_.memory();
+    Fault fault = integrate_part(next - state_.t, next);
+    while (!fault && next < until) {
+      next = go_over_until(until);
+      fault = integrate_part(next - state_.t, next);
     }
-    return integrate_part(h, until);
+    if (fault) {
+      sampling_.restore(held);
+      go_back(from, before);
+    }
+    return fault;
   }
 
   Fault integrate_part(Real h, Real until) {
