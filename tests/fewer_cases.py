@@ -30,6 +30,10 @@ _FULL: Mapping[str, tuple[str, ...]] = {
         "test_wrong_calls", "test_cvode_finds_contacts_and_leaves_them",
         "test_a_force_that_was_left_out_and_would_act_ends_the_simulation_as_it_ends_a_step",
     ),
+    "tests/fmu/test_samples.py": (
+        "test_a_host_that_integrates_meets_the_discrete_pole",
+        "test_communication_steps_have_the_samples_within_and_saved_states_go_on_bit_by_bit",
+    ),
     "tests/fmu/test_platforms.py": ("test_a_dll_shows_the_standards_functions_alone_and_needs_windows_alone",),
     "tests/fmu/test_targets.py": ("test_a_processor_without_avx2_runs_the_code_for_all_bit_by_bit",),
     "tests/fmu/test_wrong_calls.py": ("test_calls_out_of_order",),
@@ -187,6 +191,7 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_recursive_newton_has_the_exact_tangent": ("0-3",), "test_natural_coordinates_have_the_tangent_of_all_that_laws_read": ("1",),
         "test_the_classical_tangent_has_states": ("1",),
     },
+    "tests/formulate/test_samples.py": {"test_samples_are_what_outputs_report": ("recursive-newton-0", "classical-1")},
     "tests/fuzz/test_kinds.py": {"test_some_seeds": ("calls", "parts", "lanes", "poses", "massless", "friction")},
     "tests/sparse/test_factorisation.py": {
         "test_indefinite_systems": ("1-straight",), "test_a_pivot_that_is_not_finite_is_reported": ("nan-straight",),

@@ -18,7 +18,7 @@ from .slaves import OK, Slave
 
 pytestmark = needs_cpp
 
-versions = pytest.mark.parametrize("version", [pytest.param(2, marks=pytest.mark.heavy), 3])
+versions = pytest.mark.parametrize("version", [2, 3])
 
 
 @cache
@@ -80,8 +80,7 @@ def test_a_host_that_integrates_meets_the_discrete_pole(version: int) -> None:
     assert time == pytest.approx(6 * T)
 
 
-@pytest.mark.heavy
-@pytest.mark.parametrize("version", [2, 3])
+@versions
 def test_communication_steps_have_the_samples_within_and_saved_states_go_on_bit_by_bit(version: int) -> None:
     slave = Slave(sampled("servo", version))
     assert slave.initialise() == OK, slave.log

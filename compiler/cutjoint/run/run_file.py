@@ -25,7 +25,7 @@ from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.roads import road_pieces
-from cutjoint.run.samples import require_fitting_steps
+from cutjoint.run.samples import require_fitting_steps, require_sampling
 from cutjoint.run.settings import Options, find_settings, with_options
 
 _NOTHING_ASKED = Options()
@@ -93,6 +93,7 @@ def make_run_file(
     given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
+        require_sampling(model, scene, settings.integrator)
         if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:
             require_fitting_steps(model, scene, settings.dt)
     return RunFile(

@@ -5,11 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import fmod
 
+from cutjoint.methods import INTEGRATORS, join_or
 from cutjoint.model.records import Controller, Model, Scene
 from cutjoint.run.errors import RunError
 
+#: The most samples of a controller in a run.
+MOST_SAMPLES = 1e8
+
 #: The largest distance of a number of steps from a whole one.
 _WHOLE = 1e-6
+
+
+def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
+    """Check that an integrator ends its steps at samples, if there are any, and that these are not too many.
+
+    Raises:
+        RunError: it does not, or there are.
+    """
+    for controller in model.controllers:
+        if scene.end > MOST_SAMPLES * controller.every:
+            words = f"controller '{controller.name}': a run of {scene.end:.9g} s has more than {MOST_SAMPLES:.0e} samples, one each"
+            raise RunError(f"{controller.span}: {words} {controller.every:.9g} s; write a longer every, or an earlier end")
+    if model.controllers and integrator not in (known.name for known in INTEGRATORS.values()):
+        first = model.controllers[0]
+        words = f"the integrator {integrator} takes no samples, which the controller '{first.name}' needs"
+        raise RunError(f"{first.span}: {words}; use {join_or(tuple(known.name for known in INTEGRATORS.values()))}")
 
 
 def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:

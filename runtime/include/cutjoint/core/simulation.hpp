@@ -665,11 +665,20 @@ class Simulation {
 
   /// Controllers that are due take their samples.
   Fault sample() {
-    if constexpr (may_sample<Subject>)
+    if constexpr (may_sample<Subject>) {
+      if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
       for (std::size_t i = 0; i < sampling_.size(); ++i)
         if (sampling_.is_due(i, state_.t, rounding()))
           if (const Fault fault = sample(i)) return fault;
+    }
     return {};
+  }
+
+  /// The present state has the accelerations that forces give it.
+  void restart_at_sample() {
+    is_reported_ = false;
+    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
+    else steps_->restart_after_input_jump(state_);
   }
 
   /// The accelerations that a sample reads are those of the values before, and those behind it follow from what is held then.
@@ -682,9 +691,7 @@ class Simulation {
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};
     if (!changes) return {};
-    is_reported_ = false;
-    if constexpr (requires { steps_->restart_after_sample(state_); }) steps_->restart_after_sample(state_);
-    else steps_->restart_after_input_jump(state_);
+    restart_at_sample();
     if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
     return {};
   }
@@ -705,23 +712,24 @@ class Simulation {
     return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
-  /// A step to a time, in parts where the course of a guide has parts.
+  /// A step to a time, in parts where the course of a guide has parts or controllers are due.
   Fault integrate(Real h, Real until) {
     is_reported_ = false;
-    const Real next = go_over_until(until);
-    if (next < until) {
-      const StateOf<Subject> from = state_;
-      const auto before = followed_;
-      const auto held = sampling_.memory();
-      Fault fault = integrate_part(next - state_.t, next);
-      if (!fault) fault = integrate(until - next, until);
-      if (fault) {
-        sampling_.restore(held);
-        go_back(from, before);
-      }
-      return fault;
+    Real next = go_over_until(until);
+    if (!(next < until)) return integrate_part(h, until);
+    const StateOf<Subject> from = state_;
+    const auto before = followed_;
+    const auto held = sampling_.memory();
+    Fault fault = integrate_part(next - state_.t, next);
+    while (!fault && next < until) {
+      next = go_over_until(until);
+      fault = integrate_part(next - state_.t, next);
     }
-    return integrate_part(h, until);
+    if (fault) {
+      sampling_.restore(held);
+      go_back(from, before);
+    }
+    return fault;
   }
 
   Fault integrate_part(Real h, Real until) {
