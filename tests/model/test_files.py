@@ -227,7 +227,7 @@ POINTS = [
     ("name,x,y,z,w\ntip,1,2,3,4\n", "p.csv:1:1: model: a table of points has the columns name, x, y and z, not name, x, y, z, w; "
      "write for example: name, x [mm], y [mm], z [mm]"),
     ("name,x,y [s],z\ntip,1,2,3\n", "p.csv:1:8: column 'y': needs m, got s; write x [mm]"),
-    ("name,x,y,z\ntip,1,2,3\ntip,1,2,3\n", "p.csv:3:1: point 'tip': duplicate name 'tip', first defined at p.csv:2; rename one of them"),
+    ("name,x,y,z\ntip,1,2,3\ntip,1,2,3\n", "p.csv:3:1: point 'tip': duplicate name 'tip', first defined at line 2; rename one of them"),
     ("name,x,y,z\ntip,1,2,3\nhalf,1,2,3\n",
      "p.csv:3:1: point 'half': duplicate name 'half', first defined at m.yaml:8; rename one of them"),
     ("name,x,y,z\nthe tip,1,2,3\n",

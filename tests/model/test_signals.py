@@ -10,6 +10,8 @@ from cutjoint.model.quantities import readings_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 
+from .pendulum import check, varied
+
 TEXT = """
 cutjoint: 1
 name: controlled
@@ -184,6 +186,31 @@ signals: {together: "left.later + right.lean + 1*hull.vx"}
 outputs: [left.later.value, right.lean.value, together.value]
 scenes: {run: {end: 1}}
 """
+
+
+SCENE = "scenes: {run: {end: 1}}"
+
+
+def test_scenes_begin_with_states_of_their_own() -> None:
+    scene = "scenes: {run: {end: 1, states: {left.later: 0.25, right.later: 1/3}}, plain: {end: 1}}"
+    model = read_model_text(varied(SCENE, scene, SUBMODEL), "m.yaml")
+    starts = {name: float(value) for name, value in model.scenes["run"].starts.items()}
+    assert starts == {"left.later.value": 0.25, "right.later.value": 1 / 3}
+    assert model.scenes["plain"].starts == {}
+
+
+@pytest.mark.parametrize(
+    ("scene", "expected"),
+    [
+        ("states: {§late: 1}", "@: scene 'run': states: unknown state 'late'; states: left.later, right.later"),
+        ("states: {§left: 1}", "@: scene 'run': states: unknown state 'left'; states: left.later, right.later"),
+        ("states: {left.later: §2*t}", "@: scene 'run': states.left.later: unknown symbol 't'; symbols here: pi"),
+        ("pose: equilibrium, states: §{left.later: 1}",
+         "@: scene 'run': states: the states of an equilibrium are those at rest; remove 'states', or start from the design pose"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_starts_of_scenes(scene: str, expected: str) -> None:
+    check(SCENE, f"scenes: {{run: {{end: 1, {scene}}}}}", expected, SUBMODEL)
 
 
 def test_submodels_have_their_own_and_an_image_reads_what_the_original_would() -> None:

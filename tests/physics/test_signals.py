@@ -227,6 +227,20 @@ def test_work_is_that_of_all_forces(method: str) -> None:
     assert run.energy.defect < 1e-5 * run.energy.exchanged
 
 
+def test_a_scene_begins_with_states_of_its_own() -> None:
+    """The motor with a current and an integral from before: the exponential from there."""
+    text = MOTOR + "  later: {end: 1, output_step: 0.05, numerics: {dt: 2.5e-4}, states: {current: 3 A, integral: 0.5 rad}}\n"
+    model = read_model_text(text, "motor.yaml")
+    found = simulate(compile_scene(model, model.scenes["later"], CompileOptions(method="recursive")))
+    whole = np.zeros((4, 4))
+    whole[:3, :3], whole[:3, 3] = MATRIX, DRIVE
+    current = [(expm(whole * time) @ (0, 3, 0.5, 1))[1] for time in found.t]
+    plain = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method="recursive")))
+    bound = 2 * np.abs(plain["current.value"] - exact_motor(plain.t)["current.value"]).max()
+    assert found["current.value"][0] == 3
+    assert np.abs(found["current.value"] - current).max() < bound  # the error of the same steps from rest
+
+
 def test_a_controller_at_rest() -> None:
     """No rate is left: the state has heard of the pull at the time 0."""
     scene = replace(carts().scenes["run"], positions={}, rates={})

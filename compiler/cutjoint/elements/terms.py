@@ -23,6 +23,10 @@ class Span:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
 
+    def seen_from(self, other: Span) -> str:
+        """The line, with the file's name where that is another one."""
+        return f"line {self.line}" if self.file == other.file else self.place
+
     @property
     def place(self) -> str:
         """File name and line without the folder, for generated files."""

@@ -277,6 +277,7 @@ class Scene(Part):
     pose: Literal["design", "equilibrium"] = "design"
     positions: dict[StrictStr, State] = Field(default={})
     rates: dict[StrictStr, Number] = Field(default={})
+    states: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})
     switches: dict[StrictStr, StrictBool] = Field(default={})
     road: Road = Road()

@@ -185,7 +185,7 @@ class _Files:
             if fault:
                 problems.append(Problem(span=cell.span, element="point", message=fault[0], hint=fault[1]))
             elif first is not None:
-                message = f"duplicate name '{cell.text}', first defined at {first.place}"
+                message = f"duplicate name '{cell.text}', first defined at {first.seen_from(cell.span)}"
                 problems.append(Problem(span=cell.span, element=f"point '{cell.text}'", message=message, hint="rename one of them"))
             found.setdefault(cell.text, cell.span)
         if problems:

@@ -96,8 +96,8 @@ class OutputReader:
         if signal.name in self.known or any(signal.name in (output, f"{output}.") for output in self.expansion.reporting if output):
             where.fail(f"duplicate name '{signal.name}', which an element has", "rename one of them")
         elif (before.value, self._units.setdefault(signal.name, unit)) != (signal.value, unit):
-            place = before.span.line if before.span.file == signal.span.file else before.span.place
-            where.fail(f"duplicate name '{signal.name}', first defined at line {place} with another value or unit", "rename one of them")
+            place = before.span.seen_from(signal.span)
+            where.fail(f"duplicate name '{signal.name}', first defined at {place} with another value or unit", "rename one of them")
 
 
 def _unit(where: Element, unit: str) -> Measure | None:

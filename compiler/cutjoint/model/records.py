@@ -531,7 +531,8 @@ class Scene:
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
-    ``entries`` are the places of positions and rates by "section.joint.coordinate".
+    ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
+    run begins, by their places, of those that do not begin at their own.
     """
 
     name: str
@@ -551,6 +552,7 @@ class Scene:
     budget: float | None = None
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
+    starts: Mapping[str, Scalar] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

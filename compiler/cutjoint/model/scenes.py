@@ -35,7 +35,7 @@ from cutjoint.model.records import (
 )
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
-from cutjoint.model.starts import read_states
+from cutjoint.model.starts import read_starts, read_states
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 
 #: The field of the solver's tolerance, and the settings of files whose records have another name.
@@ -84,6 +84,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         pose=scene.pose,
         positions=read_states(where, scene.positions, "positions", stage.joints),
         rates=read_states(where, scene.rates, "rates", stage.joints),
+        starts=read_starts(where, scene, stage.expansion.elements.states),
         inputs=_inputs(where, scene.inputs, stage),
         switches=_switches(where, scene.switches, stage),
         road=_road(where, scene.road),

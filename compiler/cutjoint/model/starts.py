@@ -1,4 +1,7 @@
-"""Initial coordinates, attitudes and speeds of joints; attitudes come as rotation vectors, Euler angles or quaternions."""
+"""Initial coordinates, attitudes and speeds of joints, and values of first-order states.
+
+Attitudes come as rotation vectors, Euler angles or quaternions.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +13,15 @@ import sympy
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.elements.joints import JOINTS
+from cutjoint.model import document
 from cutjoint.model.errors import nearest
 from cutjoint.model.operations import choice
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import fault_of_state
-from cutjoint.model.records import COORDINATES, SPEEDS, Joint, Scalar
+from cutjoint.model.records import COORDINATES, SPEEDS, FirstOrderState, Joint, Scalar
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension
+from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure
 from cutjoint.model.values import Attitude, Number
 
 # Attitudes
@@ -129,6 +133,22 @@ def read_states(where: Element, values: Mapping[str, Any], section: str, joints:
         elif _has_state(where, joints[name], component, section) and _has_form(where, value, component, (section, key)):
             states |= _state(where, joints[name], component, value, (section, key))
     return states
+
+
+def read_starts(where: Element, scene: document.Scene, states: Sequence[FirstOrderState]) -> dict[str, Scalar]:
+    """Values of first-order states where a scene begins, by their places."""
+    known, starts = {state.name: state for state in states}, dict[str, Scalar]()
+    for name, value in scene.states.items():
+        keys = ("states", name)
+        if name in known:
+            state = known[name]
+            starts[state.entry] = where.scalar(value, measure(1.0, state.unit).dimension if state.unit else None, keys)
+        elif not where.scope.directory.misses(name):
+            hint = nearest(name, known, "states") or "the model has no states"
+            where.fail(f"states: unknown state '{name}'", hint, keys, at_key=True)
+    if starts and scene.pose == "equilibrium":
+        where.fail("states: the states of an equilibrium are those at rest", "remove 'states', or start from the design pose", ("states",))
+    return starts
 
 
 def _has_state(where: Element, joint: Joint, component: str, section: str) -> bool:

@@ -97,11 +97,10 @@ def _check_unique(problems: Problems, found: list[tuple[str, str, Span]]) -> Non
     first: dict[str, Span] = {}
     for name, kind, span in sorted(found, key=lambda item: item[2]):
         if name in first:
-            where = f"line {first[name].line}" if first[name].file == span.file else first[name].place
             problems.add(
                 span,
                 f"{kind} '{name}'",
-                f"duplicate name '{name}', first defined at {where}",
+                f"duplicate name '{name}', first defined at {first[name].seen_from(span)}",
                 "rename one of them",
             )
         first.setdefault(name, span)

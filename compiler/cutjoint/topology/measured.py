@@ -58,7 +58,10 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
         (output, f"scene '{scene.name}' has its coordinate among the outputs")
         for scene in model.scenes.values() for output in scene.outputs
     ]  # fmt: skip
-    asked += [(reading, f"a law, a rate or a signal in line {reading.span.line} reads its coordinate") for reading in readings_of(model)]
+    asked += [
+        (reading, f"a law, a rate, a signal or an output in {reading.span.seen_from(model.span)} reads its coordinate")
+        for reading in readings_of(model)
+    ]  # fmt: skip
     for output, reason in asked:
         if output.element in joints:
             rates = {rate_name(c): c for c in joints[output.element].element.coordinates}
