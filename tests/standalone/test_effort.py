@@ -1,4 +1,4 @@
-"""What a step did, and limits of it."""
+"""The effort of a step, and limits of it."""
 
 from __future__ import annotations
 

@@ -57,11 +57,16 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals and laws that read other elements, which programs with mechanics alone do not have."""
+    """Raise ModelError for states, signals, laws that read other elements and grounds of wheels, which programs with mechanics alone do
+    not have."""
     found = (*model.states, *(e for e in reading_elements(model) if not isinstance(e, FirstOrderState)))
     problems = [
         Problem(span=e.span, element=f"'{e.name}'", message="only cutjoint has states and laws that read quantities", hint="leave it out")
         for e in found
+    ]  # fmt: skip
+    problems += [
+        Problem(span=f.span, element=f"'{f.name}'", message="only cutjoint has a ground of a wheel's own", hint="leave it out")
+        for f in model.forces if f.has_road and f.expressions and f not in found
     ]  # fmt: skip
     if problems:
         raise ModelError(problems)
