@@ -1,4 +1,4 @@
-"""What is checked when a folder is compiled, linked and given bytes: names, digests, flags, snapshots, sizes."""
+"""Checks of a folder that is compiled, linked and given bytes: names, digests, flags, snapshots, sizes."""
 
 from __future__ import annotations
 

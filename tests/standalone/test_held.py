@@ -1,4 +1,4 @@
-"""What Python holds of a simulation: views that stay current, copies, and simulations that are copied or pickled."""
+"""Parts of a simulation that Python holds: views that stay current, copies, and simulations that are copied or pickled."""
 
 from __future__ import annotations
 

@@ -114,6 +114,9 @@ class Reader(Protocol):
     def number(self, *path: str | int, unit: str) -> Scalar:
         """A number of a unit, "" for one that has any; ``path`` leads to it."""
 
+    def expression(self, name: str, *, unit: str) -> Scalar:
+        """A number that may change: over time, parameters, inputs and quantities of elements."""
+
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
         """Three expressions of a law's variables, and of the names in the field ``let``."""
 

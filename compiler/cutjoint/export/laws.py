@@ -57,11 +57,16 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals and laws that read other elements, which programs with mechanics alone do not have."""
+    """Raise ModelError for states, signals, laws that read other elements and grounds of wheels, which programs with mechanics alone do
+    not have."""
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*model.states, *(e for e in reading if not isinstance(e, FirstOrderState)))
     message = "only cutjoint has states, controllers and laws that read quantities"
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
+    problems += [
+        Problem(span=f.span, element=f"'{f.name}'", message="only cutjoint has a ground of a wheel's own", hint="leave it out")
+        for f in model.forces if f.has_road and f.expressions and f not in found
+    ]  # fmt: skip
     if problems:
         raise ModelError(problems)
 

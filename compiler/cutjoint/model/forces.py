@@ -20,13 +20,13 @@ from cutjoint.model.names import name_problem
 from cutjoint.model.records import Force, Scalar, Vector
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, INERTIA, LENGTH, SPEED, TIME, TORQUE, Dimension
+from cutjoint.model.units import ANGLE, ANGULAR_SPEED, FORCE, INERTIA, LENGTH, NONE, SPEED, TIME, TORQUE, Dimension
 from cutjoint.model.values import SpringDamper
 
 #: The dimensions of the units in the catalogue of force kinds.
 _DIMENSIONS: Mapping[str, Dimension] = {
     "m": LENGTH, "m/s": SPEED, "rad": ANGLE, "rad/s": ANGULAR_SPEED, "N": FORCE, "N/m": FORCE / LENGTH, "N*s/m": FORCE / SPEED,
-    "N*m": TORQUE, "N*m*s": TORQUE / ANGULAR_SPEED, "kg*m^2": INERTIA,
+    "N*m": TORQUE, "1": NONE, "N*m*s": TORQUE / ANGULAR_SPEED, "kg*m^2": INERTIA,
 }  # fmt: skip
 
 
@@ -78,6 +78,9 @@ class _Reader:
 
     def number(self, *path: str | int, unit: str) -> Scalar:
         return self.element.scalar(self._at(path, missing=0), _DIMENSIONS[unit] if unit else None, path)
+
+    def expression(self, name: str, *, unit: str) -> Scalar:
+        return self.element.scalar(self.given(name), _DIMENSIONS[unit], (name,), self.element.scope.reading("t"))
 
     def triple(self, name: str, law: Law, *, let: str) -> Vector:
         names = read_names(self.element, self.given(let), (let,), self.element.scope.reading(*law.variables, "t"))

@@ -233,7 +233,7 @@ class Simulation:
 
     @property
     def last_step(self) -> Effort:
-        """What the last step did; of integrators that choose their steps, all of those up to the time of the last call.
+        """The effort of the last step; of integrators that choose their steps, all of those up to the time of the last call.
 
         Raises:
             SimulationError: there was no `reset`.

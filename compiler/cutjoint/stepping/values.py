@@ -90,7 +90,7 @@ class Outputs(Values):
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """What a step did: the ``gap`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the largest
+    """The effort of a step: the ``gap`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the largest
     ``rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1 + the largest of
     them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors; ``iterations`` (tries of
     explicit steps) and ``evaluations``."""

@@ -11,7 +11,7 @@ Source: Frik, Leister, Schwartz (Vehicle System Dynamics 22, suppl., 1993).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -32,6 +32,7 @@ from cutjoint.elements.interaction import (
 
 if TYPE_CHECKING:
     from cutjoint.elements.forces.tyre import Tyre
+    from cutjoint.elements.terms import Scalar
     from cutjoint.program.blocks import Block, Builder
 
 #: Rolling speed below which a wheel counts as standing, m/s.
@@ -65,9 +66,9 @@ class RoadContact(Interaction):
         """The contact, the Calspan model and the wrench."""
         letters = {"stiffness": "stiffness k", "radius": "radius R", "spin_inertia": "spin inertia I"}
         return Explanation(
-            notes=(*_NOTES, *page.either((), ("$c$ is the wheel centre.",))),
+            notes=(*_NOTES, *(_GROUND if force.expressions else ()), *page.either((), ("$c$ is the wheel centre.",))),
             actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
-            constants=tuple((letters.get(name, name), page.number(value)) for name, value in force.constants.items()),
+            constants=tuple((letters.get(name, name), page.number(value)) for name, value in (*force.constants.items(), *_ground(force))),
         )
 
     def looks(self) -> tuple[Look, ...]:
@@ -103,6 +104,17 @@ _NOTES = (
     "is 3 or more the wheel slides, and the derivatives by slip and camber are zero.",
 )
 
+_GROUND = (
+    "The ground under the wheel has its height added to $h$ and its slope to $h'$. With a bank $b$ $n$ is $(-h', -b, 1)$, made a unit "
+    "vector. Friction is a factor of SN.",
+)
+
+
+def _ground(tyre: Tyre) -> tuple[tuple[str, Scalar], ...]:
+    """The ground under a wheel, by words."""
+    named = {"ground height": tyre.ground_height, "ground slope": tyre.ground_slope, "bank b": tyre.ground_bank, "friction": tyre.friction}
+    return tuple((name, value) for name, value in named.items() if value is not None)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
@@ -118,14 +130,17 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     """The contact of one wheel, by the motions of its centre and axis."""
     b, (place, velocity), (axis, axis_rate) = m.b, (centre.x, centre.v), (wheel_axis.x, wheel_axis.v)
     x, y, z = (b.element(place, i) for i in range(3))
-    slope = b.call("road_slope", x, y, table=tyre.name)
-    clearance = b.sub(z, b.call("road_height", x, y, table=tyre.name))
-    n_z = b.call("div", b.number(1.0), b.call("sqrt", b.add(b.number(1.0), b.mul(slope, slope))))
-    n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1), n_z]))
+    slope = _with(m, b.add, b.call("road_slope", x, y, table=tyre.name), tyre.ground_slope)
+    clearance = b.sub(z, _with(m, b.add, b.call("road_height", x, y, table=tyre.name), tyre.ground_height))
+    steep = b.add(b.number(1.0), b.mul(slope, slope))
+    bank = None if tyre.ground_bank is None else m.scalar(tyre.ground_bank, {})
+    n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
+    n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
     e_y, e_z = b.cross(n, e_x), b.cross(e_x, axis)
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
+    constants["SN"] = _with(m, b.mul, constants["SN"], tyre.friction)
     deflection = b.sub(constants["radius"], clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
     rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
@@ -144,6 +159,11 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
         moment=b.sub(b.scale(aligning, n), b.scale(momentum, axis_rate)),
         quantities={"Fz": load, "Fy": side, "Mz": aligning, "slip": slip, "camber": camber, "deflection": deflection},
     )
+
+
+def _with(m: Mechanics, combine: Callable[[Block, Block], Block], of_road: Block, own: Scalar | None) -> Block:
+    """A number of the road with that of a wheel's own ground."""
+    return of_road if own is None else combine(of_road, m.scalar(own, {}))
 
 
 def calspan(b: Builder, c: Mapping[str, Block], load: Block, slip: Block, camber: Block) -> tuple[Block, Block]:

@@ -720,16 +720,17 @@ class Simulation {
     const StateOf<Subject> from = state_;
     const auto before = followed_;
     const auto held = sampling_.memory();
-    Fault fault = integrate_part(next - state_.t, next);
-    while (!fault && next < until) {
-      next = go_over_until(until);
-      fault = integrate_part(next - state_.t, next);
+    Fault exceeded;
+    for (;; next = go_over_until(until)) {
+      const Fault fault = integrate_part(next - state_.t, next);
+      if (fault && fault.cause != Cause::limit_exceeded) {
+        sampling_.restore(held);
+        go_back(from, before);
+        return fault;
+      }
+      if (fault && !exceeded) exceeded = fault;
+      if (!(next < until)) return exceeded;
     }
-    if (fault) {
-      sampling_.restore(held);
-      go_back(from, before);
-    }
-    return fault;
   }
 
   Fault integrate_part(Real h, Real until) {
