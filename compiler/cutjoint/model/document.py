@@ -205,7 +205,7 @@ class Numerics(Part):
 
 
 class Scene(Part):
-    """One run of the model: its end, start, inputs, switches, road and numerics."""
+    """One run of the model: its end, start, inputs, switches, driven joints, road and numerics."""
 
     end: Number
     output_step: Number | None = None
@@ -214,6 +214,9 @@ class Scene(Part):
     rates: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})
     switches: dict[StrictStr, StrictBool] = Field(default={})
+    lock: tuple[StrictStr, ...] = ()
+    drive: dict[StrictStr, Law] = Field(default={})
+    release: tuple[StrictStr, ...] = ()
     road: Road = Road()
     numerics: Numerics = Numerics()
     method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None

@@ -484,7 +484,8 @@ class Scene:
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
-    ``entries`` are the places of positions and rates by "section.joint.coordinate".
+    ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``guides`` are those of joints that the scene locks or
+    drives, None of joints that it releases.
     """
 
     name: str
@@ -504,6 +505,7 @@ class Scene:
     budget: float | None = None
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
+    guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"
@@ -517,7 +519,8 @@ class Model:
     instance is called ``instance.element``.  ``derived`` are parameters for which expressions of others stand everywhere.  ``guards`` stand
     for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism, ``signals``
     named expressions of quantities.  ``assemblies`` are loops that a pass has replaced by functions, ``notes`` sentences about
-    words of earlier versions in the file, and about parameters that nothing uses.
+    words of earlier versions in the file, and about parameters that nothing uses.  ``written`` are the joints
+    as the file has them where those of a scene differ.
     """
 
     name: str
@@ -538,6 +541,7 @@ class Model:
     signals: tuple[Signal, ...] = ()
     assemblies: tuple[Assembly, ...] = ()
     notes: tuple[str, ...] = ()
+    written: tuple[Joint, ...] | None = None
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
