@@ -189,5 +189,5 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         model=model.name, counts=counts, places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
-        run=make_simulator_run(artifact, asked, parameters),
+        run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
     )  # fmt: skip

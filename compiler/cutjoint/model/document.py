@@ -204,6 +204,13 @@ class Numerics(Part):
     methods: dict[Annotated[str, OneOf(METHODS)], MethodNumerics] = Field(default={})
 
 
+class Plot(Part):
+    """A picture: columns ``y`` of the table over the column ``x``."""
+
+    y: Annotated[tuple[StrictStr, ...], Field(min_length=1)]
+    x: StrictStr = "t"
+
+
 class Scene(Part):
     """One run of the model: its end, start, inputs, switches, driven joints, road and numerics."""
 
@@ -224,6 +231,7 @@ class Scene(Part):
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"
     outputs: tuple[StrictStr, ...] | None = None
+    plots: dict[Name, Plot] = Field(default={})
 
     @model_validator(mode="after")
     def _goes_with_its_method(self) -> Scene:

@@ -475,6 +475,15 @@ class Numerics:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Plot:
+    """A picture of a scene's run: the columns ``y`` over the column ``x``."""
+
+    name: str
+    x: str
+    y: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
@@ -485,7 +494,7 @@ class Scene:
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``guides`` are those of joints that the scene locks or
-    drives, None of joints that it releases.
+    drives, None of joints that it releases.  ``plots`` are pictures that it names.
     """
 
     name: str
@@ -506,6 +515,7 @@ class Scene:
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
     guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
+    plots: tuple[Plot, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

@@ -26,6 +26,7 @@ from cutjoint.model.records import (
     Joint,
     Numerics,
     Output,
+    Plot,
     Road,
     RoadSegment,
     Scalar,
@@ -108,7 +109,19 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
             for section in ("positions", "rates") for key in getattr(scene, section)
         },
         guides=guides,
+        plots=tuple(_plot(where, name, plot, outputs) for name, plot in scene.plots.items()),
     )  # fmt: skip
+
+
+def _plot(where: Element, name: str, plot: document.Plot, outputs: tuple[Output, ...]) -> Plot:
+    """A picture, whose columns are outputs of the scene."""
+    columns = ("t", *(output.column for output in outputs))
+    places: list[tuple[str, Path]] = [(plot.x, ("x",)), *((column, ("y", index)) for index, column in enumerate(plot.y))]
+    for column, keys in places:
+        if column not in columns and not where.scope.directory.misses(column.rpartition(".")[0]):
+            hint = nearest(column, columns, "columns") or "add it to the outputs"
+            where.fail(f"plots.{name}: the scene has no output '{column}'", f"add it to outputs; {hint}", ("plots", name, *keys))
+    return Plot(name=name, x=plot.x, y=plot.y)
 
 
 def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:
