@@ -105,7 +105,7 @@ def test_what_is_wrong(old: str, new: str, message: str) -> None:
 
 def test_a_file_that_is_no_table_is_named(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
-    for content in (TEXT.encode(), b"\xff\xfe", b"t,a\n1\n", b"t,a\n1,x\n"):
+    for content in (TEXT.encode(), b"\xff\xfe", b"t,a\n1\n", b"t,a\n1,x\n", b"stiffness\n1000\n", b""):
         file.write_bytes(content)
         with pytest.raises(RunError, match=r"--beside .*swing\.yaml: this is no table of a run"):
             read_others([file])

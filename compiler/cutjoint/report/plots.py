@@ -42,11 +42,19 @@ def read_others(paths: Iterable[Path]) -> Others:
     found: dict[str, Mapping[str, Array]] = {}
     for path in paths:
         try:
+            _require_table(path)
             t, columns = read_table(path)
         except (ValueError, IndexError, OSError) as error:
             raise RunError(f"--beside {path}: this is no table of a run: {error}") from None
         found[path.stem if path.stem not in found else str(path)] = {TIME: t, **columns}
     return found
+
+
+def _require_table(path: Path) -> None:
+    """Check that a file begins as the table of a run; ValueError otherwise."""
+    with path.open("rb") as file:
+        if file.read(2) not in (b"t,", b"t\n"):
+            raise ValueError("its first column is not t")
 
 
 def _chosen(run: Trajectory, title: str, plot: Plot, folder: Path, beside: Others) -> Path:
