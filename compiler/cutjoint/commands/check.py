@@ -33,7 +33,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path 
         require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
         checked = read_model(model, opened=opened)
-    chosen = options.take_scene(checked, scene)
+    checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"topology of {model.name}"):
         topology = build_topology(checked)
     with options.progress_bar(f"equations of {model.name}"):

@@ -9,6 +9,7 @@ from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.scenes import find_case
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.topology.reading import read_model
 
@@ -37,6 +38,7 @@ def _sizes(artifact: Artifact, folder: Path) -> str:
 def _price(artifact: Artifact, path: Path) -> str:
     """The cost of opened numbers, in words."""
     plain = read_model(path)
-    _, program, _ = generate(plain, plain.scenes[artifact.scene.name], artifact.scene.outputs, method=artifact.method)
+    case, scene = find_case(plain, artifact.scene.name)
+    _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)
     count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))
     return f" ({count} numbers are opened; {program.operations(artifact.iteration)} without)"

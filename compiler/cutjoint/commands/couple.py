@@ -52,7 +52,8 @@ def command(
         _report(plan, chosen, run, out, error)
     if plots is not None:
         console = options.console_beside(out)
-        console.print(f"plots: {', '.join(str(p) for p in plot_run(run, f'{read.name}, {chosen.name}', plots))}", markup=False)
+        pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
+        console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
 
 
 def _plan(

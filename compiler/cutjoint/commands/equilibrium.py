@@ -21,7 +21,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tu
         require_view(view, "--view")
     parameters = options.read_parameters(changes)
     checked = read_model(model, opened=opened)
-    chosen = options.take_scene(checked, scene)
+    checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))

@@ -14,7 +14,7 @@ from cutjoint.model.records import Model, Output
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 
 
@@ -45,7 +45,7 @@ def command(
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
     checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
-    chosen = find_scene(checked, scene)
+    checked, chosen = find_case(checked, scene)
     outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):
         exported = exporter.export(checked, chosen, options.read_parameters(changes), outputs)

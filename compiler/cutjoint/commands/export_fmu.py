@@ -14,7 +14,7 @@ from cutjoint.model.records import Model
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_case
 from cutjoint.view.graph_picture import picture_graph
 
 #: The optional contents of an FMU, by their options: sources, a binary.
@@ -39,7 +39,7 @@ def export_fmu(
     if (platforms or target) and not binary:
         raise click.UsageError(f"--{'platform' if platforms else 'target'} is for binaries; leave out --sources")
     with options.progress_bar(f"exporting {path.name}"):
-        fmu = make_fmu(model, find_scene(model, scene), version=version, kind=kind, method=method, integrator=integrator, poses=poses)
+        fmu = make_fmu(*find_case(model, scene), version=version, kind=kind, method=method, integrator=integrator, poses=poses)
         packed = fmu.pack(sources=sources, binary=binary, picture=picture_graph(fmu.topology), platforms=platforms, target=target)
     write_whole(out, packed)
     variables = fmu.interface.variables

@@ -8,7 +8,7 @@ from cutjoint.commands import options, table
 from cutjoint.report.tasks import mode_tables, modes_json
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_case
 from cutjoint.tasks.states import find_scene_modes
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_modes
@@ -25,7 +25,7 @@ def command(
     if view is not None:
         require_view(view, "--view")
     checked = read_model(model, opened=opened)
-    chosen = options.take_scene(checked, scene) if at is None else find_scene(checked, scene)
+    checked, chosen = options.take_case(checked, scene) if at is None else find_case(checked, scene)
     parameters = options.read_parameters(changes)
     with options.progress_bar(f"linearising {model.name}") as progress:
         found = find_scene_modes(checked, chosen, at=at, parameters=parameters, progress=progress)

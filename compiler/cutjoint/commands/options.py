@@ -66,18 +66,18 @@ def console_beside(*outputs: Path | None) -> Console:
     return err if any(path is not None and descriptor_of(path) == 1 for path in outputs) else out
 
 
-def take_scene(model: Model, name: str | None) -> Scene:
-    """The scene of that name, else the first one, with a message where there are others.
+def take_case(model: Model, name: str | None) -> tuple[Model, Scene]:
+    """The scene of that name, else the first one, with a message where there are others; the model as that scene has it.
 
     Raises:
         RunError: there is no such scene.
     """
-    from cutjoint.run.scenes import find_scene
+    from cutjoint.run.scenes import find_case
 
-    chosen = find_scene(model, next(iter(model.scenes), None) if name is None else name)
+    case, chosen = find_case(model, next(iter(model.scenes), None) if name is None else name)
     if name is None and len(model.scenes) > 1:
         err.print(f"scene {chosen.name}, the first of {len(model.scenes)}; --scene takes another", markup=False)
-    return chosen
+    return case, chosen
 
 
 @contextmanager

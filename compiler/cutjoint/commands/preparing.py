@@ -38,7 +38,7 @@ from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
-from cutjoint.run.scenes import find_scene, with_closure, with_loops
+from cutjoint.run.scenes import find_case, with_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
@@ -68,8 +68,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         ModelError: the file is wrong.
         RunError: there is no such scene, or the method has no closure.
     """
-    model = read_model(request.model, opened=request.opened)
-    scene = find_scene(model, request.scene)
+    model, scene = find_case(read_model(request.model, opened=request.opened), request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
     able = names_of(METHODS, lambda m: m.functions)
     if request.loops == Loops.COMPILED and (method not in (*able, AUTO) or request.implementation == Implementation.GENERIC):
@@ -192,6 +191,6 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         model=model.name, counts=counts, places=artifact.places,
         compilation=artifact.compilation, following=changing(model, artifact.scene), inputs=tuple(p.name for p in input_parameters(model)),
         units={p.name: p.unit for p in (*open_parameters(model), *input_parameters(model))},
-        run=make_simulator_run(artifact, asked, parameters),
+        run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip

@@ -10,7 +10,7 @@ from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.tasks import note_lines, reduction_table
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 from cutjoint.view.states import show_reduction
 from cutjoint.view.views import require_view, write_shown
@@ -26,7 +26,8 @@ def command(
         require_view(view, "--view")
     checked = read_model(model)
     with options.progress_bar(f"reducing {model.name}"):
-        driven, parameters = with_held_inputs(checked, find_scene(checked, scene), options.read_parameters(changes))
+        checked, chosen = find_case(checked, scene)
+        driven, parameters = with_held_inputs(checked, chosen, options.read_parameters(changes))
         variants = reduction_sequence(checked, driven, method, approximate=approximate)
         costs = measure_reduced(variants, dt=dt, parameters=parameters)
     options.out.print(reduction_table(variants, costs))

@@ -13,6 +13,7 @@ from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.methods import AUTO, METHODS, Implementation, Loops
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
+from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
@@ -21,6 +22,7 @@ from cutjoint.run.settings import Options
 
 if TYPE_CHECKING:
     from cutjoint.commands.preparing import FinishedRun
+    from cutjoint.report.plots import Others
 
 
 @table.command("simulate")
@@ -28,13 +30,14 @@ def command(
     model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
     solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
     end: float | None, iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
-    error: bool, verbose: bool, plots: Path | None, view: Path | None, over: Path | None,
+    error: bool, verbose: bool, plots: Path | None, beside: tuple[Path, ...], view: Path | None, over: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
-        {"the model": model, "the page of another run": over}, tables={"--out": out, "--steps": steps}, plots=plots,
-        documents=[("--view", view)],
+        {"the model": model, "the page of another run": over, **{f"the table {path}": path for path in beside}},
+        tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
+    others = _read_others(beside, plots)
     parameters = options.read_parameters(changes)
     asked = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
@@ -80,7 +83,7 @@ def command(
             console.print(f"{name}: {value}", markup=False)
         console.print(tables.summary_line(prepared.compilation, run), markup=False)
     if plots is not None:
-        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots))}", markup=False)
+        console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others))}", markup=False)
     if view is not None and run.t.size:
         from cutjoint.commands.replaying import write_replay
 
@@ -110,7 +113,18 @@ def _derive_and_play(
     return pick_and_play(request, model, scene, parameters, play)
 
 
-def _plot(prepared: PreparedRun, run: Trajectory, folder: Path) -> list[Path]:
+def _read_others(beside: tuple[Path, ...], plots: Path | None) -> Others:
+    """The tables of other runs, which are for plots."""
+    if not beside:
+        return {}
+    if plots is None:
+        raise RunError("--beside: its runs are drawn in plots; add --plots FOLDER")
+    from cutjoint.report.plots import read_others
+
+    return read_others(beside)
+
+
+def _plot(prepared: PreparedRun, run: Trajectory, folder: Path, others: Others) -> list[Path]:
     from cutjoint.report.plots import plot_run
 
-    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder)
+    return plot_run(run, f"{prepared.model}, {prepared.compilation.scene}", folder, prepared.plots, others)

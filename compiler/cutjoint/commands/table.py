@@ -259,7 +259,9 @@ OPTIONS: Mapping[str, Row] = {
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),
     "verbose": click.option("--verbose", is_flag=True, help="What was derived, compiled and stepped too: counts, operations, evaluations, "
         "residuals, energy."),
-    "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run."),
+    "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run: those that the scene names, else one for each unit."),
+    "beside": click.option("--beside", type=_READ, multiple=True, help="Table of another run, whose columns of the same names are drawn in "
+        "the plots too."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.view": _page("that moves in each direction that the loops leave free"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),

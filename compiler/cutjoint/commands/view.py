@@ -17,7 +17,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tu
     require_view(out, "--out")
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, opened=opened)
-    chosen = options.take_scene(checked, scene)
+    checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"drawing {model.name}"):
         write_shown(out, show_start(checked, chosen, options.read_parameters(changes)))
     options.console_beside(out).print(f"view: {out}", markup=False)

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
+from cutjoint.model.records import Plot
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import code_folders
@@ -63,7 +64,8 @@ class PreparedRun:
     ``counts`` are the model's by name, ``places`` has where each joint stands in the model file.  ``following`` are the parts of the run
     file that follow from open parameters, see `changing`: where there are none, parameters can be changed in the run file alone.  ``files``
     are the digests of the files that the model file names.
-    ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters.
+    ``inputs`` are the names of the model's inputs, which can be held constant there too; ``units`` are those of inputs and open parameters,
+    ``plots`` the pictures that the scene names.
     """
 
     model: str
@@ -75,6 +77,7 @@ class PreparedRun:
     units: Mapping[str, str]
     run: SimulatorRun
     files: Mapping[str, str]
+    plots: tuple[Plot, ...] = ()
 
     def takes(self, parameters: Mapping[str, float]) -> bool:
         """Return whether parameters can be changed, and inputs held, without the model."""
@@ -186,6 +189,7 @@ def _from_json(data: Mapping[str, Any]) -> PreparedRun:
         model=data["model"], counts=tuple((name, value) for name, value in data["counts"]), places=data["places"],
         compilation=Compilation(**{**compilation, "flags": tuple(compilation["flags"]), "start": Start(**compilation["start"])}),
         following=tuple(data["following"]), inputs=tuple(data["inputs"]), units=data["units"], files=data["files"],
+        plots=tuple(Plot(**{**plot, "y": tuple(plot["y"])}) for plot in data["plots"]),
         run=SimulatorRun(**{
             **run, "simulator": cache_folder() / run["simulator"] / "simulator", "run_file": RunFile.of(run["run_file"]),
             "others": [Settings.of(other) for other in run["others"]],

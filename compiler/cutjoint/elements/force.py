@@ -123,6 +123,9 @@ class Reader(Protocol):
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
         """A law; ``path`` leads to it, ``drawn`` is the value of its length or position in the design position."""
 
+    def distance(self, start: Vector, end: Vector) -> Scalar:
+        """The distance of two points in the design position."""
+
     def variable(self, name: str) -> Scalar:
         """A variable of a law."""
 

@@ -269,8 +269,15 @@ class Numerics(Part):
     methods: dict[Annotated[str, OneOf(METHODS)], MethodNumerics] = Field(default={})
 
 
+class Plot(Part):
+    """A picture: columns ``y`` of the table over the column ``x``."""
+
+    y: Annotated[tuple[StrictStr, ...], Field(min_length=1)]
+    x: StrictStr = "t"
+
+
 class Scene(Part):
-    """One run of the model: its end, start, inputs, switches, road and numerics."""
+    """One run of the model: its end, start, inputs, switches, driven joints, road and numerics."""
 
     end: Number
     output_step: Number | None = None
@@ -280,6 +287,9 @@ class Scene(Part):
     states: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})
     switches: dict[StrictStr, StrictBool] = Field(default={})
+    lock: tuple[StrictStr, ...] = ()
+    drive: dict[StrictStr, Law] = Field(default={})
+    release: tuple[StrictStr, ...] = ()
     road: Road = Road()
     numerics: Numerics = Numerics()
     method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None
@@ -287,6 +297,7 @@ class Scene(Part):
     budget: Number | None = None
     on_violation: Literal["stop", "restart"] = "stop"
     outputs: tuple[OutputEntry, ...] | None = None
+    plots: dict[Name, Plot] = Field(default={})
 
     @model_validator(mode="after")
     def _goes_with_its_method(self) -> Scene:

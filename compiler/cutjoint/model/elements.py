@@ -198,12 +198,13 @@ def _guide(element: Element, joint: joint_parts.Joint) -> tuple[Scalar, ...] | N
         message = f"guide has {len(laws)} law{'s' * (len(laws) != 1)}, a {joint.kind} joint {len(coordinates)} coordinates"
         element.fail(message, f"give one for each of {', '.join(coordinates)}", ("guide",))
     return tuple(
-        read_law(element, law, _GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",), timed)
+        read_law(element, law, GUIDES[kind.units[name]], ("guide", index) if isinstance(guide, tuple) else ("guide",), timed)
         for index, (name, law) in enumerate(zip(coordinates, laws, strict=False))
     )
 
 
-_GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
+#: The laws of guides by the unit of their coordinate.
+GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
 
 
 def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:

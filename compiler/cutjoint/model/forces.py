@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
+import sympy
+
 from cutjoint.elements.force import Law
 from cutjoint.elements.forces import FORCES
 from cutjoint.elements.forces.joint_force import JointForce, law_on
@@ -88,6 +90,9 @@ class _Reader:
 
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
         return read_law(self.element, self._at(path), _kind_of(law), path, drawn=drawn)
+
+    def distance(self, start: Vector, end: Vector) -> Scalar:
+        return sympy.sqrt(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)))
 
     def variable(self, name: str) -> Scalar:
         return variable(name)

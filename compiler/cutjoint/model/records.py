@@ -522,6 +522,15 @@ class Numerics:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Plot:
+    """A picture of a scene's run: the columns ``y`` over the column ``x``."""
+
+    name: str
+    x: str
+    y: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
@@ -532,7 +541,8 @@ class Scene:
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
-    run begins, by their places, of those that do not begin at their own.
+    run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
+    None of joints that it releases.  ``plots`` are pictures that it names.
     """
 
     name: str
@@ -553,6 +563,8 @@ class Scene:
     on_violation: str = "stop"
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
     starts: Mapping[str, Scalar] = field(default_factory=dict)
+    guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
+    plots: tuple[Plot, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"
@@ -567,7 +579,8 @@ class Model:
     ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
-    ``notes`` sentences about words of earlier versions in the file, and about parameters that nothing uses.
+    ``notes`` sentences about words of earlier versions in the file, and about parameters that nothing uses.  ``written`` are the joints
+    as the file has them where those of a scene differ.
     """
 
     name: str
@@ -590,6 +603,7 @@ class Model:
     assemblies: tuple[Assembly, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
+    written: tuple[Joint, ...] | None = None
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

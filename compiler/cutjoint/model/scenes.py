@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from math import inf, isfinite, isnan
 from typing import Any
@@ -26,6 +26,7 @@ from cutjoint.model.records import (
     Joint,
     Numerics,
     Output,
+    Plot,
     Road,
     RoadSegment,
     Scalar,
@@ -33,10 +34,12 @@ from cutjoint.model.records import (
     SegmentKind,
     Signal,
 )
+from cutjoint.model.scene_joints import held_where_it_starts, read_drives, read_locks, with_guides
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
 from cutjoint.model.starts import read_starts, read_states
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
+from cutjoint.model.validate import check_guides, joints_are_known
 
 #: The field of the solver's tolerance, and the settings of files whose records have another name.
 SOLVER_TOLERANCE = "solver_tolerance"
@@ -70,6 +73,15 @@ def read_scenes(model: document.Document, expansion: Expansion) -> tuple[dict[st
 
 def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
     numerics = _numerics(where, scene.numerics)
+    guides = dict(read_drives(where, scene, stage.joints))
+    locked = list(read_locks(where, scene, stage.joints))
+    stage = replace(stage, joints=with_guides(stage.joints, {**guides, **{joint.name: None for joint in locked}}))
+    positions = read_states(where, scene.positions, "positions", stage.joints)
+    rates = read_states(where, scene.rates, "rates", stage.joints)
+    guides |= {joint.name: held_where_it_starts(joint, positions) for joint in locked}
+    stage = replace(stage, joints=with_guides(stage.joints, guides))
+    if guides and joints_are_known(stage.expansion):
+        check_guides(stage.joints.values(), lambda joint, message, hint: where.fail(f"joint '{joint.name}': {message}", hint))
     end = _positive(where, where.number(scene.end, TIME, ("end",)), ("end",))
     step, outputs = numerics.step if numerics.dt else min(numerics.step, end), stage.outputs
     if scene.output_step is not None:
@@ -82,8 +94,8 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         end=end,
         output_step=step,
         pose=scene.pose,
-        positions=read_states(where, scene.positions, "positions", stage.joints),
-        rates=read_states(where, scene.rates, "rates", stage.joints),
+        positions={key: value for key, value in positions.items() if guides.get(key.rpartition(".")[0]) is None},
+        rates=rates,
         starts=read_starts(where, scene, stage.expansion.elements.states),
         inputs=_inputs(where, scene.inputs, stage),
         switches=_switches(where, scene.switches, stage),
@@ -99,7 +111,20 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
             f"{section}.{key}": where.scope.source.key_span((*where.path, section, key))
             for section in ("positions", "rates") for key in getattr(scene, section)
         },
+        guides=guides,
+        plots=tuple(_plot(where, name, plot, outputs) for name, plot in scene.plots.items()),
     )  # fmt: skip
+
+
+def _plot(where: Element, name: str, plot: document.Plot, outputs: tuple[Output, ...]) -> Plot:
+    """A picture, whose columns are outputs of the scene."""
+    columns = ("t", *(output.column for output in outputs))
+    places: list[tuple[str, Path]] = [(plot.x, ("x",)), *((column, ("y", index)) for index, column in enumerate(plot.y))]
+    for column, keys in places:
+        if column not in columns and not where.scope.directory.misses(column.rpartition(".")[0]):
+            hint = nearest(column, columns, "columns") or "add it to the outputs"
+            where.fail(f"plots.{name}: the scene has no output '{column}'", f"add it to outputs; {hint}", ("plots", name, *keys))
+    return Plot(name=name, x=plot.x, y=plot.y)
 
 
 def _above_zero(where: Element, value: int | float | str | None, key: str) -> float | None:

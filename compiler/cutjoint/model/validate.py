@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 from cutjoint.model import document
@@ -112,9 +112,9 @@ def check_elements(expansion: Expansion, problems: Problems) -> None:
         values = [evaluate(entry, expansion.scope.values) for entry in (body.mass, *body.inertia)]
         for message in mass_problems(values[0], values[1:]):
             problems.add(body.span, f"body '{body.name}'", message)
-    if not _joints_are_known(expansion):
+    if not joints_are_known(expansion):
         return
-    check_guides(expansion, problems)
+    check_guides(expansion.elements.joints, lambda joint, *said: problems.add(joint.span, f"joint '{joint.name}'", *said))
     for body in _unreached(expansion):
         message, hint = "no joint connects it to the ground", "add a joint, for example one of kind: free"
         problems.add(body.span, f"body '{body.name}'", message, hint)
@@ -124,21 +124,21 @@ def is_connected(expansion: Expansion) -> bool:
     """Return whether every joint could be read, and joints connect every body to the ground."""
     joints = expansion.elements.joints
     has_places = not any(x.has(FAILED) for joint in joints for vector in (joint.at, *joint.axes) for x in vector)
-    return has_places and _joints_are_known(expansion) and not any(_unreached(expansion))
+    return has_places and joints_are_known(expansion) and not any(_unreached(expansion))
 
 
-def check_guides(expansion: Expansion, problems: Problems) -> None:
-    """Note joints whose bodies guides hold already, each with a loop of prescribed motions without any freedom."""
+def check_guides(joints: Collection[Joint], note: Callable[[Joint, str, str], None]) -> None:
+    """Note joints whose bodies guides hold already, each with a loop of prescribed motions without any freedom, a message and a hint."""
     held: dict[str, list[tuple[str, Joint]]] = {}
-    prescribed = [j for j in expansion.elements.joints if not j.cut and (j.guide is not None or j.element.is_rigid)]
-    closing = [j for j in expansion.elements.joints if j not in prescribed]
+    prescribed = [j for j in joints if not j.cut and (j.guide is not None or j.element.is_rigid)]
+    closing = [j for j in joints if j not in prescribed]
     for joint in (*prescribed, *closing):
         loop = _way(held, joint.base, joint.follower)
         guided = sorted((other for other in (*loop, joint) if other.guide is not None), key=lambda other: other.span)
         if loop and guided:
             names = ", ".join(f"'{other.name}'" for other in guided)
             message = f"it closes a loop without any freedom: the motion of its bodies is given by the guide of {names}"
-            problems.add(joint.span, f"joint '{joint.name}'", message, "leave a joint of the loop unguided")
+            note(joint, message, "leave a joint of the loop unguided")
         if joint in prescribed:
             held.setdefault(joint.base, []).append((joint.follower, joint))
             held.setdefault(joint.follower, []).append((joint.base, joint))
@@ -157,7 +157,7 @@ def _way(held: dict[str, list[tuple[str, Joint]]], start: str, end: str) -> list
     return ways.get(end, [])
 
 
-def _joints_are_known(expansion: Expansion) -> bool:
+def joints_are_known(expansion: Expansion) -> bool:
     """Return whether every joint could be read and joins two known bodies; if not, reachability cannot be judged."""
     directory = expansion.scope.directory
     known = directory.bodies | {GROUND}

@@ -1,33 +1,83 @@
-"""Plots of a run: one picture a dimension, one panel a quantity, one line an element."""
+"""Plots of a run, and of others beside it, as files: those that its scene names, else one picture a dimension."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from cutjoint.model.records import Plot
+from cutjoint.run.errors import RunError
 from cutjoint.run.figures import Line, as_png, draw
 from cutjoint.run.result_files import write_whole
-from cutjoint.run.results import Trajectory
+from cutjoint.run.results import TIME, Array, Trajectory, read_table
 
 _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad": "angle", "rad/s": "angular velocity", "N": "force",
                "N*m": "torque"}  # fmt: skip
 
+#: Columns of other runs by name, the time among them, by the names of the runs.
+Others = Mapping[str, Mapping[str, Array]]
 
-def plot_run(run: Trajectory, title: str, folder: Path) -> list[Path]:
-    """Write the pictures of a run as PNG files and return their paths; elements of one name in several instances share a panel."""
+
+def plot_run(run: Trajectory, title: str, folder: Path, plots: Sequence[Plot] = (), beside: Others | None = None) -> list[Path]:
+    """Write the pictures of a run as PNG files and return their paths; other runs have lines ``beside`` its own.
+
+    Without ``plots`` there is a picture for each dimension, a panel a quantity; elements of one name in several instances share a panel.
+    """
+    if plots:
+        return [_chosen(run, title, plot, folder, beside or {}) for plot in plots]
     groups: dict[str, dict[str, list[str]]] = {}
     for column, unit in run.units.items():
         *_, instance_or_element, quantity = ["", *column.rsplit(".", 2)]  # an input's name has no dot
         panel = f"{instance_or_element}.{quantity}" if column.count(".") > 1 else quantity
         groups.setdefault(unit, {}).setdefault(panel, []).append(column)
-    return [_picture(run, title, unit, quantities, folder) for unit, quantities in groups.items()]
+    return [_picture(run, title, unit, quantities, folder, beside or {}) for unit, quantities in groups.items()]
 
 
-def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[str]], folder: Path) -> Path:
+def read_others(paths: Iterable[Path]) -> Others:
+    """The tables of other runs, by the names of their files without endings.
+
+    Raises:
+        RunError: a file is no table of a run.
+    """
+    found: dict[str, Mapping[str, Array]] = {}
+    for path in paths:
+        try:
+            _require_table(path)
+            t, columns = read_table(path)
+        except (ValueError, IndexError, OSError) as error:
+            raise RunError(f"--beside {path}: this is no table of a run: {error}") from None
+        found[path.stem if path.stem not in found else str(path)] = {TIME: t, **columns}
+    return found
+
+
+def _require_table(path: Path) -> None:
+    """Check that a file begins as the table of a run; ValueError otherwise."""
+    with path.open("rb") as file:
+        if file.read(2) not in (b"t,", b"t\n"):
+            raise ValueError("its first column is not t")
+
+
+def _chosen(run: Trajectory, title: str, plot: Plot, folder: Path, beside: Others) -> Path:
+    """A picture that a scene names: a panel for each unit."""
+    lines = [line for name in plot.y for line in _lines(run, name, plot.x, name, beside)]
+    figure = draw(lines, x_label=f"{plot.x} [{run.unit_of(plot.x)}]", title=f"{title}: {plot.name}")
+    return write_whole(folder / f"{plot.name}.png", as_png(figure))
+
+
+def _picture(run: Trajectory, title: str, unit: str, quantities: dict[str, list[str]], folder: Path, beside: Others) -> Path:
     dimension = _DIMENSIONS.get(unit, unit)
     lines = [
-        Line(x=run.t, y=run[column], label=column.removesuffix(f".{quantity}"), unit=unit, panel=quantity)
-        for quantity, columns in quantities.items() for column in columns
+        line for quantity, columns in quantities.items() for column in columns
+        for line in _lines(run, column, TIME, column.removesuffix(f".{quantity}"), beside, panel=quantity)
     ]  # fmt: skip
     figure = draw(lines, x_label="t [s]", title=f"{title}: {dimension}")
     path = folder / f"{dimension.replace(' ', '_').replace('/', '_').replace('*', '_').replace('^', '')}.png"
     return write_whole(path, as_png(figure))
+
+
+def _lines(run: Trajectory, y: str, x: str, label: str, beside: Others, *, panel: str = "") -> Iterator[Line]:
+    """The line of a column over another, and those of other runs that have both."""
+    runs: Others = {"": run, **beside}
+    for name, columns in runs.items():
+        if x in columns and y in columns:
+            yield Line(x=columns[x], y=columns[y], label=f"{label}, {name}" if name else label, unit=run.unit_of(y), panel=panel)

@@ -10,7 +10,7 @@ from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.errors import RunError
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 
 
@@ -38,15 +38,14 @@ def take_model(given: Given, scene: str | None = None, opened: Sequence[str] = (
         RunError: there is no such scene, or numbers are to be ``opened`` after the file was read.
     """
     if isinstance(given, str | PathLike):
-        model = read_model(given, opened=opened)
-        return model, find_scene(model, scene)
+        return find_case(read_model(given, opened=opened), scene)
     if not isinstance(given, Model | Compiled):
         raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
     if opened:
         raise RunError("numbers are opened while the file is read; give the file, or read_model(path, opened=[...])")
     if isinstance(given, Model):
-        return given, find_scene(given, scene)
-    return given.model, given.scene if scene is None else find_scene(given.model, scene)
+        return find_case(given, scene)
+    return (given.model, given.scene) if scene is None else find_case(given.model, scene)
 
 
 def method_of(scene: Scene) -> str:

@@ -23,6 +23,21 @@ def find_scene(model: Model, name: str | None) -> Scene:
     return model.scenes[name]
 
 
+def in_scene(model: Model, scene: Scene) -> Model:
+    """The model with the guides that its joints have in a scene."""
+    joints = model.joints if model.written is None else model.written
+    if scene.guides:
+        changed = tuple(replace(joint, guide=scene.guides[joint.name]) if joint.name in scene.guides else joint for joint in joints)
+        return replace(model, joints=changed, written=joints)
+    return model if model.written is None else replace(model, joints=joints, written=None)
+
+
+def find_case(model: Model, name: str | None) -> tuple[Model, Scene]:
+    """The model as its scene of a name has it (`find_scene`), and the scene."""
+    scene = find_scene(model, name)
+    return in_scene(model, scene), scene
+
+
 def _empty_scene(model: Model) -> Scene:
     return Scene(
         name="rest", end=1.0, output_step=1e-3, pose="design", positions={}, rates={}, inputs={}, switches={}, road=Road(),

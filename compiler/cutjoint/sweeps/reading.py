@@ -23,7 +23,7 @@ from cutjoint.model.source import Path as Keys
 from cutjoint.model.source import Source, parse_yaml, read_text
 from cutjoint.model.units import TIME
 from cutjoint.package.locations import AnyPath
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
@@ -77,7 +77,12 @@ class _Reading:
     def study(self) -> Study:
         """The study; raises ModelError with all problems."""
         document, model = self.document, self._model()
-        scenes, reader, shown = self._scenes(model), Reader(model), document.trajectories
+        scenes = self._scenes(model)
+        if any(scene.guides != scenes[0].guides for scene in scenes):
+            self.where.fail("the scenes lock, drive or release different joints", "write a study for each", ("scenes",))
+            raise self.problems.error()
+        model = in_scene(model, scenes[0])
+        reader, shown = Reader(model), document.trajectories
         design = Variables(self.where, document, model, self.folder).design(scenes)
         names = {v.name for v in design.variables}
         objectives = [self._objective(name, part, reader, names, scenes) for name, part in document.objectives.items()]

@@ -14,6 +14,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import naming_output
+from cutjoint.run.scenes import in_scene
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.sweeps.records import Kind, Study
@@ -55,7 +56,8 @@ def replay(study: Study, run: int, view: Path) -> Path:
     )
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)
-    model = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
+    read = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
+    model = in_scene(read, scene)
     artifact = compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
         artifact, parameters=parameters,

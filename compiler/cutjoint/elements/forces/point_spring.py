@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-import sympy
-
 from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Reader, Shape
 from cutjoint.elements.interaction import Carrier, Point
 from cutjoint.elements.interactions import LineForce
@@ -44,5 +42,5 @@ class PointSpring(LawForce):
         base, follower = reader.bodies("bodies")
         start, end = reader.point("from"), reader.point("to")
         reader.distinct(start, end, names=("from", "to"), hint="the line between them gives the direction")
-        drawn = sympy.sqrt(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)))
-        return cls(**reader.common(), base=base, follower=follower, start=start, end=end, law=reader.law("law", law=_LAW, drawn=drawn))
+        law = reader.law("law", law=_LAW, drawn=reader.distance(start, end))
+        return cls(**reader.common(), base=base, follower=follower, start=start, end=end, law=law)

@@ -1,0 +1,113 @@
+"""Plots as files: those that a scene names, one a dimension otherwise, other runs beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from matplotlib.figure import Figure
+
+from cutjoint.cli import main
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Plot
+from cutjoint.report import plots
+from cutjoint.report.plots import plot_run, read_others
+from cutjoint.run.errors import RunError
+from cutjoint.run.results import Columns, Trajectory
+from tests.conftest import needs_cpp
+
+TEXT = """\
+cutjoint: 1
+name: swing
+gravity: [0, 0, -9.81]
+bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+outputs: [bob.x, bob.z, bob.vx]
+scenes:
+  fall: {end: 0.2, output_step: 0.05, plots: {path: {x: bob.x, y: [bob.z]}, both: {y: [bob.x, bob.vx]}}}
+  again: {end: 0.2, output_step: 0.05}
+"""
+T = np.array([0.0, 0.5, 1.0])
+RUN = Trajectory(
+    t=T, columns=Columns({"bob.x": T**2, "bob.z": -T, "bob.vx": 2 * T}), units=Columns({"bob.x": "m", "bob.z": "m", "bob.vx": "m/s"}),
+    steps=2, evaluations=4, seconds=0.0, undetermined=(), failure=None,
+)  # fmt: skip
+OTHERS = {"stiff": {"t": T[:2], "bob.x": T[:2], "bob.z": T[:2] - 3}}
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    figures: list[Figure] = []
+    write = plots.as_png
+
+    def watched(figure: Figure) -> bytes:
+        figures.append(figure)
+        return write(figure)
+
+    monkeypatch.setattr(plots, "as_png", watched)
+    return figures
+
+
+def lines(figure: Figure) -> list[list[tuple[object, list[float], list[float]]]]:
+    return [[(line.get_label(), list(line.get_xdata()), list(line.get_ydata())) for line in axes.get_lines()] for axes in figure.axes]
+
+
+def test_a_named_plot_has_y_over_x_of_all_runs_that_have_both(drawn: list[Figure], tmp_path: Path) -> None:
+    chosen = [Plot(name="path", x="bob.x", y=("bob.z",)), Plot(name="both", x="t", y=("bob.x", "bob.vx"))]
+    assert plot_run(RUN, "swing, fall", tmp_path, chosen, OTHERS) == [tmp_path / "path.png", tmp_path / "both.png"]
+    assert lines(drawn[0]) == [[("bob.z", list(T**2), list(-T)), ("bob.z, stiff", list(T[:2]), list(T[:2] - 3))]]
+    assert (drawn[0].axes[0].get_xlabel(), drawn[0].axes[0].get_ylabel()) == ("bob.x [m]", "[m]")
+    assert [[label for label, *_ in panel] for panel in lines(drawn[1])] == [["bob.x", "bob.x, stiff"], ["bob.vx"]]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in tmp_path.iterdir())
+
+
+def test_without_names_there_is_one_for_each_dimension(drawn: list[Figure], tmp_path: Path) -> None:
+    assert [path.name for path in plot_run(RUN, "swing", tmp_path, beside=OTHERS)] == ["position.png", "velocity.png"]
+    assert [[label for label, *_ in panel] for panel in lines(drawn[0])] == [["bob", "bob, stiff"], ["bob", "bob, stiff"]]
+
+
+@needs_cpp
+def test_the_command_draws_them_when_compiled_and_from_the_cache(tmp_path: Path) -> None:
+    file, folder = tmp_path / "swing.yaml", tmp_path / "plots"
+    file.write_text(TEXT)
+
+    def call(*words: object) -> str:
+        result = CliRunner().invoke(main, ["simulate", str(file), "--no-error", *map(str, words)])
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    first = call("--scene", "again", "--out", tmp_path / "again.csv", "--plots", folder)
+    assert {path.name for path in folder.iterdir()} == {"position.png", "velocity.png"}
+    for name in ("one", "two"):
+        said = call("--scene", "fall", "--out", tmp_path / "run.csv", "--plots", tmp_path / name, "--beside", tmp_path / "again.csv")
+        assert {path.name for path in (tmp_path / name).iterdir()} == {"path.png", "both.png"}
+        assert f"plots: {tmp_path / name / 'path.png'}, {tmp_path / name / 'both.png'}" in said
+    assert "plots: " in first
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("y: [bob.z]", "y: [bob.q]", "8:68: scene 'fall': plots.path: the scene has no output 'bob.q'; add it to outputs; did you mean"),
+        ("x: bob.x", "x: time", "plots.path: the scene has no output 'time'; add it to outputs"),
+        ("y: [bob.z]", "y: []", "plots.path.y needs at least 1 item, got 0"),
+        ("y: [bob.z]", "y: [bob.z], z: t", "unknown field 'z'"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong(old: str, new: str, message: str) -> None:
+    with pytest.raises(ModelError) as error:
+        read_model_text(TEXT.replace(old, new), "swing.yaml")
+    assert message in str(error.value)
+
+
+def test_a_file_that_is_no_table_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "swing.yaml"
+    for content in (TEXT.encode(), b"\xff\xfe", b"t,a\n1\n", b"t,a\n1,x\n", b"stiffness\n1000\n", b""):
+        file.write_bytes(content)
+        with pytest.raises(RunError, match=r"--beside .*swing\.yaml: this is no table of a run"):
+            read_others([file])
+    words = ["simulate", str(file), "--out", "run.csv", "--beside", str(file)]
+    assert "--beside: its runs are drawn in plots; add --plots FOLDER" in CliRunner().invoke(main, words).output
