@@ -51,7 +51,7 @@ class Kinematics {
   void begin_step() {
     for (std::size_t i = 1; i < guides_.size(); ++i) {
       if (!model_.bodies[i].guided) continue;
-      for (int n = 0; n < 3; ++n) {
+      for (int n = 0; n < most_guides; ++n) {
         const Guide& guide = model_.bodies[i].guides[static_cast<std::size_t>(n)];
         if (guide.position < 0) break;
         guides_[i].position[n] = model_.expressions[guide.position];
@@ -105,13 +105,14 @@ class Kinematics {
 
  private:
   struct GuideValues {
-    Vector3<Real> position = Vector3<Real>::Zero(), rate = Vector3<Real>::Zero(), acceleration = Vector3<Real>::Zero();
+    using Values = Eigen::Matrix<Real, most_guides, 1>;
+    Values position = Values::Zero(), rate = Values::Zero(), acceleration = Values::Zero();
   };
 
   void follow_guide(std::size_t i) {
     const GuideValues& guide = guides_[i];
     carry(i, guide.position.data(), guide.rate.data());
-    motions_[i].d += motions_[i].b.template leftCols<3>() * guide.acceleration;
+    motions_[i].d += motions_[i].b.template leftCols<most_guides>() * guide.acceleration;
   }
 
   /// A free root carries its pole along: b is the unit matrix, d = [-w x v; 0].

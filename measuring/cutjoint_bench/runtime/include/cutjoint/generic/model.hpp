@@ -58,6 +58,9 @@ struct Fixed {
   int vector = -1;
 };
 
+/// The most coordinates of a joint that can be guided.
+inline constexpr int most_guides = 4;
+
 /// Registers of a guided coordinate and its first two rates.
 struct Guide {
   int position = -1, rate = -1, acceleration = -1;
@@ -96,7 +99,7 @@ struct Body {
   int parent = ground, root = ground;
   Joint joint;
   bool reversed = false, guided = false, massless = false;
-  std::array<Guide, 4> guides;  ///< of a guided joint's coordinates
+  std::array<Guide, most_guides> guides;  ///< of a guided joint's coordinates
   int q = 0, v = 0, speeds = 0, node = -1;
   int mass = -1;
   Fixed centre, inner;  ///< centre of mass; the joint's point of the parent
