@@ -27,6 +27,7 @@ from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
+from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
@@ -112,7 +113,7 @@ def schedule_method(
         opened = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
         start = require_firmness(derive(model, opened, (), poses=poses), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
-    closure = METHODS[method].closure(scene.numerics.closure).name
+    closure = find_closure(scene.numerics, METHODS[method]).name
     recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
