@@ -93,7 +93,7 @@ def loop_table(topology: Topology) -> Table:
     for loop in topology.loops:
         cut = kinds[loop.cut]
         chosen = "" if cut.cut else " (chosen)"
-        table.add_row(loop.cut, cut.kind + chosen, cut.span.seen_from(topology.model.span).removeprefix("line "), loop.base, ", ".join(loop.bodies), str(loop.width))
+        table.add_row(loop.cut, cut.kind + chosen, str(cut.span.line), loop.base, ", ".join(loop.bodies), str(loop.width))
     return table
 
 
