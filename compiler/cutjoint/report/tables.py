@@ -112,8 +112,8 @@ def loop_table(topology: Topology) -> Table:
     kinds = {c.name: c for c in topology.cuts}
     for loop in topology.loops:
         cut = kinds[loop.cut]
-        chosen, line = "" if cut.cut else " (chosen)", cut.span.seen_from(topology.model.span).removeprefix("line ")
-        table.add_row(loop.cut, cut.kind + chosen, line, loop.base, ", ".join(loop.bodies), str(loop.width))
+        chosen = "" if cut.cut else " (chosen)"
+        table.add_row(loop.cut, cut.kind + chosen, str(cut.span.line), loop.base, ", ".join(loop.bodies), str(loop.width))
     return table
 
 
