@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import cutjoint
 from tests.conftest import MODELS, needs_cpp
+from tests.mechanisms.driven import DRIVEN
 
 pytestmark = needs_cpp
 
@@ -97,6 +99,27 @@ def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> N
         press.set_limits(gab=1.0)
     with pytest.raises(cutjoint.SimulationError, match="not finite, or out of its range"):
         press.set_limits(gap=-1.0)
+
+
+def test_a_step_in_parts_is_made_too(tmp_path: Path) -> None:
+    """Behind a guide that jumps steps have parts, each of which exceeds the limit."""
+    path = tmp_path / "driven.yaml"
+    path.write_text(DRIVEN)
+    free, limited = (cutjoint.load(path, scene="free", integrator="trapezoidal").reset(dt=1e-3) for _ in range(2))
+    limited.set_limits(iterations=0)
+    told = set()
+    for i in range(10):
+        for sim in (free, limited):
+            sim.inputs["lift"] = 0.01 * (i > 3)
+            call = partial(sim.advance, sim.time + 3e-4) if i % 2 else sim.step  # one step each, with ends that are no whole ones
+            try:
+                call()
+            except cutjoint.SimulationError as error:
+                told.add(error.status)
+    assert told == {31}
+    assert limited.time == free.time
+    assert np.array_equal(limited.coordinates.array, free.coordinates.array)
+    assert np.array_equal(limited.speeds.array, free.speeds.array)
 
 
 def test_a_call_ends_at_the_step_beyond_a_limit() -> None:

@@ -635,9 +635,11 @@ class Simulation {
     if (next < until) {
       const StateOf<Subject> from = state_;
       const auto before = followed_;
-      Fault fault = integrate_part(next - state_.t, next);
-      if (!fault) fault = integrate(until - next, until);
-      if (fault) go_back(from, before);
+      const Fault part = integrate_part(next - state_.t, next);
+      const bool goes_on = !part || part.cause == Cause::limit_exceeded;
+      Fault fault = goes_on ? integrate(until - next, until) : part;
+      if (!fault) fault = part;
+      if (fault && fault.cause != Cause::limit_exceeded) go_back(from, before);
       return fault;
     }
     return integrate_part(h, until);
