@@ -7,6 +7,7 @@ frame is wrong, ends the reading early.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os.path import isfile
 from pathlib import Path
 
 from cutjoint.model.dependencies import check_levels
@@ -30,7 +31,7 @@ def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
-    is_file = Path(path).is_file()  # a pipe has no folder
+    is_file = isfile(path)  # a pipe has no folder
     return read_model_text(read_text(Path(path)), str(path), folder=Path(path).parent if is_file else None, opened=opened)
 
 
