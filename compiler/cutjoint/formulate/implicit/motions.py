@@ -156,7 +156,7 @@ def derive_motions(k: Kinematics, Zdd: Mapping[str, Block], weights: StepWeights
 
 @dataclass(frozen=True, kw_only=True)
 class _Speed:
-    """The way in which a joint's speed follows its unknown, which is that of ``row``.
+    """A joint's speed by its unknown, which is that of ``row``.
 
     ``slope`` of the coordinate by the unknown's, which changes by ``bent``; changes ``displaced`` of the coordinate, ``quickened`` of the
     speed, ``pushed`` of the acceleration.  What is None is 1.
