@@ -42,6 +42,16 @@ def test_check_prints_the_counts() -> None:
     assert "degrees of freedom 10" in words
 
 
+@needs_cpp
+def test_earlier_words_of_options_work_and_the_new_ones_are_told(tmp_path: Path) -> None:
+    words = ("simulate", MODELS / "press.yaml", "--end", "0.02", "--no-error", "--integrator", "dormand-prince", "--out")
+    old = call(*words, tmp_path / "old.csv", "--tolerance=1e-3")
+    assert old.exit_code == 0, old.output
+    assert "simulate --tolerance is now --solver-tolerance" in old.output
+    assert call(*words, tmp_path / "new.csv", "--solver-tolerance", "1e-3").exit_code == 0
+    assert (tmp_path / "old.csv").read_bytes() == (tmp_path / "new.csv").read_bytes()
+
+
 def test_check_names_gears_that_follow_from_others(tmp_path: Path) -> None:
     file = tmp_path / "gears.yaml"
     again = "  back: {joints: [pinion, rack], ratio: 10 rad/m}\noutputs:"

@@ -151,6 +151,15 @@ def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPa
     assert opened["slider.x"][-1] != runs[0]["slider.x"][-1]
 
 
+@needs_cpp
+def test_the_earlier_name_of_the_solver_s_tolerance_works_with_a_warning() -> None:
+    how = {"end": 0.02, "integrator": "dormand-prince", "error": False}
+    with pytest.warns(FutureWarning, match=r"simulate\(tolerance=\.\.\.\) is now simulate\(solver_tolerance=\.\.\.\)"):
+        old = cutjoint.simulate(press(), tolerance=1e-3, **how)
+    assert list(old["slider.x"]) == list(cutjoint.simulate(press(), solver_tolerance=1e-3, **how)["slider.x"])
+    assert list(old["slider.x"]) != list(cutjoint.simulate(press(), solver_tolerance=1e-9, **how)["slider.x"])
+
+
 def test_what_is_no_model_is_told() -> None:
     with pytest.raises(TypeError, match="a model is its file, what read_model has made of it, or an artifact, not int"):
         cutjoint.simulate(5)  # type: ignore[arg-type]
