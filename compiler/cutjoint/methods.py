@@ -92,19 +92,23 @@ class Method:
         """The generated function that each iteration of a step calls."""
         return "linearise" if self.has_system else "evaluate"
 
-    def closure(self, wanted: str | None, implementation: Implementation = Implementation.GENERATED) -> Closure:
-        """The closure of a scene, which is meant for the methods that have it; where none is wanted, the one that needs no penalty."""
+    def closure(
+        self, wanted: str | None, implementation: Implementation = Implementation.GENERATED, *, usual: str | None = None
+    ) -> Closure:  # fmt: skip
+        """The closure of a scene, which is meant for the methods that have it; where none is wanted, the ``usual`` one, that of the
+        scene's integrator."""
         if wanted in self.closures:
             return CLOSURES[wanted]
         can_choose = wanted is None and self.closures and not implementation.is_twin
-        return CLOSURES[DEFAULT_CLOSURE if can_choose else PLAIN_CLOSURE]
+        return CLOSURES[(usual or DEFAULT_CLOSURE) if can_choose else PLAIN_CLOSURE]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Integrator:
     """A rule of steps.
 
-    ``methods`` are those whose equations it takes, ``closures`` those it can hold; ``twin`` is whether generic twins have it.  ``events``
+    ``methods`` are those whose equations it takes, ``closures`` those it can hold and ``closure`` the one where none is wanted; ``twin`` is
+    whether generic twins have it.  ``events``
     is the default of its steps, None where they cannot end at events.  An ``adaptive`` one takes steps as long as the tolerance allows.
     ``uses_solver`` is whether steps solve with the linear solver of a method that has one.  ``settings`` are those that it reads besides
     the method's, ``largest_penalty`` bounds a penalty that is not given for the method itself.  ``balances`` is whether it balances work
@@ -114,6 +118,7 @@ class Integrator:
     name: str
     methods: tuple[str, ...]
     closures: tuple[str, ...] = ("penalty",)
+    closure: str = "proximal"
     twin: bool = False
     events: Events | None = Events.LOCATED
     adaptive: bool = False
@@ -135,11 +140,13 @@ class Closure:
     """A way to hold cut joints.
 
     Its penalty follows from effective masses.  With ``penalty_of_each_cut`` each cut joint has its own, up to a bound if one is given, and
-    needs no other stabilisation; else all have the same, that of the scene if it gives one.
+    needs no other stabilisation; else all have the same, that of the scene if it gives one.  An evaluation corrects multipliers
+    ``refinements`` times inside.
     """
 
     name: str
     penalty_of_each_cut: bool = False
+    refinements: int = 0
     twin: bool = False
     fixed_cost: bool = False
 
@@ -200,8 +207,8 @@ class Catalogue(dict[str, R]):
 #: The methods in the order of the documentation.
 METHODS: Mapping[str, Method] = _catalogue(
     Method(
-        name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal"), events=True, instead=("recursive-newton",),
-        twin=True, fixed_cost=True, batch=True, tangents=True,
+        name="recursive", formulation=Formulation.RECURSIVE, closures=("penalty", "proximal", "solved"), events=True,
+        instead=("recursive-newton",), twin=True, fixed_cost=True, batch=True, tangents=True,
     ),
     Method(
         name="augmented", formulation=Formulation.NATURAL, symmetric=True, instead=("recursive-newton",), default_updates=20,
@@ -224,20 +231,20 @@ _EXPLICIT_PENALTY = 1e6
 #: ones of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
-        name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal"), twin=True, events=Events.CROSSED, uses_solver=True,
-        fixed_cost=True, batch=True, tangents=True,
+        name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal", "solved"), twin=True, events=Events.CROSSED,
+        uses_solver=True, fixed_cost=True, batch=True, tangents=True,
     ),
     Integrator(
-        name="rk4", methods=("recursive",), closures=("penalty", "proximal"), settings=("absolute_tolerance",),
-        largest_penalty=_EXPLICIT_PENALTY,
+        name="rk4", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved",
+        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(
-        name="dormand-prince", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
-        largest_penalty=_EXPLICIT_PENALTY,
+        name="dormand-prince", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved", adaptive=True,
+        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(
-        name="dop853", methods=("recursive",), closures=("penalty", "proximal"), adaptive=True, settings=("absolute_tolerance",),
-        largest_penalty=_EXPLICIT_PENALTY,
+        name="dop853", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved", adaptive=True,
+        settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
     ),
     Integrator(
         name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
@@ -252,7 +259,8 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
 #: The ways to hold cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(
     Closure(name="penalty", twin=True, fixed_cost=True),
-    Closure(name="proximal", penalty_of_each_cut=True, fixed_cost=True),
+    Closure(name="proximal", penalty_of_each_cut=True, refinements=1, fixed_cost=True),
+    Closure(name="solved", penalty_of_each_cut=True, refinements=2, fixed_cost=True),
 )
 
 #: The emitted factorisation, and libraries.
@@ -265,7 +273,7 @@ PRECISIONS: Catalogue[Precision] = Catalogue(Precision(name="double", type="doub
 DEFAULT_METHOD = "recursive"
 #: The integrator of equal steps.
 DEFAULT_INTEGRATOR = "trapezoidal"
-DEFAULT_CLOSURE = "proximal"
+DEFAULT_CLOSURE = "solved"
 #: The closure of methods without a choice, of generic twins, and of batches whose scene names none.
 PLAIN_CLOSURE = "penalty"
 DEFAULT_SOLVER = "emitted"

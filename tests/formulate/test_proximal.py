@@ -1,4 +1,5 @@
-"""The closure "proximal" against the exact solution of the constrained equations, which has no penalty and takes singular values."""
+"""The closures "proximal" and "solved" against the exact solution of the constrained equations, which has no penalty and takes singular
+values."""
 
 from __future__ import annotations
 
@@ -83,6 +84,21 @@ def test_multipliers_balance_the_forces(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LIGHT)
+def test_one_evaluation_solves_for_the_multipliers(name: str) -> None:
+    """From no multipliers to 1e-10 at once; of equations that depend on each other it finds the smallest multipliers.
+
+    All penalties are the same here, so that none weighs more than another.
+    """
+    blocks, dense = in_scene(name, "solved")
+    at = closed(dense, np.random.default_rng(0))
+    solution = blocks.solve(at, np.zeros(dense.m), numerics(LIGHT[name]))
+    vdot, pull = dense.solve_exactly(at)
+    jacobian = dense.closures(at).jacobian
+    assert relative_error(solution.vdot, vdot, 1.0) < 1e-10
+    assert relative_error(solution.correction, np.linalg.pinv(jacobian.T, rcond=1e-9) @ pull, 1.0) < 1e-6
+
+
+@pytest.mark.parametrize("name", LIGHT)
 def test_a_heavy_penalty_loses_digits(name: str) -> None:
     """A penalty of 1e9 loses digits however often multipliers are corrected: the reason for light ones."""
     blocks, dense = in_scene(name, "penalty")
@@ -91,23 +107,23 @@ def test_a_heavy_penalty_loses_digits(name: str) -> None:
 
 @pytest.mark.parametrize(("seed", "geared"), [*((seed, False) for seed in range(6)), *((seed, True) for seed in range(3))])
 def test_a_correction_inside_is_a_correction_outside(seed: int, geared: bool) -> None:
-    """Two evaluations of the closure "penalty" without stabilisation are one of "proximal", of loops inside branches and across them, and
-    of gears."""
+    """Two evaluations of the closure "penalty" without stabilisation are one of "proximal", three are one of "solved", of loops inside
+    branches and across them, and of gears."""
     model: Model = random_models.random_loops(seed)
     model = random_models.with_gears(model, seed) if geared else model
     topology = build_topology(model)
     plain, dense = both(topology, SCENE, parameters=PARAMETERS)
-    proximal = BlockMechanism(topology, SCENE, parameters=PARAMETERS, closure="proximal")
     rng = np.random.default_rng(seed)
     q, v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
     at, multipliers = Instant(q=q, v=v, t=0.37), 10 * rng.standard_normal(dense.m)
     soft = Numerics(penalty=1e3, damping_ratio=0.0, frequency=0.0)
-    first = plain.solve(at, multipliers, soft)
-    second = plain.solve(at, multipliers + first.correction, soft)
-    found = proximal.solve(at, multipliers, soft)
-    condition = dense.solve(at, multipliers, soft).condition
-    assert relative_error(found.vdot, second.vdot, 1.0) < 1e-11 + 1e-14 * condition
-    assert relative_error(found.correction, first.correction + second.correction, 100.0) < 1e-11 + 1e-14 * condition
+    condition, corrected = dense.solve(at, multipliers, soft).condition, multipliers + plain.solve(at, multipliers, soft).correction
+    for closure in ("proximal", "solved"):
+        outside = plain.solve(at, corrected, soft)
+        corrected = corrected + outside.correction
+        found = BlockMechanism(topology, SCENE, parameters=PARAMETERS, closure=closure).solve(at, multipliers, soft)
+        assert relative_error(found.vdot, outside.vdot, 1.0) < 1e-11 + 1e-14 * condition
+        assert relative_error(found.correction, corrected - multipliers, 100.0) < 1e-11 + 1e-14 * condition
 
 
 @pytest.mark.parametrize("kind", [K.SPHERICAL, K.UNIVERSAL, K.FIXED, K.PRISMATIC, K.POINT_ON_LINE, K.DISTANCE])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 _HEAD = """cutjoint: 1
 name: {name}
 gravity: [0, -9.81, 0]
@@ -28,3 +30,29 @@ def parallel_cranks_text(cranks: int, crank: tuple[float, float] = UPRIGHT, *, c
         for i in range(cranks)
     )
     return f"{_HEAD.format(name='parallel_cranks')}{bodies}\njoints:\n{pins}"
+
+
+#: Corners of closed chains of links of one length, with hinges across both links that meet there.  Bennett's four and Bricard's six move
+#: with one degree of freedom, though counting gives none: every pose of their motion has equations that say nothing new.
+BENNETT = ((1.0, 0.0, 0.3), (0.0, 1.0, -0.3), (-1.0, 0.0, 0.3), (0.0, -1.0, -0.3))
+BRICARD = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0))
+
+
+def skew_chain_text(corners: tuple[tuple[float, ...], ...], scene: str) -> str:
+    """A closed chain of links of 1 kg under gravity; its first link is the ground."""
+    points = np.array(corners)
+    last, following = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+    axes = np.cross(points - last, following - points)
+    names = ["ground", *(f"link_{i}" for i in range(len(points) - 1)), "ground"]
+    bodies = "".join(
+        f"  link_{i}: {{mass: 1, centre_of_mass: {centre.tolist()}, inertia: [0.1, 0.1, 0.1]}}\n"
+        for i, centre in enumerate(((points + following) / 2)[:-1])
+    )
+    joints = "".join(
+        f"  hinge_{i}: {{kind: revolute, bodies: [{names[i]}, {names[i + 1]}], at: {point.tolist()}, axis: {axes[i].tolist()}}}\n"
+        for i, point in enumerate(points)
+    )
+    return (
+        f"cutjoint: 1\nname: skew_chain\ngravity: [1, 0.3, -9.81]\nbodies:\n{bodies}joints:\n{joints}"
+        f"outputs: [link_1.x, link_1.y, link_1.z]\nscenes: {{run: {scene}}}\n"
+    )

@@ -27,6 +27,7 @@ from cutjoint.package.locations import AnyPath
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import find_scene, with_loops
+from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
@@ -99,7 +100,7 @@ def schedule_method(
 
         start = require_firmness(derive(model, with_loops(scene, Loops.EXACT), ()), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
-    recursive = require_firmness(derive(model, scene, outputs, closure=METHODS[method].closure(scene.numerics.closure).name), method)
+    recursive = require_firmness(derive(model, scene, outputs, closure=find_closure(scene.numerics, METHODS[method]).name), method)
     return recursive, schedule_recursive(recursive, lanes=lanes)
 
 

@@ -19,7 +19,7 @@ from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.methods import METHODS, Formulation
+from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
@@ -240,13 +240,13 @@ def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, 
 
 
 def _settings(begin: Beginning) -> dict[str, object]:
-    is_proximal = begin.closure == "proximal"
+    is_projected = CLOSURES[begin.closure].penalty_of_each_cut
     steps = count_steps(begin.dt, begin.end, begin.output_step)
     return {
         "closure": begin.closure, "penalty": _optional(begin.closure_penalty),
         "damping_ratio": repr(float(begin.damping_ratio)), "frequency": repr(float(begin.frequency)),
         "tolerance": repr(float(begin.tolerance)), "iterations": begin.iterations,
-        "multiplier_updates": begin.multiplier_updates, "proximal": _truth(is_proximal), "fixed_cost": _truth(begin.fixed_cost),
+        "multiplier_updates": begin.multiplier_updates, "proximal": _truth(is_projected), "fixed_cost": _truth(begin.fixed_cost),
         "dt": repr(float(begin.dt)), "end": repr(steps.number * float(begin.dt)),
         "absolute_tolerance": repr(float(begin.absolute_tolerance or 0.0)), "penalty_of_steps": _optional(begin.penalty),
         "equilibrium": _truth(begin.pose == "equilibrium"),
@@ -343,7 +343,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
     stored = _stored(parts.program)
     if parts.system is None:
-        stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state
+        stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold

@@ -424,8 +424,8 @@ STEP = 1e-3
 class Numerics:
     """Settings of the numerical method.
 
-    ``closure`` is how the recursive method holds its cut joints: "proximal", with penalties from the effective masses up to the bound
-    ``penalty``, or "penalty"; None for what `Method.closure` has.  A ``penalty`` of None follows from masses.  ``penalty`` (alpha),
+    ``closure`` is how the recursive method holds its cut joints: "proximal" or "solved", with penalties from the effective masses up to
+    the bound ``penalty``, or "penalty"; None for that of the integrator.  A ``penalty`` of None follows from masses.  ``penalty`` (alpha),
     ``damping_ratio`` (xi) and ``frequency`` (omega, 1/s) belong to the cut joints, ``tolerance`` (relative change of the accelerations) and
     ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected.
     The augmented method has a penalty and ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as

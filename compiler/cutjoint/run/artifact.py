@@ -32,7 +32,8 @@ from cutjoint.run.inputs import GivenInput
 from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Options, find_goal, find_settings, with_options
+from cutjoint.run.scenes import with_closure
+from cutjoint.run.settings import Options, find_closure, find_goal, find_settings, with_options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
@@ -108,6 +109,14 @@ class Artifact:
         return METHODS[self.method].iteration
 
     @property
+    def scene_as_compiled(self) -> Scene:
+        """The scene with the closure of the code, which its integrator chose if it names none."""
+        method = METHODS[self.method]
+        if self.scene.numerics.closure is not None or not method.closures:
+            return self.scene
+        return with_closure(self.scene, find_closure(self.mechanism.scene.numerics, method, self.implementation).name)
+
+    @property
     def mechanism(self) -> RecursiveEquations:
         """The recursive equations: the method's own, or those that start its runs."""
         return self.equations.mechanism
@@ -118,7 +127,7 @@ class Artifact:
         Raises:
             RunError: options that do not go together, or that no run has.
         """
-        scene = with_options(self.scene, self.method, options)
+        scene = with_options(self.scene_as_compiled, self.method, options)
         return find_settings(scene, METHODS[self.method], self.implementation, options)
 
 
@@ -141,7 +150,7 @@ def make_simulator_run(
     if tangents:
         _require_tangents(artifact, options)
     run_file = make_run_file(
-        artifact.topology.model, artifact.scene, parameters or {}, task="simulate", method=artifact.method,
+        artifact.topology.model, artifact.scene_as_compiled, parameters or {}, task="simulate", method=artifact.method,
         implementation=artifact.implementation, options=options, inputs=inputs or {},
     )  # fmt: skip
     _require_additions(artifact, run_file.settings)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
 
-from cutjoint.methods import CLOSURES, DEFAULT_CLOSURE, INTEGRATORS, METHODS, join_and
+from cutjoint.methods import CLOSURES, INTEGRATORS, METHODS, join_and
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.run.record import RunFile
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
@@ -87,8 +87,9 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     untried = [f"method {name}" for name in METHODS[plan.method].instead]
-    if plan.closes_loops and plan.run_file.settings.stabilisation.closure != DEFAULT_CLOSURE in METHODS[plan.method].closures:
-        untried.insert(0, f"closure {DEFAULT_CLOSURE}")
+    settings = plan.run_file.settings
+    if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
+        untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")
     words = (
         known,
         f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {_verb(trials.helped)} on" if trials.helped else "",

@@ -99,7 +99,7 @@ def find_settings(scene: Scene, method: Method, implementation: Implementation, 
     Raises:
         RunError: what is asked for does not go together, or a setting is out of its range.
     """
-    numerics, closure = scene.numerics, method.closure(scene.numerics.closure, implementation)
+    numerics, closure = scene.numerics, find_closure(scene.numerics, method, implementation)
     integrator = find_integrator(numerics, method, implementation, options)
     events = find_events(numerics, method, implementation, integrator, options.events)
     if options.iterations is not None:
@@ -141,9 +141,17 @@ def find_integrator(numerics: Numerics, method: Method, implementation: Implemen
         if asked is None:
             return _own_integrator(numerics, method, implementation, options)
         raise RunError(f"the integrator {wanted} takes generated code of the method {join_or(integrator.methods)}")
-    if method.closure(numerics.closure, implementation).name not in integrator.closures:
+    if method.closure(numerics.closure, implementation, usual=integrator.closure).name not in integrator.closures:
         raise RunError(f"the integrator {wanted} closes loops in its own way: use closure: {join_or(integrator.closures)}")
     return integrator
+
+
+def find_closure(numerics: Numerics, method: Method, implementation: Implementation = Implementation.GENERATED) -> Closure:
+    """The closure of a scene; where it names none, that of its integrator."""
+    usual = None
+    if numerics.closure is None and method.closures and not implementation.is_twin:
+        usual = find_integrator(numerics, method, implementation, Options()).closure
+    return method.closure(numerics.closure, implementation, usual=usual)
 
 
 def find_goal(scene: Scene, method: str, integrator: str, options: Options) -> float | None:

@@ -27,7 +27,8 @@ inline constexpr std::array tasks{
     Meaning<Task>{"evaluate", Task::evaluate}, Meaning<Task>{"factor", Task::factor},     Meaning<Task>{"batch", Task::batch},
 };
 inline constexpr std::array poses{Meaning<Pose>{"design", Pose::design}, Meaning<Pose>{"equilibrium", Pose::equilibrium}};
-inline constexpr std::array closures{Meaning<Closure>{"penalty", Closure::penalty}, Meaning<Closure>{"proximal", Closure::proximal}};
+inline constexpr std::array closures{Meaning<Closure>{"penalty", Closure::penalty}, Meaning<Closure>{"proximal", Closure::proximal},
+                                    Meaning<Closure>{"solved", Closure::solved}};
 inline constexpr std::array integrators{
     Meaning<Integrator>{"trapezoidal", Integrator::trapezoidal},
     Meaning<Integrator>{"rk4", Integrator::rk4},
@@ -116,9 +117,10 @@ class SettingsReader {
     if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
     if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");
-    const bool can_be_proximal = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;
-    if (s.stabilisation.closure == Closure::proximal && !can_be_proximal)
-      refuse("closure", "is \"proximal\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\"");
+    const bool can_be_projected = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;
+    if (is_projected(s.stabilisation.closure) && !can_be_projected)
+      refuse("closure", s.stabilisation.closure == Closure::solved ? "is \"solved\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\""
+                                                                   : "is \"proximal\", which trapezoidal, rk4, dormand-prince and dop853 take; write \"penalty\"");
   }
 
   [[noreturn]] void refuse_null(std::string_view key) const { refuse(key, "is null, but a run with these settings needs it"); }

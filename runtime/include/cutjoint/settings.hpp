@@ -44,7 +44,7 @@ struct RunSettings {
 
 /// The fixed point of a run.
 inline FixedPoint fixed_point_of(const RunSettings& settings) {
-  return {settings.tolerance, settings.iterations, settings.multiplier_updates, settings.stabilisation.closure == Closure::proximal,
+  return {settings.tolerance, settings.iterations, settings.multiplier_updates, is_projected(settings.stabilisation.closure),
           settings.fixed_cost};
 }
 

@@ -36,10 +36,6 @@ from cutjoint.topology.records import Topology
 _STATE = ("const Real* q", "const Real* v")
 
 
-#: The number of corrections of multipliers in an evaluation of the closure "proximal".
-REFINEMENTS = 1
-
-
 def formulate_recursive(
     topology: Topology, scene: Scene, outputs: tuple[Output, ...], *, closure: str = PLAIN_CLOSURE
 ) -> RecursiveEquations:  # fmt: skip
@@ -63,8 +59,7 @@ def formulate_recursive(
     loops = closing.all()
     masses, pushed = dict(system.M), dict(system.Q)
     solution = solve(topology, system, k, closing, numbers)
-    if CLOSURES[closure].penalty_of_each_cut:
-        solution = refine(topology, masses, k, closing, numbers, solution, REFINEMENTS)
+    solution = refine(topology, masses, k, closing, numbers, solution, CLOSURES[closure].refinements)
     correction = corrections(b, loops, numbers, solution.errors)
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, gaps, mark="p", turn="of gaps alone").vdot

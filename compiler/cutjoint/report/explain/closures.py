@@ -14,6 +14,7 @@ from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import number, parameter_symbols, place, without_noise
 from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
 _RATES = r"\dot \Phi = A Z, \quad Z = Z_f - Z_b, \quad \gamma = \dot A Z - A (Z_b \times Z), \quad \sigma = \gamma"
@@ -49,16 +50,21 @@ def explain_closures(topology: Topology, numerics: Numerics, counterparts: Seque
     return Chapter(title="Cut joints", notes=(*_NOTES, _numbers(numerics)), formulas=(rates, *_LAW), entries=entries + gears)
 
 
+#: The further solutions of an evaluation, by the number of corrections.
+_TIMES = {1: "a second time", 2: "a second and a third time"}
+
+
 def _closure(numerics: Numerics) -> Closure:
-    return METHODS[START].closure(numerics.closure)
+    return find_closure(numerics, METHODS[START])
 
 
 def _numbers(numerics: Numerics) -> str:
     closure = _closure(numerics)
     if closure.penalty_of_each_cut:
         return (
-            f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels, an "
-            "evaluation solves a second time for what the corrected multipliers change, and each step ends with a projection."
+            f"In this scene the closure is {closure.name}: a run finds the penalty of each cut joint from the mass that it feels, "
+            f"an evaluation solves {_TIMES[closure.refinements]} for what the corrected multipliers change, and each step ends with a "
+            "projection."
         )
     ratio, frequency = (number(x, times="e{}") for x in (numerics.damping_ratio, numerics.frequency))
     penalty = "follows from the masses" if numerics.penalty is None else f"is {number(numerics.penalty, times='e{}')}"

@@ -14,6 +14,7 @@ from cutjoint.program.scalars import FREE
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.latex import number
 from cutjoint.report.explain.views import Table, code, make_table
+from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
 #: The sweeps of an evaluation, in their order.
@@ -32,7 +33,7 @@ class Cost:
 
 def derive(topology: Topology, scene: Scene) -> tuple[RecursiveEquations, Program]:
     """The equations of a scene, and their program."""
-    closure = METHODS[START].closure(scene.numerics.closure).name
+    closure = find_closure(scene.numerics, METHODS[START]).name
     equations = formulate_recursive(topology, scene, scene.outputs, closure=closure)
     return equations, schedule(equations.builder, [(f.name, f.results) for f in equations.functions])
 

@@ -30,7 +30,7 @@ class Initialisation {
 
   /// `parameters` and `roads` are read whenever the mechanism is loaded.
   Initialisation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
-      : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, is_proximal()), masses_(mechanism),
+      : mechanism_(mechanism), settings_(settings), parameters_(parameters), roads_(roads), starter_(mechanism, projects()), masses_(mechanism),
         placed_(sizes_of(mechanism).speeds), released_(placed_.size()), penalties_(sizes_of(mechanism).cuts) {
     load_unweighed();
   }
@@ -86,10 +86,10 @@ class Initialisation {
   }
 
  private:
-  bool is_proximal() const { return settings_.stabilisation.closure == Closure::proximal; }
+  bool projects() const { return is_projected(settings_.stabilisation.closure); }
 
-  /// Whether penalties are found; the proximal closure does so up to a given one.
-  bool finds_penalties() const { return is_proximal() || !settings_.stabilisation.penalty; }
+  /// Whether penalties are found; a projected closure does so up to a given one.
+  bool finds_penalties() const { return projects() || !settings_.stabilisation.penalty; }
 
   void load() { load_mechanism(mechanism_, parameters_, roads_, settings_.stabilisation, penalties_); }
 
@@ -99,19 +99,19 @@ class Initialisation {
   void weigh(const StateOf<M>& state) {
     const Real unbound = std::numeric_limits<Real>::infinity();
     const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
-    masses_.measure(state, penalties_, is_proximal());
+    masses_.measure(state, penalties_, projects());
     load(state, masses_.open(), Real(1e-3), unbound);
-    masses_.measure(state, penalties_, is_proximal());
+    masses_.measure(state, penalties_, projects());
     const Cuts<M> open = masses_.open();
     load(state, open, Real(1e4), unbound);
-    masses_.measure(state, penalties_, is_proximal());
+    masses_.measure(state, penalties_, projects());
     load(state, penalties_of_cuts(masses_.held(), open, settings_.fixed_point_step), Real(1), most);
   }
 
   /// Load the mechanism with penalties of so many times the masses, `most` at most.
   void load(const StateOf<M>& state, const Cuts<M>& masses, Real times, Real most) {
     for (std::size_t i = 0; i < masses.size(); ++i) penalties_[i] = std::min(times * masses[i], most);
-    if (!is_proximal()) std::fill(penalties_.begin(), penalties_.end(), common_penalty(penalties_));
+    if (!projects()) std::fill(penalties_.begin(), penalties_.end(), common_penalty(penalties_));
     load();
     mechanism_.begin_step(state.t, Real(0));
   }

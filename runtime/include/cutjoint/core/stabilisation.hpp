@@ -8,10 +8,15 @@
 
 namespace cutjoint {
 
-enum class Closure { penalty, proximal };
+/// By one penalty and a stabilisation; by a penalty for each cut joint and projections, with multipliers that are corrected from one evaluation
+/// to the next, or that each evaluation solves for.
+enum class Closure { penalty, proximal, solved };
+
+/// Whether each cut joint has a penalty of its own, and steps end with a projection.
+constexpr bool is_projected(Closure closure) { return closure != Closure::penalty; }
 
 /// How the recursive equations, which start every run, hold cut joints.  Without a `penalty` it follows from the
-/// masses that the cut joints feel at the start; the closure `proximal` has one for each cut joint, up to this one if there is one.
+/// masses that the cut joints feel at the start; a projected closure has one for each cut joint, up to this one if there is one.
 struct StabilisationSettings {
   Closure closure;
   std::optional<double> penalty;
@@ -28,7 +33,7 @@ void load_mechanism(M& mechanism, const typename M::real_type* parameters, const
   using Real = typename M::real_type;
   if constexpr (requires { mechanism.load(parameters, roads); })
     mechanism.load(parameters, roads);
-  else if (stabilisation.closure == Closure::proximal)
+  else if (is_projected(stabilisation.closure))
     mechanism.load(parameters, {.penalties = penalties.data()}, roads);
   else
     mechanism.load(parameters,

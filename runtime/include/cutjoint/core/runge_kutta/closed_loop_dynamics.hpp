@@ -24,8 +24,8 @@ class ClosedLoopDynamics : public Relative<M> {
   using Real = typename M::real_type;
   using typename Relative<M>::Vector;
 
-  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance)
-      : Relative<M>(mechanism, tolerance), cells_(cells), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
+  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, bool solves)
+      : Relative<M>(mechanism, tolerance, solves), cells_(cells), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda) {}
 
   /// Take over a start, in the regime in which it stands.
@@ -53,12 +53,14 @@ class ClosedLoopDynamics : public Relative<M> {
 
   /// The slope at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no switch is looked at there.
   void derive_between(Real t, const Vector& y, Vector& slope) {
-    const auto [effect, age, before] = this->experience_;
+    const auto before = this->experience_;
     complete_ = state_;
     predict(t);
     Relative<M>::derive(t, y, slope);
     std::swap(complete_, state_);
-    this->experience_ = {effect, age, this->experience_.evaluations};
+    const long evaluations = this->experience_.evaluations;
+    this->experience_ = before;
+    this->experience_.evaluations = evaluations;
   }
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
@@ -161,7 +163,7 @@ class ClosedLoopDynamics : public Relative<M> {
   /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
     const auto& [last, before_last, last_time, before_last_time, known] = history_;
-    if (known < 2) return;
+    if (known < 2 || this->solves_) return;
     const Real share = (t - last_time) / (last_time - before_last_time);
     for (std::size_t i = 0; i < last.size(); ++i) state_.lambda[i] = last[i] + share * (last[i] - before_last[i]);
   }
