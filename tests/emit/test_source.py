@@ -83,9 +83,10 @@ def test_scenes_that_differ_in_road_only_share_their_source() -> None:
 def test_quantities_keep_the_names_of_the_literature() -> None:
     """Rotation, motion subspace, mass and inverse of D of chassis and suspensions can be found by name, with the line of the model."""
     text = source("iltis", "simul1").files["evaluate.cpp"]
-    for name in ("R_front_left_arm_x4_yy", "b_front_left_arm_x4_vx", "Dinv_front_left_arm_x4_arm_hinge", "Mc_front_left_carrier_x4_wx_wx"):
+    suspension = "R_front_left_carrier_x4_yy", "b_front_left_tie_rod_x4_wx_angle_1_rate", "Dinv_front_left_arm_x4_arm_hinge"
+    for name in (*suspension, "Mc_front_left_carrier_x4_wx_wx"):
         assert f"const Lanes4 {name} = " in text
-    for name in ("R_chassis_free_xx", "M_chassis_vx_wy", "Dinv_chassis_vx"):
+    for name in ("R_global_xx", "M_chassis_vx_wy", "Dinv_chassis_vx"):
         assert f"const Real {name} = " in text
     line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "carrier_ball: {" in x)
     assert "// condensation: front_left.carrier_ball\n  //   M^c = M + sum M^c" in text

@@ -34,7 +34,7 @@ class Bend(Interaction):
         F = b.column([m.scalar(force.law, {"position": b.element(bend, i), "rate": b.element(rate, i)}) for i in range(3)])
         for at, push in ((self.first, b.neg(F)), (self.last, b.neg(F)), (self.middle, b.add(F, F))):
             m.push_at(at, push)
-        return {f"F{axis}": b.neg(b.element(F, i)) for i, axis in enumerate("xyz")}
+        return {f"F{axis}": b.neg(b.element(m.in_global(F), i)) for i, axis in enumerate("xyz")}
 
     def explain(self, force: LawForce, page: Page) -> Explanation:
         """The bend, its law and three forces."""
@@ -69,7 +69,7 @@ class Pointer(Interaction):
         T = b.sub(b.scale(m.scalar(force.stiffness, {}), b.cross(g, e)), b.scale(m.scalar(force.damping, {}), spin))
         m.turn(self.follower.carrier, T)
         m.turn(self.base.carrier, b.neg(T))
-        return {f"M{axis}": b.element(T, i) for i, axis in enumerate("xyz")}
+        return {f"M{axis}": b.element(m.in_global(T), i) for i, axis in enumerate("xyz")}
 
     def explain(self, force: PointerForce, page: Page) -> Explanation:
         """The torque on both bodies."""

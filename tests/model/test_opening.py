@@ -138,5 +138,5 @@ def test_the_command_opens_and_says_the_price(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     done = CliRunner().invoke(main, ["compile", str(PRESS), "--open", "*.mass", "--out", str(folder)])
     assert done.exit_code == 0, done.output
-    assert "3 numbers are opened; 194 without" in done.output
+    assert "3 numbers are opened; 230 without" in done.output
     assert "crank.mass" in (folder / "press.run").read_text(encoding="utf-8")

@@ -97,7 +97,7 @@ def test_the_error_falls_as_the_hinge_gets_stiff() -> None:
     errors = []
     for stiffness in ("2.0e+4", "4.0e+4"):
         model, scene = lamp("value: 1.0e+6", f"value: {stiffness}")
-        scene = replace(scene, tolerance=0.1)
+        scene = replace(scene, accuracy=0.1)
         outcome = freeze_idle(model, scene)
         assert outcome.done
         errors.append(distance(run(outcome.model, outcome.scene, compile_interpreted), run(model, scene, compile_interpreted)))

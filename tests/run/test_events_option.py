@@ -84,7 +84,7 @@ def test_the_command_counts_events_where_they_are_located(tmp_path: Path) -> Non
     """The second run of each is one that is kept."""
     model = tmp_path / "model.yaml"
     model.write_text(bouncing_text(0, 0.5), encoding="utf-8")
-    arguments = ["simulate", str(model), "--integrator", "rk4", "--out", str(tmp_path / "out.csv")]
+    arguments = ["simulate", str(model), "--integrator", "rk4", "--verbose", "--out", str(tmp_path / "out.csv")]
     for more, events in 2 * (([], True), (["--events", "crossed"], False)):
         done = CliRunner().invoke(main, [*arguments, *more], catch_exceptions=False)
         assert done.exit_code == 0

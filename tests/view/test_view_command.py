@@ -183,7 +183,7 @@ def test_a_run_in_python_becomes_a_page(tmp_path: Path) -> None:
     assert cutjoint.write_view(str(page), artifact, run) == page
     assert "press, turn" in page.read_text(encoding="utf-8")
     without = cutjoint.simulate(artifact, error=False)
-    with pytest.raises(cutjoint.RunError, match=re.escape("write simulate(artifact, coordinates=True)")):
+    with pytest.raises(cutjoint.RunError, match=re.escape("write simulate(model, coordinates=True)")):
         cutjoint.write_view(page, artifact, without)
 
 

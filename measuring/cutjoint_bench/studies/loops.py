@@ -42,7 +42,7 @@ class Pair:
 
 def compile_pair(model: Model, scene: Scene, loop_tolerance: float) -> Pair | str:
     """A scene both ways, or why no loops of it become functions."""
-    scene = replace(scene, numerics=replace(scene.numerics, closure=None, integrator=None, loop_tolerance=loop_tolerance))
+    scene = replace(scene, numerics=replace(scene.numerics, closure=None, integrator="dormand-prince", loop_tolerance=loop_tolerance))
     begin = perf_counter()
     outcome = assemble_loops(model, scene)
     seconds = perf_counter() - begin

@@ -41,12 +41,15 @@ def resolving_body(topology: Topology) -> str:
 
     The ground too where it slides in a plane and all turn about its normal: nothing else turns the vectors of such a mechanism.
     """
-    root, *others = (t for t in topology.tree if t.parent == GROUND)
+    roots = [t for t in topology.tree if t.parent == GROUND]
+    if len(roots) != 1:
+        return GROUND
+    root = roots[0]
     inside = {body for branch in topology.branches for body in branch.bodies}
     inside |= {body for assembly in topology.model.assemblies for body in assembly.bodies}
     element = root.joint.element
     turns = element.angles or element.has_ball
-    if others or not turns or root.joint.guide is not None or root.child in inside:
+    if not turns or root.joint.guide is not None or root.child in inside:
         return GROUND
     in_space = any(t.joint.element.has_ball or len(t.joint.element.angles) > 1 for t in topology.tree)
     slides = len(element.coordinates) - len(element.angles)
