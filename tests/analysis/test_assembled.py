@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -359,7 +360,12 @@ def test_check_says_what_becomes_of_loops(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(HELD, encoding="utf-8")
     said = CliRunner().invoke(main, ["check", str(file)]).output.replace("\n", " ")
-    assert "'a' leads 3 other joints by functions of its coordinate" in said
+    told = re.search(r"'a' leads 3 other joints by functions of its coordinate, gap \S+; (.*)", said)
+    assert told is not None, said
+    off = re.match(r"at 1000 random coordinates speeds are (\S+) off at q' = 1, accelerations (\S+) ", told[1])
+    assert off is not None, said
+    assert float(off[1]) < 1e-10
+    assert float(off[2]) < 1e-8
 
 
 def test_poses_and_modes_keep_the_loops_equations() -> None:

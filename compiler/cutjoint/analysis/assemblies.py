@@ -249,18 +249,19 @@ def _across(whole: Array, u: Interval, tolerance: float) -> Array:
 def _length(c: Array, half: float, tolerance: float) -> int:
     """The least number of terms by which value and slope are good to the tolerance, and the bend to ten times that, beside their sizes.
 
-    Rounding of the slopes counts as nothing, and so does its effect on the bend.
+    What is left out is bounded by the largest values 1, k^2 and k^2 (k^2 - 1)/3 of polynomial k and its derivatives.  Coefficients that
+    are the rounding of slopes count as nothing.
     """
-    longest = 1
-    rounding = 1e-15 * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0)))
-    for order, share in ((0, 1.0), (1, 1.0), (2, 10.0)):
-        tail = np.abs(chebyshev.chebder(c, order, scl=1 / half) if order else c).max(axis=1)
-        largest = max(1.0, float(tail.max(initial=0.0)))
-        noise = rounding * (len(c) ** 2 / half if order == 2 else 1.0)
-        small = tail <= max(share * tolerance * largest / 3, noise)
-        kept = np.flatnonzero(~small)
-        longest = max(longest, (int(kept[-1]) + 1 if kept.size else 0) + order)
-    return min(longest, len(c))
+    longest, k = 1, np.arange(len(c), dtype=float)
+    rounding = 1e-15 * half * max(1.0, float(np.abs(chebyshev.chebder(c, scl=1 / half)).max(initial=0.0))) / np.maximum(k, 1.0)
+    sizes = np.abs(c).max(axis=1)
+    sizes[sizes <= rounding] = 0.0
+    for order, share, largest in ((0, 1.0, np.ones(len(c))), (1, 1.0, k**2 / half), (2, 10.0, k**2 * (k**2 - 1) / (3 * half**2))):
+        left = np.cumsum((sizes * largest)[::-1])[::-1]
+        size = float(np.abs(chebyshev.chebder(c, order, scl=1 / half) if order else c).max(initial=0.0))
+        small = left <= share * tolerance * max(1.0, size)
+        longest = max(longest, int(np.argmax(small)) if small.any() else len(c))
+    return longest
 
 
 def _chebyshev(values: Array) -> Array:
@@ -358,6 +359,26 @@ def _gaps(loops: BlockLoops, lead: Lead, functions: LoopFunctions, wanted: Wante
         gap = max(gap, float(np.abs(residual).max(initial=0.0)))
         rate_gap = max(rate_gap, float(np.abs(np.einsum("nij,nj->ni", jacobian, rates)).max(initial=0.0)))
     return gap, rate_gap
+
+
+#: The number of random coordinates at which functions are beside closed loops, and the way to the neighbours, beside half the range.
+_RANDOM, _NEIGHBOUR = 1000, 1e-4
+
+
+def accuracy(loops: BlockLoops, lead: Lead, functions: LoopFunctions, u: Interval) -> tuple[float, float]:
+    """The largest differences of slopes and of bends by q from those of closed loops, at random coordinates: of speeds and accelerations
+    at q' = 1 (1/s)."""
+    random, way = np.random.default_rng(0), _NEIGHBOUR * functions.range.half
+    q = functions.range.middle + (functions.range.half - way) * random.uniform(-1, 1, _RANDOM)
+    values = u.middle + u.half * random.uniform(-1, 1, _RANDOM)
+    slopes = []
+    for step in (-way, 0.0, way):
+        whole, made = place(loops, lead.joint.name, functions, q + step, values)
+        closed = loops.close(whole, values, lead.place)
+        if closed is None:
+            raise NoAssemblyError("its loops do not close over its range")
+        slopes.append(made - loops.slopes(closed, lead.place))
+    return float(np.abs(slopes[1]).max()), float(np.abs(slopes[2] - slopes[0]).max() / (2 * way))
 
 
 #: The number of places at which slopes are looked at.

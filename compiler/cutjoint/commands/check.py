@@ -49,7 +49,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path 
         options.out.print(tables.loop_table(topology))
     if chosen.numerics.loops == Loops.COMPILED:
         with options.progress_bar(f"closing loops of {model.name}"):
-            outcome = assemble_loops(checked, chosen)
+            outcome = assemble_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):
             options.out.print(str(note), markup=False)
     if topology.closing:
