@@ -43,7 +43,7 @@ def _case(path: Path) -> Any:
     return pytest.param(path, marks=needs_cpp) if path.stem.startswith("cpp_") else path
 
 
-@pytest.mark.parametrize("path", map(_case, sorted(CORPUS.glob("*.yaml"))), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [_case(path) for path in sorted(CORPUS.glob("*.yaml"))], ids=lambda path: path.stem)
 def test_corpus(path: Path) -> None:
     """Inputs that failed once."""
     outcome = compile_text(path.read_text(encoding="utf-8"))
