@@ -132,7 +132,9 @@ def test_the_closure_is_that_of_the_scene() -> None:
         assert batch.evaluations[i] == run.evaluations
 
 
-@pytest.mark.parametrize("how", [{"threads": 0}, {"dt": float("inf")}, {"end": -1.0}, {"solver_tolerance": 0.0}], ids=lambda how: next(iter(how)))
+@pytest.mark.parametrize(
+    "how", [{"threads": 0}, {"dt": float("inf")}, {"end": -1.0}, {"solver_tolerance": 0.0}], ids=lambda how: next(iter(how))
+)  # fmt: skip
 def test_figures_that_no_run_has_are_refused(how: dict[str, Any]) -> None:
     with pytest.raises(RunError, match=f"^{next(iter(how))}: .*; write a "):
         simulate_batch(compiled(), CASES, **how)

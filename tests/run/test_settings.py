@@ -50,7 +50,7 @@ def compiled() -> Artifact:
         ({"end": inf}, "end: inf is not a finite number; write a plain number in SI units"),
         ({"end": -1.0}, "end: -1 is below 0; write a larger number"),
         ({"at": -1.0}, "at: -1 is below 0; write a larger number"),
-        ({"tolerance": nan}, "tolerance: nan is not a finite number; write a plain number in SI units"),
+        ({"tolerance": nan}, "solver_tolerance: nan is not a finite number; write a plain number in SI units"),
         ({"penalty": -inf}, "penalty: -inf is not a finite number; write a plain number in SI units"),
         ({"iterations": 0}, "iterations: 0 is not above 0; write a larger number"),
         ({"threads": 0}, "threads: 0 is not above 0; write a larger number"),
@@ -72,7 +72,7 @@ def test_what_runs_have() -> None:
     [
         (lambda: simulate(compiled(), dt=-1e-3), "dt"),
         (lambda: simulate(compiled(), end=inf), "end"),
-        (lambda: simulate(compiled(), tolerance=0.0), "tolerance"),
+        (lambda: simulate(compiled(), solver_tolerance=0.0), "solver_tolerance"),
         (lambda: simulate(compiled(), accuracy=0.0), "accuracy"),
         (lambda: simulate(compiled(), penalty=nan), "penalty"),
         (lambda: simulate(compiled(), penalty=inf), "penalty"),
@@ -89,7 +89,7 @@ def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
 
 def test_nothing_else_is_said_of_steps_beside_an_accuracy() -> None:
     with pytest.raises(RunError, match=r"^accuracy: steps follow from it; leave dt and solver_tolerance away, or the accuracy$"):
-        simulate(compiled(), accuracy=1e-3, dt=1e-3, tolerance=1e-9)
+        simulate(compiled(), accuracy=1e-3, dt=1e-3, solver_tolerance=1e-9)
 
 
 @pytest.mark.parametrize("asked", [{"integrator": "rk4"}, {"integrator": "reference"}, {"events": "located"}])

@@ -44,6 +44,9 @@ RANGES: Mapping[str, Mapping[str, float]] = {
 #: Settings in s.
 TIMES = frozenset({"dt", "output_step", "end", "at"})
 
+#: The word of files and callers for the tolerance of a solver, which is called tolerance inside.
+SOLVER_TOLERANCE = "solver_tolerance"
+
 #: Settings in m, and settings in m or rad.
 LENGTHS = frozenset({"travel", "radius"})
 PLACES = frozenset({"accuracy", "tolerance", "turn"})

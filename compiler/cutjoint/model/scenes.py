@@ -19,7 +19,7 @@ from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import ExpressionError, Term, check_extent
 from cutjoint.model.outputs import OutputReader
 from cutjoint.model.quantities import Element as Quantified
-from cutjoint.model.ranges import RANGES, StepsError, count_steps
+from cutjoint.model.ranges import RANGES, SOLVER_TOLERANCE, StepsError, count_steps
 from cutjoint.model.records import (
     STEP,
     Binding,
@@ -41,8 +41,7 @@ from cutjoint.model.starts import read_starts, read_states
 from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
 from cutjoint.model.validate import check_guides, joints_are_known
 
-#: The field of the solver's tolerance, and the settings of files whose records have another name.
-SOLVER_TOLERANCE = "solver_tolerance"
+#: The settings of files whose records have another name.
 SETTINGS = {SOLVER_TOLERANCE: "tolerance"}
 
 #: The variables that penalty and frequency may have.

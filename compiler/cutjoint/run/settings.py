@@ -21,7 +21,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.ranges import MOST_STEPS, fault_of_setting
+from cutjoint.model.ranges import MOST_STEPS, SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.run.errors import RunError
@@ -66,7 +66,7 @@ def require_settings(**asked: float | None) -> None:
     """
     for name, value in asked.items():
         if value is not None and (fault := fault_of_setting(name, value)):
-            raise RunError(f"{name}: {fault}")
+            raise RunError(f"{SOLVER_TOLERANCE if name == 'tolerance' else name}: {fault}")
 
 
 def with_options(scene: Scene, method: str, options: Options, *, has_rows: bool = True) -> Scene:

@@ -13,10 +13,10 @@ import numpy as np
 
 from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.operations import ExpressionError
-from cutjoint.model.ranges import fault_of_setting
+from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.renamed import STUDY, in_new_words
-from cutjoint.model.scenes import SETTINGS, SOLVER_TOLERANCE
+from cutjoint.model.scenes import SETTINGS
 from cutjoint.model.scope import Directory, Element, Scope
 from cutjoint.model.shape import check_part
 from cutjoint.model.source import Path as Keys
