@@ -72,7 +72,7 @@ def test_what_runs_have() -> None:
     [
         (lambda: simulate(compiled(), dt=-1e-3), "dt"),
         (lambda: simulate(compiled(), end=inf), "end"),
-        (lambda: simulate(compiled(), solver_tolerance=0.0), "solver_tolerance"),
+        (lambda: simulate(compiled(), tolerance=0.0), "solver_tolerance"),
         (lambda: simulate(compiled(), accuracy=0.0), "accuracy"),
         (lambda: simulate(compiled(), penalty=nan), "penalty"),
         (lambda: simulate(compiled(), penalty=inf), "penalty"),
@@ -89,7 +89,7 @@ def test_every_run_refuses_them(run: Callable[[], object], name: str) -> None:
 
 def test_nothing_else_is_said_of_steps_beside_an_accuracy() -> None:
     with pytest.raises(RunError, match=r"^accuracy: steps follow from it; leave dt and solver_tolerance away, or the accuracy$"):
-        simulate(compiled(), accuracy=1e-3, dt=1e-3, solver_tolerance=1e-9)
+        simulate(compiled(), accuracy=1e-3, dt=1e-3, tolerance=1e-9)
 
 
 @pytest.mark.parametrize("asked", [{"integrator": "rk4"}, {"integrator": "reference"}, {"events": "located"}])
