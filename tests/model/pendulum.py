@@ -50,6 +50,21 @@ def problems(text: str) -> list[str]:
     return str(caught.value).splitlines()
 
 
+def read_with(text: str, *changes: tuple[str, str]) -> Model:
+    """The model of a text in which the first places of some passages are changed."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return read_model_text(text, "m.yaml")
+
+
+def problems_with(text: str, *changes: tuple[str, str]) -> list[str]:
+    """The problems of that."""
+    with pytest.raises(ModelError) as caught:
+        read_with(text, *changes)
+    return [str(problem) for problem in caught.value.problems]
+
+
 def check(old: str, new: str, expected: str | list[str], model: str = PENDULUM) -> None:
     """Check the problems of a varied model.
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
-from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.quantities import readings_of
 from cutjoint.model.read import read_model_text
-from cutjoint.model.records import Model
 
-from .pendulum import check, varied
+from .pendulum import check, problems_with, read_with, varied
 
 TEXT = """
 cutjoint: 1
@@ -45,18 +45,7 @@ scenes:
 """
 
 
-def read(*changes: tuple[str, str]) -> Model:
-    text = TEXT
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    return read_model_text(text, "m.yaml")
-
-
-def problems(*changes: tuple[str, str]) -> list[str]:
-    with pytest.raises(ModelError) as caught:
-        read(*changes)
-    return [str(problem) for problem in caught.value.problems]
+read, problems = partial(read_with, TEXT), partial(problems_with, TEXT)
 
 
 def test_names_are_those_of_outputs() -> None:

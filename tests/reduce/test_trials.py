@@ -12,7 +12,7 @@ from cutjoint.compile.pipeline import schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene
-from cutjoint.reduce.choose import Candidate, find_step, find_tolerance
+from cutjoint.reduce.choose import Candidate, find_step, find_tolerated
 from cutjoint.reduce.measure import Truth, distance, find_truth
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, run_at
@@ -89,7 +89,7 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     model, scene = turn()
     free = replace(scene, numerics=Numerics(), accuracy=1e-5)
     (full, *_) = reduction_sequence(model, free, "recursive")
-    found = find_tolerance(full, free, {}, find_truth(model, free, {}), trials_of(full))
+    found = find_tolerated(full, free, {}, find_truth(model, free, {}), trials_of(full))
     assert found is not None
     assert (found.integrator, found.failure) == ("dormand-prince", "")
     assert found.error <= 0.8e-5
@@ -99,4 +99,4 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     assert errors[0] < 1.1 * goal
     assert errors[1] > 0.9 * goal
     (named, *_) = reduction_sequence(model, replace(scene, numerics=Numerics(integrator="trapezoidal")), "recursive")
-    assert find_tolerance(named, free, {}, find_truth(model, free, {}), trials_of(named)) is None
+    assert find_tolerated(named, free, {}, find_truth(model, free, {}), trials_of(named)) is None

@@ -8,7 +8,7 @@ accuracy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -258,7 +258,7 @@ def _search(
     found: list[tuple[Candidate, Trials | None]] = []
     for variant in variants:
         trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        for find in (find_step, find_tolerance):
+        for find in (find_step, find_tolerated):
             candidate = find(variant, scene, parameters, truth, trials, fastest=fastest or _fastest(found))
             if candidate is not None and not candidate.failure:
                 trials.begin_compiling()
@@ -281,24 +281,12 @@ def find_step(
     rest of the error is then the reduced model's own.
     """
     best = Candidate(variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no step keeps the accuracy")
-    for dt in _falling(variant.scene, variant.method, ratio):
-        try:
-            run = trials.run(Steps(dt=dt), parameters)
-        except SimulatorError as problem:
-            return replace(best, failure=str(problem))
-        error = distance(run, truth.run)
-        if reason := _gives_up(trials, run, fastest):
-            return replace(best, failure=reason)
-        if error <= SHARE * accuracy_of(scene):
-            return replace(best, dt=dt, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
-        if error < SETTLING * best.error:
-            best = replace(best, dt=dt, error=error)
-        elif best.error < inf and dt < best.dt / 4:
-            return replace(best, failure="shorter steps do not lower its error")
-    return best
+    wanted = (replace(best, dt=dt) for dt in _falling(variant.scene, variant.method, ratio))
+    vain = partial(_is_in_vain, "dt", 4), "shorter steps do not lower its error"
+    return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
 
 
-def find_tolerance(
+def find_tolerated(
     variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
     ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
 ) -> Candidate | None:  # fmt: skip
@@ -314,21 +302,37 @@ def find_tolerance(
         variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no tolerance keeps the accuracy",
         integrator=integrator, tolerance=LARGEST_TOLERANCE,
     )  # fmt: skip
-    for k in range(round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1):
-        tolerance = LARGEST_TOLERANCE / ratio**k
+    number = round(log(LARGEST_TOLERANCE / SMALLEST_TOLERANCE) / log(ratio)) + 1
+    wanted = (replace(best, tolerance=LARGEST_TOLERANCE / ratio**k) for k in range(number))
+    vain = partial(_is_in_vain, "tolerance", 100), "smaller tolerances do not lower its error"
+    return _first_within(best, wanted, scene, parameters, truth, trials, fastest, vain)
+
+
+def _is_in_vain(name: str, share: float, tried: Candidate, best: Candidate) -> bool:
+    """Return whether a setting has fallen to less than a share of that of the best run."""
+    return bool(getattr(tried, name) < getattr(best, name) / share)
+
+
+def _first_within(
+    best: Candidate, wanted: Iterable[Candidate], scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials,
+    fastest: Candidate | None, vain: tuple[Callable[[Candidate, Candidate], bool], str],
+) -> Candidate:  # fmt: skip
+    """The first of the wanted candidates that keeps the accuracy, else the best of them; ``vain`` says of one beside the best whether to
+    give up, and why."""
+    for tried in wanted:
         try:
-            run = trials.run(Steps(integrator=integrator, tolerance=tolerance), parameters)
+            run = trials.run(tried.steps, parameters)
         except SimulatorError as problem:
             return replace(best, failure=str(problem))
         error = distance(run, truth.run)
         if reason := _gives_up(trials, run, fastest):
             return replace(best, failure=reason)
         if error <= SHARE * accuracy_of(scene):
-            return replace(best, tolerance=tolerance, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
+            return replace(tried, error=error, seconds=run.seconds, instructions=trials.instructions(run), failure="")
         if error < SETTLING * best.error:
-            best = replace(best, tolerance=tolerance, error=error)
-        elif best.error < inf and tolerance < best.tolerance / 100:
-            return replace(best, failure="smaller tolerances do not lower its error")
+            best = replace(tried, error=error)
+        elif best.error < inf and vain[0](tried, best):
+            return replace(best, failure=vain[1])
     return best
 
 
