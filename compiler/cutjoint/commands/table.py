@@ -259,6 +259,7 @@ OPTIONS: Mapping[str, Row] = {
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),
     "verbose": click.option("--verbose", is_flag=True, help="What was derived, compiled and stepped too: counts, operations, evaluations, "
         "residuals, energy."),
+    "kinematics.plots": click.option("--plots", type=_FOLDER, help="Folder for a plot of each sweep."),
     "plots": click.option("--plots", type=_FOLDER, help="Folder for plots of the run: those that the scene names, else one for each unit."),
     "beside": click.option("--beside", type=_READ, multiple=True, help="Table of another run, whose columns of the same names are drawn in "
         "the plots too."),

@@ -134,9 +134,10 @@ def _picture(found: AxleKinematics, name: str, title: str, path: Path) -> Path:
     axes = drawing.subplots(max(rows, 1), 3, sharex=True, squeeze=False).ravel()
     for ax, (figure, names) in zip(axes, panels.items(), strict=False):
         scale, unit, _ = _FOR_PEOPLE[found.units[names[0]]]
-        for column in names:
-            label = column.rpartition(".")[0]
-            ax.plot(_FOR_PEOPLE[found.units[leading]][0] * columns[leading], scale * columns[column], linewidth=1.2, label=label or None)
+        along = _FOR_PEOPLE[found.units[leading]][0] * columns[leading]
+        for n, column in enumerate(names):  # the later half is dashed: equal sides lie on each other
+            style, label = "--" if 2 * n >= len(names) > 1 else "-", column.rpartition(".")[0]
+            ax.plot(along, scale * columns[column], style, linewidth=1.2, label=label or None)
         ax.set_title(figure.replace("_", " ") + (f" [{unit}]" if unit else ""), fontsize="medium")
         ax.grid(visible=True, linewidth=0.3)
         if len(names) > 1:
