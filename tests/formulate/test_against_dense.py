@@ -6,14 +6,16 @@ differences lose 1e-13 of a velocity over their step of 1e-3 s); residual and ra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import sympy
 
 from cutjoint.model.read import read_model
-from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Scene, Tyre
+from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Scene, Tyre, Wheel
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
 from tests.mechanisms.random_models import CLOSINGS, CUT_KINDS, TIME, TREE_KINDS, K, scene, stop, variable, with_gears, workshop
@@ -180,16 +182,20 @@ WHEELS = {  # deflection m, forward m/s, sideways m/s, yaw rad, camber rad
 @pytest.mark.parametrize("road", ["flat", "slope"])
 @pytest.mark.parametrize("wheel", WHEELS)
 def test_tyre(wheel: str, road: str) -> None:
-    deflection, forward, sideways, yaw, camber = WHEELS[wheel]
+    constants = {name: sympy.Float(value) for name, value in {**CALSPAN, "stiffness": 460000, "radius": 0.364, "spin_inertia": 1.9}.items()}
+    compare_on_road(lambda **where: Tyre(constants=constants, **where), WHEELS[wheel], Slope() if road == "slope" else Flat())
+
+
+def compare_on_road(make: Callable[..., Tyre | Wheel], motion: tuple[float, ...], surface: Flat, spin: float = -0.2) -> None:
+    """A free body with a wheel of radius 0.364 m: ``motion`` as above, ``spin`` (rad/s) about the wheel's axis if it is upright and straight."""
+    deflection, forward, sideways, yaw, camber = motion
     w = workshop(0, "tyre")
     w.grow(GROUND, K.FREE, is_reversed=False)
-    constants = {name: sympy.Float(value) for name, value in {**CALSPAN, "stiffness": 460000, "radius": 0.364, "spin_inertia": 1.9}.items()}
-    tyre = Tyre(
+    tyre = make(
         name="tyre", body="body_0", centre=w.bodies[0].centre_of_mass, axis=(sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
-        constants=constants, active=True, span=random_models.NOWHERE,
+        active=True, span=random_models.NOWHERE,
     )  # fmt: skip
     w.forces.append(tyre)
-    surface = Slope() if road == "slope" else Flat()
     blocks, dense = both(build_topology(w.model()), SCENE, parameters=PARAMETERS, roads={"tyre": surface})
     q = np.array([0.0, 0.0, 0.0, np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
     q = dense.retract(q, np.array([0.3, -0.2, 0, camber * np.cos(yaw), camber * np.sin(yaw), 0]))
@@ -197,12 +203,27 @@ def test_tyre(wheel: str, road: str) -> None:
     centre = p + R @ dense.vector(tyre.centre)
     q[2] += surface.height(centre[0], centre[1]) + 0.364 - deflection - centre[2]
     c, s = np.cos(yaw), np.sin(yaw)
-    v = np.array([forward * c - sideways * s, forward * s + sideways * c, 0.1, 0.3, -0.2, 0.1])
+    v = np.array([forward * c - sideways * s, forward * s + sideways * c, 0.1, 0.3, spin, 0.1])
     joint = w.joints[0]
     v[:3] -= np.cross(v[3:], R @ (dense.vector(tyre.centre) - dense.vector(joint.at)))
     at = Instant(q=q, v=v)
     none = np.zeros(0)
     assert_agree(blocks.solve(at, none, SOFT), dense.solve(at, none, SOFT), SOFT)
+
+
+def wheel_with(**where: Any) -> Wheel:
+    """A wheel all of whose motion has a share in its forces."""
+    x = {name: variable(name) for name in ("deflection", "deflection_rate", "loaded_radius", "vx", "vy", "spin", "camber", "turn")}
+    rolls = x["vx"] - x["loaded_radius"] * x["spin"]
+    force = (5 * x["turn"] - 300 * rolls, -900 * x["vy"] - 2000 * x["camber"], 220000 * x["deflection"] + 900 * x["deflection_rate"])
+    moment = (30 * x["camber"] + 3 * x["turn"], -2 * x["spin"], -15 * x["vy"] + 3 * x["turn"])
+    return Wheel(free_radius=sympy.Float(0.364), force=force, moment=moment, **where)
+
+
+@pytest.mark.parametrize("road", ["flat", "slope"])
+@pytest.mark.parametrize("wheel", WHEELS)
+def test_wheel(wheel: str, road: str) -> None:
+    compare_on_road(wheel_with, WHEELS[wheel], Slope() if road == "slope" else Flat(), spin=14.0)
 
 
 # Models of the repository

@@ -35,10 +35,11 @@ from cutjoint.model.records import (
     PointSpring,
     Scene,
     Tyre,
+    Wheel,
 )
 from cutjoint.topology.records import Topology, TreeJoint
 from tests.oracles.joints import BALLS, ROWS, SCALARS, VECTORS, apply, quaternion_product, relative_motion, residual, vector_of
-from tests.oracles.tyre import Flat, road_normal, tyre_contact
+from tests.oracles.tyre import Flat, road_normal, tyre_contact, wheel_distance
 
 #: Imaginary step of the complex-step derivative: its square is lost against one.
 TINY = 1e-30
@@ -305,6 +306,8 @@ class DenseMechanism:
                 Q += self._load(force, at, motion)
             elif isinstance(force, JointForce):
                 Q += self._joint_force(force, at)
+            elif isinstance(force, Wheel):
+                Q += self._wheel(force, at, motion)
             else:
                 Q += self._tyre(force, motion)
         return Q
@@ -397,6 +400,32 @@ class DenseMechanism:
         rolling = velocity @ np.cross(axis, road_normal(place, road)) / np.linalg.norm(np.cross(axis, road_normal(place, road)))
         gyroscopic = -np.cross(omega, c["spin_inertia"] * rolling / c["radius"] * axis)
         return force @ J + (moment + gyroscopic) @ turning
+
+    def _wheel(self, wheel: Wheel, at: Instant, motion: Motion) -> Array:
+        """The virtual power of the road's force on the material point at the contact, and of its moment."""
+        turning, omega = motion.spin(wheel.body)[:2]
+        place, _, velocity, _ = motion.point(wheel.body, self.vector(wheel.centre))
+        axis = motion.R[wheel.body] @ self.vector(wheel.axis)
+        road = self.roads.get(wheel.name, Flat())
+        n, radius = road_normal(place, road), self.number(wheel.free_radius)
+        distance = wheel_distance(place, axis, road)
+        step = 1e-6
+        later = [wheel_distance(place + h * velocity, axis + h * np.cross(omega, axis), road) for h in (step, -step)]
+        ahead = np.cross(axis, n) / np.linalg.norm(np.cross(axis, n))
+        left, up = np.cross(n, ahead), np.cross(ahead, axis)
+        contact = place - distance * up
+        _, J, material, _ = motion.point(wheel.body, motion.R[wheel.body].T @ (contact - motion.p[wheel.body]))
+        spin = omega @ axis
+        values = {
+            "deflection": radius - distance, "deflection_rate": (later[1] - later[0]) / (2 * step), "loaded_radius": distance,
+            "vx": velocity @ ahead, "vy": material @ left, "spin": spin, "camber": np.arcsin(n @ axis), "turn": n @ (omega - spin * axis),
+        }  # fmt: skip
+        names = " ".join(values)
+        force, moment = (
+            sum(self.law(c, names, tuple(values.values()), at.t) * e for c, e in zip(parts, (ahead, left, n), strict=True))
+            for parts in (wheel.force, wheel.moment)
+        )
+        return (force @ J + moment @ turning) * (values["deflection"] > 0)
 
     # Closures
 

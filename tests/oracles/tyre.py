@@ -27,6 +27,14 @@ def road_normal(centre: Array, road: Flat) -> Array:
     return np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
 
 
+def wheel_distance(centre: Array, axis: Array, road: Flat) -> float:
+    """The way from a wheel's centre to the road's plane under it, along the line in the wheel's plane that crosses the road's contours."""
+    n = road_normal(centre, road)
+    down = n - (n @ axis) * axis
+    down /= np.linalg.norm(down)
+    return float((centre[2] - road.height(centre[0], centre[1])) * n[2] / (n @ down))
+
+
 def tyre_contact(c: Mapping[str, float], centre: Array, velocity: Array, axis: Array, road: Flat) -> tuple[Array, Array, Array]:
     """Contact point, force and moment of the road on a wheel with a point contact below its centre.
 

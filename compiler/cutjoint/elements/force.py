@@ -5,7 +5,7 @@ Expressions come in by the builders of `Reader` and `Mirror`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any, ClassVar, Protocol, Self
@@ -144,6 +144,9 @@ class Mirror(Protocol):
 
     def law(self, expression: Scalar) -> Scalar:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it."""
+
+    def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
+        """An expression whose variables of some names count the other way."""
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
         """A law over ``position`` and ``rate``, which with its force count the other way where ``sign`` is -1."""

@@ -144,16 +144,22 @@ class Instance(Part):
     use: StrictStr
     connect: dict[StrictStr, StrictStr] = Field(default={})
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
+    properties: dict[StrictStr, Number] = Field(default={})
     mirror: Literal["x", "y", "z"] | None = None
     binding: Literal["param"] | None = None
 
 
 class Submodel(Elements):
-    """Elements to be used several times, or ``include``, the file that has them instead."""
+    """Elements to be used several times, or ``include``, the file that has them instead.
+
+    ``defaults`` are parameters that instances may leave out, ``accepts`` has keys of their properties with the values that it is made for.
+    """
 
     include: StrictStr | None = None
     connectors: tuple[Name, ...] = ()
     parameters: tuple[ParameterName, ...] = ()
+    defaults: dict[ParameterName, Number] = Field(default={})
+    accepts: dict[StrictStr, tuple[StrictInt, ...]] = Field(default={})
     submodels: dict[Name, Submodel] = Field(default={})
     instances: dict[Name, Instance] = Field(default={})
 

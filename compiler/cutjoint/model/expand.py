@@ -6,12 +6,13 @@ twice where one does: first to see which there are, then with the names of their
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from glob import escape
 from itertools import chain
 
+from cutjoint.methods import join_or
 from cutjoint.model import document
 from cutjoint.model.dependencies import check_loops
 from cutjoint.model.elements import Elements, read_elements
@@ -153,7 +154,7 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     """The scope of an instance's elements; they see the names of what is ``around`` their submodel."""
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
-    arguments = _arguments(where, instance, use.submodel)
+    arguments = _arguments(where, use, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
     inner = replace(
         around,
@@ -167,14 +168,39 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     return replace(inner, own=_own(inner, use.submodel))
 
 
-def _arguments(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, Term]:
-    """The values that the instance gives to the submodel's parameters."""
-    _match_keys(where, "with", instance.with_, submodel.parameters, "parameter", instance.use)
+def _arguments(where: Element, use: Use, submodel: document.Submodel) -> dict[str, Term]:
+    """The values that the instance, its properties or the submodel give to the submodel's parameters."""
+    instance = use.instance
+    known = (*submodel.parameters, *submodel.defaults)
+    properties = {name: value for name, value in instance.properties.items() if name in known and name not in instance.with_}
+    _match_keys(where, "with", instance.with_, known, "parameter", instance.use, needed=submodel.parameters, others=properties)
+    _check_accepted(where, instance, submodel)
     if instance.binding is not None:
         where.scope.opening.patterns.append(f"{escape(where.name)}.*")
-    terms = {name: where.term(value, ("with", name), where.scope.reading()) for name, value in instance.with_.items()}
-    given = {name: where.opened(term, None, ("with", name), is_argument=True) for name, term in terms.items()}
-    return {name: given.get(name, FAILED_TERM) for name in submodel.parameters}
+    values = {("with", name): value for name, value in instance.with_.items()}
+    values |= {("properties", name): value for name, value in properties.items()}
+    terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
+    given = {keys[1]: where.opened(term, None, keys, is_argument=True) for keys, term in terms.items()}
+    return {name: given.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, given)
+
+
+def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[str, Term]:
+    """The parameters that have defaults: numbers, or expressions over the parameters without."""
+    assert use.submodel is not None
+    inner = replace(where, path=use.at, label=f"submodel '{use.at[-1]}'")
+    return {
+        name: given[name] if name in given else inner.term(value, ("defaults", name), given)
+        for name, value in use.submodel.defaults.items()
+    }
+
+
+def _check_accepted(where: Element, instance: document.Instance, submodel: document.Submodel) -> None:
+    """Note properties of another kind than the submodel is made for."""
+    for key, accepted in submodel.accepts.items():
+        value = instance.properties.get(key)
+        if value is not None and value not in accepted:
+            message = f"{key} is {value:g}, and the submodel '{instance.use}' is made for {join_or(map(str, accepted))}"
+            where.fail(message, "use another submodel, or another file", ("properties", key), at_key=True)
 
 
 def _connectors(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, str]:
@@ -184,10 +210,14 @@ def _connectors(where: Element, instance: document.Instance, submodel: document.
     return {name: given.get(name, UNKNOWN) for name in submodel.connectors}
 
 
-def _match_keys(where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str) -> None:
+def _match_keys(
+    where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str, *,
+    needed: tuple[str, ...] | None = None, others: Collection[str] = (),
+) -> None:  # fmt: skip
+    """Note what is given and not ``wanted``, and what is ``needed`` (by default all of it) and not given, nor among ``others``."""
     for name in (name for name in given if name not in wanted):
         hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)
-    missing = [name for name in wanted if name not in given]
+    missing = [name for name in (wanted if needed is None else needed) if name not in given and name not in others]
     if missing:
         where.fail(f"{field} lacks {', '.join(missing)}", f"the submodel '{submodel}' needs all its {what}s")

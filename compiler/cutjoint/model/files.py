@@ -1,4 +1,4 @@
-"""Files that a model file names, put into its data: tables and points (CSV), and submodels (YAML).
+"""Files that a model file names, put into its data: tables and points (CSV), submodels (YAML), and properties of tyres.
 
 Later steps see one document.  Values keep the places that they have in their own files.  A file is below the folder of the model file,
 links followed, or it is one of the package's ``library``.
@@ -14,6 +14,7 @@ from cutjoint.model.csv_table import Column, Csv, read_csv
 from cutjoint.model.errors import ModelError, Problem, Problems, nearest
 from cutjoint.model.grids import as_lists
 from cutjoint.model.names import name_problem
+from cutjoint.model.property_file import read_properties
 from cutjoint.model.records import Span
 from cutjoint.model.shape import element_of
 from cutjoint.model.source import MAX_EXPANDED, Source, parse_yaml, read_text
@@ -24,7 +25,7 @@ from cutjoint.package.locations import library_folder
 #: The prefix of the package's submodels, and that of their files in messages.
 LIBRARY, SHIPPED = "library/", "<library>/"
 #: The keys that name files.
-_NAMING = ("file", "include")
+_NAMING = ("file", "include", "properties")
 #: Files that a model may name.
 MAX_FILES = 200
 
@@ -97,6 +98,8 @@ class _Files:
                         source = self._with_table(source, keys[:-1], _require_text(name), place)
                     case (*_, "points", "file") if _is_in_submodels(keys[:-2]) and name and name_problem(name.text):
                         source = self._with_points(source, keys[:-1], name, place)
+                    case (*_, "instances", str(), "properties") if _is_in_submodels(keys[:-3]) and name:
+                        source = self._with_properties(source, keys, name, place)
             except _Fault as fault:
                 self.problems.add(span, label, *map(str, fault.args))
             except ModelError as error:
@@ -200,6 +203,18 @@ class _Files:
             self._tables[path] = read_csv(self.texts[shown], shown, name.element, texts)
         return self._tables[path]
 
+    # Properties
+
+    def _with_properties(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
+        if not name.text.lower().endswith(".tir"):
+            raise _Fault(f"the file '{name.text}' has no properties of a tyre", "name a .tir file, or write {KEY: number}")
+        path, shown = self._find(name, place)
+        if shown not in self.texts:
+            self._open(path, shown, encoding="latin-1")
+        found = read_properties(self.texts[shown], shown, name.element)
+        values, names = ({(key,): places[which] for key, places in found.places.items()} for which in (1, 0))
+        return self._spliced(source, keys, dict(found.values), Source(shown, {}, values, names))
+
     # Files
 
     def _find(self, name: _Name, place: _Place) -> tuple[Path, str]:
@@ -222,11 +237,11 @@ class _Files:
             raise _Fault(f"'{name.text}' is no file", "name another")
         return path, place.prefix + name.text
 
-    def _open(self, path: Path, shown: str) -> None:
+    def _open(self, path: Path, shown: str, encoding: str = "utf-8") -> None:
         if len(self.texts) >= MAX_FILES:
             raise _Fault(f"the model names more than {MAX_FILES} files", "use fewer")
         try:
-            self.texts[shown] = read_text(path)
+            self.texts[shown] = read_text(path, encoding)
         except ModelError as error:
             raise ModelError([replace(problem, span=replace(problem.span, file=shown)) for problem in error.problems]) from None
 

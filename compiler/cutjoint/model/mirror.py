@@ -6,7 +6,7 @@ so that a positive angle of the image is the image of a positive angle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
@@ -40,7 +40,11 @@ class Mirror:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities turn over as rotations do."""
         axis = "xyz"[self.signs.index(-1)]
         turned = (axis, f"v{axis}", *(f"w{other}" for other in "xyz" if other != axis))
-        return expression.xreplace({variable(name): -variable(name) for name in turned})
+        return self.opposite(expression, turned)
+
+    def opposite(self, expression: Scalar, names: Sequence[str]) -> Scalar:
+        """An expression whose variables of some names count the other way."""
+        return expression.xreplace({variable(name): -variable(name) for name in names})
 
     def reflected(self, law: Scalar, sign: int) -> Scalar:
         """The law in the mirror, see `reflected_law`."""

@@ -20,6 +20,7 @@ from cutjoint.elements.forces import Bushing as Bushing
 from cutjoint.elements.forces import JointForce as JointForce
 from cutjoint.elements.forces import PointSpring as PointSpring
 from cutjoint.elements.forces import Tyre as Tyre
+from cutjoint.elements.forces import Wheel as Wheel
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
 from cutjoint.elements.kinds import JointKind as JointKind

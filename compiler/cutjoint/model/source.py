@@ -93,8 +93,8 @@ for _name, _pattern, _first in (
     _Loader.add_implicit_resolver(_TAG + _name, re.compile(rf"^(?:{_pattern})$"), list(_first))
 
 
-def read_text(path: pathlib.Path) -> str:
-    """The text of a file.  Raises ModelError when it cannot be read, is too large or is not UTF-8."""
+def read_text(path: pathlib.Path, encoding: str = "utf-8") -> str:
+    """The text of a file, in UTF-8 or else in ``encoding``.  Raises ModelError when it cannot be read, is too large or is in none of them."""
     start = Span(file=str(path), line=1, column=1)
     try:
         with path.open("rb") as stream:
@@ -106,6 +106,8 @@ def read_text(path: pathlib.Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if encoding != "utf-8":
+            return content.decode(encoding)
         line = content.count(b"\n", 0, error.start) + 1
         raise _error(Span(file=str(path), line=line, column=1), "the file is not UTF-8 text") from None
 

@@ -41,7 +41,8 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
             (parameter, "parameter", source.value_span((*path, "parameters", index)))
             for index, parameter in enumerate(submodel.parameters)
         ]
-        _check_unique(problems, arguments)
+        defaults = [(name, "parameter", source.key_span((*path, "defaults", name))) for name in submodel.defaults]
+        _check_unique(problems, [*arguments, *defaults])
 
 
 def check_submodels(source: Source, problems: Problems, model: document.Document) -> None:
@@ -49,11 +50,12 @@ def check_submodels(source: Source, problems: Problems, model: document.Document
     for level in find_submodels(model):
         submodel, path = level.part, level.path
         assert isinstance(submodel, document.Submodel)
-        sections = {key: part for key, part in source.part(path).items() if key not in ("connectors", "parameters", "outputs")}
+        sections = {key: part for key, part in source.part(path).items() if key not in ("connectors", "parameters", "outputs", "accepts")}
         used = frozenset().union(*map(symbols_of, _texts(sections)))
-        for index, parameter in enumerate(submodel.parameters):
+        places = {name: source.value_span((*path, "parameters", index)) for index, name in enumerate(submodel.parameters)}
+        places |= {name: source.key_span((*path, "defaults", name)) for name in submodel.defaults}
+        for parameter, span in places.items():
             if parameter not in used:
-                span = source.value_span((*path, "parameters", index))
                 message = f"nothing in it uses the parameter '{parameter}'"
                 problems.add(span, f"submodel '{path[-1]}'", message, "remove it here and in its instances, or use it")
 

@@ -31,6 +31,7 @@ from cutjoint.elements.interaction import (
 )
 
 if TYPE_CHECKING:
+    from cutjoint.elements.forces.on_road import OnRoad
     from cutjoint.elements.forces.tyre import Tyre
     from cutjoint.elements.terms import Scalar
     from cutjoint.program.blocks import Block, Builder
@@ -110,10 +111,14 @@ _GROUND = (
 )
 
 
-def _ground(tyre: Tyre) -> tuple[tuple[str, Scalar], ...]:
+def explain_ground(wheel: OnRoad) -> tuple[tuple[str, Scalar], ...]:
     """The ground under a wheel, by words."""
-    named = {"ground height": tyre.ground_height, "ground slope": tyre.ground_slope, "bank b": tyre.ground_bank, "friction": tyre.friction}
-    return tuple((name, value) for name, value in named.items() if value is not None)
+    words = {"ground_height": "ground height", "ground_slope": "ground slope", "ground_bank": "bank b"}
+    return tuple((words[name], value) for name, value in wheel.ground.items())
+
+
+def _ground(tyre: Tyre) -> tuple[tuple[str, Scalar], ...]:
+    return (*explain_ground(tyre), *(() if tyre.friction is None else (("friction", tyre.friction),)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,33 +131,61 @@ class Contact:
     quantities: dict[str, Block]
 
 
-def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> Contact:
-    """The contact of one wheel, by the motions of its centre and axis."""
-    b, (place, velocity), (axis, axis_rate) = m.b, (centre.x, centre.v), (wheel_axis.x, wheel_axis.v)
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """The road under a wheel: its normal n with the vertical component ``n_z``, the rolling direction ``e_x`` and the lateral one ``e_y`` in
+    its plane, ``e_z`` in the wheel's plane up from it, the wheel's ``axis``, and the centre's vertical ``clearance`` (m)."""
+
+    n: Block
+    n_z: Block
+    e_x: Block
+    e_y: Block
+    e_z: Block
+    axis: Block
+    clearance: Block
+
+    def camber(self, b: Builder) -> Block:
+        """The inclination of the wheel against the road, rad, positive where its top leans to the right."""
+        return b.call("atan", b.call("div", b.dot(self.n, self.axis), b.dot(self.n, self.e_z)))
+
+    def distance(self, b: Builder) -> Block:
+        """The way from the road to the centre along ``e_z``, m."""
+        return b.call("div", b.mul(self.clearance, self.n_z), b.dot(self.n, self.e_z))
+
+
+def meet_road(m: Mechanics, wheel: OnRoad, centre: Motion, wheel_axis: Motion) -> Ground:
+    """The road under the centre of a wheel, that of the scene with the wheel's own."""
+    b, place, axis = m.b, centre.x, wheel_axis.x
     x, y, z = (b.element(place, i) for i in range(3))
-    slope = _with(m, b.add, b.call("road_slope", x, y, table=tyre.name), tyre.ground_slope)
-    clearance = b.sub(z, _with(m, b.add, b.call("road_height", x, y, table=tyre.name), tyre.ground_height))
+    slope = _with(m, b.add, b.call("road_slope", x, y, table=wheel.name), wheel.ground_slope)
+    clearance = b.sub(z, _with(m, b.add, b.call("road_height", x, y, table=wheel.name), wheel.ground_height))
     steep = b.add(b.number(1.0), b.mul(slope, slope))
-    bank = None if tyre.ground_bank is None else m.scalar(tyre.ground_bank, {})
+    bank = None if wheel.ground_bank is None else m.scalar(wheel.ground_bank, {})
     n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
-    e_y, e_z = b.cross(n, e_x), b.cross(e_x, axis)
+    return Ground(n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance)
+
+
+def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> Contact:
+    """The contact of one wheel, by the motions of its centre and axis."""
+    b, velocity, axis_rate = m.b, centre.v, wheel_axis.v
+    road = meet_road(m, tyre, centre, wheel_axis)
+    n, n_z, e_x, e_y, e_z = road.n, road.n_z, road.e_x, road.e_y, road.e_z
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
     constants["SN"] = _with(m, b.mul, constants["SN"], tyre.friction)
-    deflection = b.sub(constants["radius"], clearance)
+    deflection = b.sub(constants["radius"], road.clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
     rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
     moves = b.call("lt", b.number(STANDING), rolling)
     slip = b.call("where", moves, b.call("atan", b.call("div", drift, rolling)), b.zero(1))
-    camber = b.call("atan", b.call("div", b.dot(n, axis), b.dot(n, e_z)))
+    camber = road.camber(b)
     side, aligning = calspan(b, constants, load, slip, camber) if tyre.lateral else (b.zero(1), b.zero(1))
     side, aligning = (b.call("where", moves, value, b.zero(1)) for value in (side, aligning))
     momentum = b.mul(constants["spin_inertia"], b.call("div", rolling, constants["radius"]))
-    height = b.mul(clearance, n_z)
-    rolling_arm = b.scale(b.call("div", height, b.dot(n, e_z)), e_z)
-    standing_arm = b.scale(height, n)
+    rolling_arm = b.scale(road.distance(b), e_z)
+    standing_arm = b.scale(b.mul(road.clearance, n_z), n)
     return Contact(
         arm=b.neg(_choose(b, moves, rolling_arm, standing_arm)),
         force=b.add(b.scale(load, n), b.scale(side, e_y)),

@@ -1,0 +1,88 @@
+"""A wheel that turns, on the road, with forces and moments by expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import ForceElement, ForceField, Law, Mirror, Reader, Shape
+from cutjoint.elements.forces.on_road import OnRoad, ground_fields, read_ground
+from cutjoint.elements.interaction import Axis, Carrier, Point
+from cutjoint.elements.interactions import RollingContact
+from cutjoint.elements.terms import Scalar, Vector
+
+#: The motion of the contact, with units.
+_MOTION = {
+    "deflection": "m", "deflection_rate": "m/s", "loaded_radius": "m", "vx": "m/s", "vy": "m/s", "spin": "rad/s", "camber": "rad",
+    "turn": "rad/s",
+}  # fmt: skip
+_FORCE, _MOMENT = Law(_MOTION, "N"), Law(_MOTION, "N*m")
+
+#: The motion that counts the other way on the other side of a vehicle.
+_SIDEWAYS = ("vy", "camber", "turn")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel(OnRoad):
+    """A wheel that turns with its body, on the road.
+
+    ``force`` (N) and ``moment`` (N m) are three expressions each: along the rolling direction, to the left in the road's plane, and along
+    the road's normal.  They act on the body where the wheel's plane meets the road, as far as the wheel touches it.  Their variables are the
+    ``deflection`` (m) in the wheel's plane with its rate, ``loaded_radius`` (m), ``vx`` (m/s) of the centre along the rolling direction,
+    ``vy`` (m/s) of the contact to the left, ``spin`` (rad/s) about the axis, ``camber`` (rad, the top leaning to the right), and ``turn``
+    (rad/s) about the normal.  ``free_radius`` is in m.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind="wheel",
+        text="A wheel that turns, on the road, with forces and moments by expressions.",
+        fields=(
+            ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),
+            ForceField("axis", Shape.DIRECTION, words=" (to the left when rolling forward)"), ForceField("radius", Shape.NUMBER, unit="m"),
+            ForceField("force", Shape.TRIPLE), ForceField("moment", Shape.TRIPLE, None), ForceField("let", Shape.NAMES, {}),
+            *ground_fields(),
+        ),
+        interaction=RollingContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
+        laws=("force", "moment"),
+        forms=(_FORCE, _MOMENT),
+        quantities={**dict.fromkeys(("Fx", "Fy", "Fz"), "N"), **dict.fromkeys(("Mx", "My", "Mz"), "N*m"), **_MOTION},
+    )  # fmt: skip
+
+    free_radius: Scalar
+    force: Vector
+    moment: Vector
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        turns = reader.given("moment") is not None
+        return cls(
+            **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
+            free_radius=reader.number("radius", unit="m"), force=reader.triple("force", _FORCE, let="let"),
+            moment=reader.triple("moment", _MOMENT, let="let") if turns else (0, 0, 0), **read_ground(reader),
+        )  # fmt: skip
+
+    @property
+    def radius(self) -> Scalar:
+        """The radius of the wheel, m."""
+        return self.free_radius
+
+    @property
+    def expressions(self) -> tuple[Scalar, ...]:
+        """The components, and the ground under the wheel."""
+        return (*super().expressions, *self.ground.values())
+
+    @property
+    def measured(self) -> frozenset[str]:
+        """The motion of the contact, unless it has a ground of its own: that may read other elements."""
+        return frozenset() if self.ground else frozenset(_MOTION)
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """The image of the wheel, whose sideways motion and forces count the other way."""
+        (fx, fy, fz), (mx, my, mz) = (tuple(mirror.opposite(part, _SIDEWAYS) for part in parts) for parts in (self.force, self.moment))
+        return replace(super().mirrored(mirror, signs), force=(fx, -fy, fz), moment=(-mx, my, -mz))
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """The sign of a quantity in the wheel's image: -1 of sideways quantities."""
+        return -1 if quantity in (*_SIDEWAYS, "Fy", "Mx", "Mz") else 1

@@ -1,0 +1,110 @@
+"""A wheel that turns, on the road: the motion of its contact, and forces and moments there by expressions.
+
+The road is met under the wheel centre, as in `road_contact`.  With the wheel's axis y, the road's normal n and the distance l from the
+centre c to the road in the wheel's plane::
+
+    deflection = R - l            deflection' = -(n . v + l (n . y) (n . y') / c_e) / c_e,   c_e = n . e_z
+    vx = e_x . v                  vy = e_y . (v - l w x e_z)
+    spin = y . w                  turn = n . (w - spin y)
+
+The rate of the deflection is that on a plane road.  Forces act where l ends, and only where the deflection is positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from cutjoint.elements.interaction import Arrow, Axis, Explanation, Interaction, Look, Mechanics, Page, Point, Sight, Wheel, gets
+from cutjoint.elements.interactions.road_contact import Ground, explain_ground, meet_road
+
+if TYPE_CHECKING:
+    from cutjoint.elements import forces
+    from cutjoint.program.blocks import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollingContact(Interaction):
+    """A wheel on the road whose body turns with it."""
+
+    centre: Point
+    axis: Axis
+    needs_attitude: ClassVar[bool] = True
+    has_road: ClassVar[bool] = True
+    equation: ClassVar[str] = "forces and moments of the contact by its motion, where the wheel's plane meets the road"
+
+    def act(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:
+        """The road pushes the wheel at the contact and turns it."""
+        b, (road, values) = m.b, self._contact(force, m)
+        touches = b.call("lt", b.zero(1), values["deflection"])
+        components = [
+            b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in (*force.force, *force.moment)
+        ]  # fmt: skip
+        directions = (road.e_x, road.e_y, road.n)
+        push, turn = (b.total([b.scale(x, e) for x, e in zip(part, directions, strict=True)]) for part in (components[:3], components[3:]))
+        m.push_beside(self.centre, b.neg(b.scale(values["loaded_radius"], road.e_z)), push, turn)
+        return dict(zip(("Fx", "Fy", "Fz", "Mx", "My", "Mz"), components, strict=True)) | values
+
+    def values(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:
+        """The motion of the contact."""
+        return self._contact(force, m)[1]
+
+    def _contact(self, force: forces.Wheel, m: Mechanics) -> tuple[Ground, dict[str, Block]]:
+        b, centre, axis, w = m.b, m.point(self.centre), m.direction(self.axis), m.spin(self.centre.carrier)
+        road = meet_road(m, force, centre, axis)
+        n, y, distance = road.n, road.axis, road.distance(b)
+        upright, lean, spin = b.dot(n, road.e_z), b.dot(n, y), b.dot(y, w)
+        sinking = b.add(b.dot(n, centre.v), b.call("div", b.mul(distance, b.mul(lean, b.dot(n, axis.v))), upright))
+        return road, {
+            "deflection": b.sub(m.scalar(force.free_radius, {}), distance),
+            "deflection_rate": b.neg(b.call("div", sinking, upright)),
+            "loaded_radius": distance,
+            "vx": b.dot(road.e_x, centre.v),
+            "vy": b.dot(road.e_y, b.sub(centre.v, b.scale(distance, b.cross(w, road.e_z)))),
+            "spin": spin,
+            "camber": road.camber(b),
+            "turn": b.sub(b.dot(n, w), b.mul(spin, lean)),
+        }
+
+    def explain(self, force: forces.Wheel, page: Page) -> Explanation:
+        """The motion of the contact, and the components over it."""
+        named = ((name, page.number(value)) for name, value in (("radius R", force.free_radius), *explain_ground(force)))
+        return Explanation(
+            notes=(_NOTES, *page.either((), ("$c$ is the wheel centre.",))),
+            actions=(*_CONTACT, page.either(_WRENCH, _ON_POINTS)),
+            laws=(*page.vector("F", force.force, {}), *page.vector("M", force.moment, {})),
+            constants=tuple(named),
+        )
+
+    def looks(self) -> tuple[Look, ...]:
+        """A wheel."""
+        return (Wheel(self.centre, self.axis),)
+
+    def arrow(self, force: forces.Wheel, sight: Sight) -> Arrow:
+        """The load on the wheel, from the road under its centre."""
+        return sight.lift(self.centre, force.radius, "Fz")
+
+
+_CONTACT = (
+    r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
+    r" e_y = n \times e_x, \quad e_z = e_x \times y",
+    r"l = (z - h) n_z / (n \cdot e_z), \quad \delta = R - l, \quad \dot \delta = -(n \cdot v + l (n \cdot y) (n \cdot \dot y) / (n \cdot e_z))"
+    r" / (n \cdot e_z)",
+    r"v_x = e_x \cdot v, \quad v_y = e_y \cdot (v - l \omega \times e_z), \quad \Omega = y \cdot \omega, \quad"
+    r" \gamma = \text{atan} (n \cdot y / n \cdot e_z), \quad \dot \psi = n \cdot (\omega - \Omega y)",
+)
+
+_WRENCH = (
+    r"Q \leftarrow Q + \begin{bmatrix} F \cr p \times F + M \end{bmatrix}, \quad F = F_1 e_x + F_2 e_y + F_3 n, \quad"
+    r" M = M_1 e_x + M_2 e_y + M_3 n"
+)
+
+_ON_POINTS = r", \quad ".join((
+    "F = F_1 e_x + F_2 e_y + F_3 n", "M = M_1 e_x + M_2 e_y + M_3 n", r"T = (p - c) \times F + M", gets("c", "+", "F"),
+    gets("e_i", "+", r"T \times e_i / 2"),
+))  # fmt: skip
+
+_NOTES = (
+    "$y$ is the wheel axis, $v$ the velocity of the wheel centre, $z$ its height, $h$ and $h'$ height and slope of the road below it, "
+    r"$\omega$ the wheel's angular velocity; the forces act at $p = c - l e_z$, where $\delta \gt 0$."
+)
