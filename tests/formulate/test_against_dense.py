@@ -187,7 +187,7 @@ def test_tyre(wheel: str, road: str) -> None:
 
 
 def compare_on_road(make: Callable[..., Tyre | Wheel], motion: tuple[float, ...], surface: Flat, spin: float = -0.2) -> None:
-    """A free body with a wheel of radius 0.364 m: ``motion`` as above, ``spin`` (rad/s) about the wheel's axis if it is upright and straight."""
+    """A free body with a wheel of radius 0.364 m: ``motion`` as above, ``spin`` (rad/s) about the axis of an upright, straight wheel."""
     deflection, forward, sideways, yaw, camber = motion
     w = workshop(0, "tyre")
     w.grow(GROUND, K.FREE, is_reversed=False)

@@ -101,11 +101,11 @@ def cayley(theta: Array) -> Array:
     return np.linalg.solve(np.eye(3) - half, np.eye(3) + half)
 
 
-def state(system: System, seed: int) -> dict[str, Array]:
+def state(system: System, seed: int, moves: float = 0.3) -> dict[str, Array]:
     rng = np.random.default_rng(seed)
     return {
-        "q": moved(system, design_coordinates(system.equations.start), 0.3 * rng.standard_normal(system.n)),
-        "delta": 0.3 * rng.standard_normal(system.n), "v": rng.standard_normal(system.n), "vdot": rng.standard_normal(system.n),
+        "q": moved(system, design_coordinates(system.equations.start), moves * rng.standard_normal(system.n)),
+        "delta": moves * rng.standard_normal(system.n), "v": rng.standard_normal(system.n), "vdot": rng.standard_normal(system.n),
         "lambda": 10 * rng.standard_normal(system.m),
     }  # fmt: skip
 
@@ -126,9 +126,9 @@ def differences(system: System, at: dict[str, Array]) -> Array:
     return np.array(columns).T
 
 
-def verify_tangent(system: System, seed: int) -> int:
-    """The number of directions compared."""
-    at = state(system, seed)
+def verify_tangent(system: System, seed: int, moves: float = 0.3) -> int:
+    """The number of directions compared, where coordinates are about so far from the design."""
+    at = state(system, seed, moves)
     pose = moved(system, at["q"], at["delta"])
     found = system.tangent(
         q=pose, v=at["v"], vdot=at["vdot"], weights=np.array([DAMPING, STIFFNESS, 0.0]),

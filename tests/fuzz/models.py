@@ -204,6 +204,7 @@ ODD_VALUES: tuple[Any, ...] = (
 _REPORTS = {
     "point_spring": ("force", "length", "rate"), "axial_force": ("travel", "force"), "load": ("Fx",), "bushing": ("dx", "My"),
     "joint_force": ("force", "stiffness"), "tyre": ("Fz", "slip"),
+    "wheel": ("Fx", "spin"),
 }  # fmt: skip
 
 
@@ -362,6 +363,16 @@ class Maker:
             "calspan": constants,
         }
 
+    def wheel(self) -> Node:
+        """A wheel that turns, whose forces may be of any expression over its contact."""
+        force = ["-100*(vx - 0.3*spin)", "-100*vy", "max(0, 1e4*deflection - 10*deflection_rate)"]
+        moments = (None, [0, "-turn", "-camber*size"], [0, 0, "near"])
+        return {
+            "kind": "wheel", "body": self.rng.choice(self.bodies), "centre": [0, 0, 0.3], "axis": self.rng.choice(([0, 1, 0], "y")),
+            "radius": 0.31, "force": force, "moment": self.rng.choice(moments) or [0, 0, 0], "let": {"near": "loaded_radius*drive"},
+            **({"ground_height": "0.01*sin(t)"} if self.chance(0.3) else {}),
+        }  # fmt: skip
+
     def submodel(self) -> Node:
         return {
             "connectors": ["base"],
@@ -392,6 +403,8 @@ class Maker:
         forces = {self.name("force"): self.force([] if loops else trees) for _ in range(rng.choice((0, 1, 1, 2, 4)))}
         if self.chance(0.2):
             forces[self.name("tyre")] = self.tyre()
+        if self.chance(0.2):
+            forces[self.name("wheel")] = self.wheel()
         cuts = [n for n, j in self.joints.items() if j.get("cut")]
         made: Node = {
             "cutjoint": 1,

@@ -251,10 +251,11 @@ class Ring:
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel that rolls on the road."""
+    """A wheel on the road; ``turns`` where it turns with its body, else it is drawn as if it rolled."""
 
     at: Point
     axis: Axis
+    turns: bool = False
 
 
 Look: TypeAlias = Coil | Ring | Wheel

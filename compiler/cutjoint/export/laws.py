@@ -14,7 +14,7 @@ from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.quantities import reading_elements
-from cutjoint.model.records import Binding, FirstOrderState, Model, Scalar, Scene, Signal
+from cutjoint.model.records import Binding, FirstOrderState, Force, Model, Scalar, Scene, Signal, Wheel
 from cutjoint.run.run_file import given_inputs, parameter_values
 
 #: Components in the global frame.
@@ -64,11 +64,15 @@ def require_mechanics_alone(model: Model) -> None:
     message = "only cutjoint has states, controllers and laws that read quantities"
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
-        Problem(span=f.span, element=f"'{f.name}'", message="only cutjoint has a ground of a wheel's own", hint="leave it out")
+        Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_wheel_words(f)}", hint="leave it out")
         for f in model.forces if f.has_road and f.expressions and f not in found
     ]  # fmt: skip
     if problems:
         raise ModelError(problems)
+
+
+def _wheel_words(force: Force) -> str:
+    return "wheels that turn" if isinstance(force, Wheel) else "a ground of a wheel's own"
 
 
 _LARGEST_POWER = 12

@@ -220,4 +220,5 @@ def _match_keys(
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)
     missing = [name for name in (wanted if needed is None else needed) if name not in given and name not in others]
     if missing:
-        where.fail(f"{field} lacks {', '.join(missing)}", f"the submodel '{submodel}' needs all its {what}s")
+        lacking = f"{field} and properties lack" if others else f"{field} lacks"
+        where.fail(f"{lacking} {', '.join(missing)}", f"the submodel '{submodel}' needs all its {what}s")

@@ -212,7 +212,8 @@ class _Files:
         if shown not in self.texts:
             self._open(path, shown, encoding="latin-1")
         found = read_properties(self.texts[shown], shown, name.element)
-        values, names = ({(key,): places[which] for key, places in found.places.items()} for which in (1, 0))
+        names: dict[Keys, Span] = {(key,): place for key, (place, _) in found.places.items()}
+        values: dict[Keys, Span] = {(key,): place for key, (_, place) in found.places.items()}
         return self._spliced(source, keys, dict(found.values), Source(shown, {}, values, names))
 
     # Files

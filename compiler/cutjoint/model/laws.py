@@ -188,6 +188,9 @@ class _Law:
         if isinstance(first, Quantity) and dimension not in (None, first.dimension):
             self.element.fail(f"{field_name(keys)} needs {described(dimension)}, got {described(first.dimension)}", "", keys)
             return [math.nan] * len(numbers)
+        for index in (index for index, number in enumerate(numbers) if isinstance(number, tuple)):
+            self.element.fail("a list stands where a table of one variable has a number", "give one value for each", (*keys, index))
+            return [math.nan] * len(numbers)
         return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
 
     def is_curve(self, of: str, x: list[float], y: list[float], keys: Path) -> bool:

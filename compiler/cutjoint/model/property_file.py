@@ -33,28 +33,32 @@ _UNITS: Mapping[str, Mapping[str, float]] = {
         **dict.fromkeys(("kg", "kilogram"), 1.0), **dict.fromkeys(("gram", "g"), 1e-3), **dict.fromkeys(("tonne", "megagram"), 1e3),
         **dict.fromkeys(("pound_mass", "lbm"), 0.45359237), "slug": 14.593902937206364,
     },
-    "TIME": {**dict.fromkeys(("second", "sec", "s"), 1.0), **dict.fromkeys(("millisecond", "ms"), 1e-3), **dict.fromkeys(("minute", "min"), 60.0)},
+    "TIME": {
+        **dict.fromkeys(("second", "sec", "s"), 1.0), **dict.fromkeys(("millisecond", "ms"), 1e-3),
+        **dict.fromkeys(("minute", "min"), 60.0),
+    },
     "PRESSURE": {
         **dict.fromkeys(("pascal", "pa"), 1.0), **dict.fromkeys(("kilopascal", "kpascal", "kpa"), 1e3), "bar": 1e5,
         **dict.fromkeys(("megapascal", "mpa"), 1e6), "psi": 6894.757293168361,
     },
 }  # fmt: skip
 
-_STIFFNESS, _INERTIA, _SPEED = {"FORCE": 1, "LENGTH": -1}, {"MASS": 1, "LENGTH": 2}, {"LENGTH": 1, "TIME": -1}
-#: The powers of units in the keys that have any.
-_DIMENSIONS: Mapping[str, Mapping[str, int]] = {
-    **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH", "RIM_RADIUS", "RIM_WIDTH", "BOTTOM_OFFST"), {"LENGTH": 1}),
-    **dict.fromkeys(("LONGVL", "VXLOW"), _SPEED),
-    **dict.fromkeys(("FNOMIN", "FZMIN", "FZMAX"), {"FORCE": 1}),
-    **dict.fromkeys(("VERTICAL_STIFFNESS", "LONGITUDINAL_STIFFNESS", "LATERAL_STIFFNESS", "BOTTOM_STIFF"), _STIFFNESS),
-    "VERTICAL_DAMPING": {"FORCE": 1, "LENGTH": -1, "TIME": 1},
-    "YAW_STIFFNESS": {"FORCE": 1, "LENGTH": 1, "ANGLE": -1},
-    **dict.fromkeys(("INFLPRES", "NOMPRES", "PRESMIN", "PRESMAX"), {"PRESSURE": 1}),
-    **dict.fromkeys(("ALPMIN", "ALPMAX", "CAMMIN", "CAMMAX"), {"ANGLE": 1}),
-    **dict.fromkeys(("MASS", "BELT_MASS"), {"MASS": 1}),
-    **dict.fromkeys(("IXX", "IYY", "IZZ", "BELT_IXX", "BELT_IYY", "BELT_IZZ"), _INERTIA),
-    "GRAVITY": {"LENGTH": 1, "TIME": -2},
-}
+#: The powers of units in the keys that have any: keys, and units with their powers.
+_DIMENSIONS: Mapping[str, tuple[tuple[str, int], ...]] = {
+    **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH", "RIM_RADIUS", "RIM_WIDTH", "BOTTOM_OFFST"), (("LENGTH", 1),)),
+    **dict.fromkeys(("LONGVL", "VXLOW"), (("LENGTH", 1), ("TIME", -1))),
+    **dict.fromkeys(("FNOMIN", "FZMIN", "FZMAX"), (("FORCE", 1),)),
+    **dict.fromkeys(
+        ("VERTICAL_STIFFNESS", "LONGITUDINAL_STIFFNESS", "LATERAL_STIFFNESS", "BOTTOM_STIFF"), (("FORCE", 1), ("LENGTH", -1))
+    ),
+    "VERTICAL_DAMPING": (("FORCE", 1), ("LENGTH", -1), ("TIME", 1)),
+    "YAW_STIFFNESS": (("FORCE", 1), ("LENGTH", 1), ("ANGLE", -1)),
+    **dict.fromkeys(("INFLPRES", "NOMPRES", "PRESMIN", "PRESMAX"), (("PRESSURE", 1),)),
+    **dict.fromkeys(("ALPMIN", "ALPMAX", "CAMMIN", "CAMMAX"), (("ANGLE", 1),)),
+    **dict.fromkeys(("MASS", "BELT_MASS"), (("MASS", 1),)),
+    **dict.fromkeys(("IXX", "IYY", "IZZ", "BELT_IXX", "BELT_IYY", "BELT_IZZ"), (("MASS", 1), ("LENGTH", 2))),
+    "GRAVITY": (("LENGTH", 1), ("TIME", -2)),
+}  # fmt: skip
 
 #: Keys that describe a tyre, or the range of its measurements, and change no force here.
 STANDARD = frozenset(_DIMENSIONS) | frozenset((
@@ -169,7 +173,7 @@ class _Reading:
         if not math.isfinite(value):
             self._fail(span, f"{key}: '{text}' is no number", "write a decimal number, a text in quotes")
             return None
-        size = math.prod(self.units.get(unit, 1.0) ** power for unit, power in _DIMENSIONS.get(key, {}).items())
+        size = math.prod(self.units.get(unit, 1.0) ** power for unit, power in _DIMENSIONS.get(key, ()))
         return value if size == 1.0 else value * size
 
 

@@ -94,7 +94,7 @@ for _name, _pattern, _first in (
 
 
 def read_text(path: pathlib.Path, encoding: str = "utf-8") -> str:
-    """The text of a file, in UTF-8 or else in ``encoding``.  Raises ModelError when it cannot be read, is too large or is in none of them."""
+    """The text of a file, in UTF-8 or else in ``encoding``.  Raises ModelError when it cannot be read, is too large or in none of them."""
     start = Span(file=str(path), line=1, column=1)
     try:
         with path.open("rb") as stream:

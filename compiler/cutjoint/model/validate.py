@@ -12,8 +12,9 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
-from cutjoint.model.instances import find_submodels
+from cutjoint.model.instances import find_submodels, find_uses
 from cutjoint.model.mass import mass_problems
+from cutjoint.model.property_file import STANDARD
 from cutjoint.model.records import GROUND, Body, Joint, Span
 from cutjoint.model.scope import FAILED
 from cutjoint.model.shape import KINDS
@@ -63,12 +64,27 @@ def check_submodels(source: Source, problems: Problems, model: document.Document
 def unused_parameters(source: Source, model: document.Document) -> Iterator[str]:
     """A sentence for each parameter of the model that no expression of the file reads."""
     left = set(model.parameters)
-    expressions = tuple(output for output in source.data.get("outputs", ()) if not isinstance(output, str))
+    outputs = source.data.get("outputs")
+    expressions = tuple(output for output in (outputs if isinstance(outputs, tuple) else ()) if not isinstance(output, str))
     for text in dict.fromkeys(_texts({**source.data, "outputs": expressions})):
         if not left.isdisjoint(_NAME.findall(text)):
             left -= symbols_of(text)
     for name in (name for name in model.parameters if name in left):
         yield f"{source.key_span(('parameters', name))}: nothing uses the parameter '{name}'"
+
+
+def unused_properties(source: Source, model: document.Document) -> Iterator[str]:
+    """A sentence for the properties of each instance that its submodel does not read, but for those that change no force."""
+    told: set[Path] = set()
+    for use in find_uses(model):
+        if use.submodel is None or use.path in told:
+            continue
+        told.add(use.path)
+        known = STANDARD.union(use.submodel.parameters, use.submodel.defaults, use.submodel.accepts)
+        spans = {name: source.key_span((*use.path, "properties", name)) for name in use.instance.properties if name not in known}
+        if spans:
+            named = ", ".join(f"{name} (line {span.line})" for name, span in spans.items())
+            yield f"{next(iter(spans.values())).file}: nothing in '{use.instance.use}' uses {named}"
 
 
 def _texts(data: Any) -> Iterator[str]:

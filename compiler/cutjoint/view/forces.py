@@ -83,13 +83,10 @@ class ForceNodes(Placed):
         return self._node(name, (Part(mesh=turned, colour=JOINT),), self.point(force, look.at), rotation)
 
     def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
-        """A wheel that turns as far as it goes, which no coordinate of the model says."""
+        """A wheel that turns with its body, or as far as it goes where no coordinate of the model says how far it turns."""
         axis, pose = point_of(self.numbers, wheel.axis.of(force)), self.poses[wheel.axis.body(force)]
         radius, centre = self.numbers.number(force.radius), self.point(force, wheel.at)
-        ahead = np.cross(pose.turn(axis), self.up)
-        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
-        turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
-        angle = np.concatenate([[0.0], np.cumsum(turns)]) if np.abs(turns).max(initial=0.0) < _LARGEST_TURN else np.zeros(len(centre))
+        angle = np.zeros(len(centre)) if wheel.turns else self._rolled(centre, pose.turn(axis), radius)
         quaternion = np.concatenate([np.sin(angle / 2)[:, np.newaxis] * axis, np.cos(angle / 2)[:, np.newaxis]], axis=1)
         rotation = product(quaternions_of(pose.rotation), quaternion)
         turned = rotation_to(axis)
@@ -98,6 +95,13 @@ class ForceNodes(Placed):
             Part(mesh=meshes.rim(radius).moved(turned, np.zeros(3)), colour=STEEL, roughness=0.4),
         )
         return self._node(name, parts, centre, one_side(rotation))
+
+    def _rolled(self, centre: Array, axis: Array, radius: float) -> Array:
+        """How far a wheel has rolled, rad, by the way of its centre; zero where it turns too far between rows to be followed."""
+        ahead = np.cross(axis, self.up)
+        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
+        turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius
+        return np.concatenate([[0.0], np.cumsum(turns)]) if np.abs(turns).max(initial=0.0) < _LARGEST_TURN else np.zeros(len(centre))
 
     def _road(self, wheels: list[tuple[float, Array]]) -> Node:
         """Both tracks under the way of all wheels, each with its radius, in strips of a metre."""

@@ -28,7 +28,7 @@ class Wheel(OnRoad):
     """A wheel that turns with its body, on the road.
 
     ``force`` (N) and ``moment`` (N m) are three expressions each: along the rolling direction, to the left in the road's plane, and along
-    the road's normal.  They act on the body where the wheel's plane meets the road, as far as the wheel touches it.  Their variables are the
+    the road's normal.  They act on the body where the wheel's plane meets the road, if the wheel touches it.  Their variables are the
     ``deflection`` (m) in the wheel's plane with its rate, ``loaded_radius`` (m), ``vx`` (m/s) of the centre along the rolling direction,
     ``vy`` (m/s) of the contact to the left, ``spin`` (rad/s) about the axis, ``camber`` (rad, the top leaning to the right), and ``turn``
     (rad/s) about the normal.  ``free_radius`` is in m.

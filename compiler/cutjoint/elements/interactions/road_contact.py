@@ -133,8 +133,8 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """The road under a wheel: its normal n with the vertical component ``n_z``, the rolling direction ``e_x`` and the lateral one ``e_y`` in
-    its plane, ``e_z`` in the wheel's plane up from it, the wheel's ``axis``, and the centre's vertical ``clearance`` (m)."""
+    """The road under a wheel: its normal n with the vertical component ``n_z``, in its plane the rolling direction ``e_x`` and the lateral
+    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, and the centre's vertical ``clearance`` (m)."""
 
     n: Block
     n_z: Block
@@ -153,9 +153,9 @@ class Ground:
         return b.call("div", b.mul(self.clearance, self.n_z), b.dot(self.n, self.e_z))
 
 
-def meet_road(m: Mechanics, wheel: OnRoad, centre: Motion, wheel_axis: Motion) -> Ground:
-    """The road under the centre of a wheel, that of the scene with the wheel's own."""
-    b, place, axis = m.b, centre.x, wheel_axis.x
+def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
+    """The road under a wheel by the places of its centre and axis, that of the scene with the wheel's own."""
+    b = m.b
     x, y, z = (b.element(place, i) for i in range(3))
     slope = _with(m, b.add, b.call("road_slope", x, y, table=wheel.name), wheel.ground_slope)
     clearance = b.sub(z, _with(m, b.add, b.call("road_height", x, y, table=wheel.name), wheel.ground_height))
@@ -170,8 +170,8 @@ def meet_road(m: Mechanics, wheel: OnRoad, centre: Motion, wheel_axis: Motion) -
 
 def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> Contact:
     """The contact of one wheel, by the motions of its centre and axis."""
-    b, velocity, axis_rate = m.b, centre.v, wheel_axis.v
-    road = meet_road(m, tyre, centre, wheel_axis)
+    b, (place, velocity), (axis, axis_rate) = m.b, (centre.x, centre.v), (wheel_axis.x, wheel_axis.v)
+    road = meet_road(m, tyre, place, axis)
     n, n_z, e_x, e_y, e_z = road.n, road.n_z, road.e_x, road.e_y, road.e_z
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
     constants["SN"] = _with(m, b.mul, constants["SN"], tyre.friction)

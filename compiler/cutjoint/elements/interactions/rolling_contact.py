@@ -51,7 +51,7 @@ class RollingContact(Interaction):
 
     def _contact(self, force: forces.Wheel, m: Mechanics) -> tuple[Ground, dict[str, Block]]:
         b, centre, axis, w = m.b, m.point(self.centre), m.direction(self.axis), m.spin(self.centre.carrier)
-        road = meet_road(m, force, centre, axis)
+        road = meet_road(m, force, centre.x, axis.x)
         n, y, distance = road.n, road.axis, road.distance(b)
         upright, lean, spin = b.dot(n, road.e_z), b.dot(n, y), b.dot(y, w)
         sinking = b.add(b.dot(n, centre.v), b.call("div", b.mul(distance, b.mul(lean, b.dot(n, axis.v))), upright))
@@ -77,8 +77,8 @@ class RollingContact(Interaction):
         )
 
     def looks(self) -> tuple[Look, ...]:
-        """A wheel."""
-        return (Wheel(self.centre, self.axis),)
+        """A wheel that turns."""
+        return (Wheel(self.centre, self.axis, turns=True),)
 
     def arrow(self, force: forces.Wheel, sight: Sight) -> Arrow:
         """The load on the wheel, from the road under its centre."""
@@ -88,8 +88,8 @@ class RollingContact(Interaction):
 _CONTACT = (
     r"n = \begin{bmatrix} -h' \cr 0 \cr 1 \end{bmatrix} / \sqrt{1 + h'^2}, \quad e_x = (y \times n) / \lVert y \times n \rVert, \quad"
     r" e_y = n \times e_x, \quad e_z = e_x \times y",
-    r"l = (z - h) n_z / (n \cdot e_z), \quad \delta = R - l, \quad \dot \delta = -(n \cdot v + l (n \cdot y) (n \cdot \dot y) / (n \cdot e_z))"
-    r" / (n \cdot e_z)",
+    r"l = (z - h) n_z / (n \cdot e_z), \quad \delta = R - l, \quad"
+    r" \dot \delta = -(n \cdot v + l (n \cdot y) (n \cdot \dot y) / (n \cdot e_z)) / (n \cdot e_z)",
     r"v_x = e_x \cdot v, \quad v_y = e_y \cdot (v - l \omega \times e_z), \quad \Omega = y \cdot \omega, \quad"
     r" \gamma = \text{atan} (n \cdot y / n \cdot e_z), \quad \dot \psi = n \cdot (\omega - \Omega y)",
 )

@@ -1,0 +1,113 @@
+"""Property files of tyres: units, keys, kinds, sides, and what is told of files that are wrong."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+import pytest
+
+from cutjoint.model.errors import ModelError
+from cutjoint.model.property_file import read_properties
+from cutjoint.model.read import read_model_text
+
+DATA = Path(__file__).parents[1] / "data" / "tyres"
+TYRE = (DATA / "mf62.tir").read_text()
+
+MODEL = """
+cutjoint: 1
+name: cart
+gravity: [0, 0, -9.81]
+bodies: {cart: {mass: 300, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}}
+joints: {lift: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0.3], axis: [0, 0, 1]}}
+submodels: {wheel: {include: library/wheel_mf62}}
+instances: {w: {use: wheel, connect: {carrier: cart}, with: {x: 0, y: 0, z: 0.3}, properties: tyre.tir}}
+scenes: {run: {end: 1}}
+"""
+
+
+def values(text: str) -> dict[str, float]:
+    return dict(read_properties(text, "t.tir", "instance 'w'").values)
+
+
+def told(folder: Path, text: str, model: str = MODEL) -> list[str]:
+    """Problems, else notes, of a model with a tyre's file."""
+    (folder / "tyre.tir").write_text(text, encoding="utf-8")
+    try:
+        return list(read_model_text(model, "m.yaml", folder=folder).notes)
+    except ModelError as error:
+        return str(error).splitlines()
+
+
+def test_numbers_come_in_si() -> None:
+    """By the words of the section UNITS; coefficients have none."""
+    units = "[UNITS]\nFORCE = 'kN'\nLENGTH = 'mm'\nANGLE = 'deg'\nMASS = 'gram'\nTIME = 'second'\nPRESSURE = 'bar'\n"
+    keys = "FNOMIN = 4\nUNLOADED_RADIUS = 317 $ mm\nVERTICAL_STIFFNESS = 0.2\nVERTICAL_DAMPING = 5D-5\nIYY = 1e9 ! g mm2\n"
+    found = values(f"{units}[TYRE]\n{keys}NOMPRES = 2.2\nALPMAX = 90\nPDX1 = 1.2\nLONGVL = 16000\nTYRESIDE = 'RIGHT'\nNAME = 'x y'\n")
+    assert found == pytest.approx({
+        "FNOMIN": 4000, "UNLOADED_RADIUS": 0.317, "VERTICAL_STIFFNESS": 2e5, "VERTICAL_DAMPING": 50, "IYY": 1, "NOMPRES": 2.2e5,
+        "ALPMAX": 1.5707963267948966, "PDX1": 1.2, "LONGVL": 16, "TYRESIDE": -1,
+    })  # fmt: skip
+
+
+def test_older_files_have_their_kind() -> None:
+    assert values("[MODEL]\nPROPERTY_FILE_FORMAT = 'PAC2002'\nPCX1 = 1")["FITTYP"] == 6
+    assert "FITTYP" not in values("[MODEL]\nPROPERTY_FILE_FORMAT = 'USER'\nPCX1 = 1")
+
+
+def test_sections_of_tables_and_texts_of_other_encodings_are_passed_over(tmp_path: Path) -> None:
+    assert values("$ a\n[SHAPE]\n{radial width}\n1.0 0.0\n[LONGITUDINAL]\nPCX1=1.6\r\n") == {"PCX1": 1.6}
+    (tmp_path / "tyre.tir").write_bytes(TYRE.encode() + b"$ gr\xf6\xdfe\n")
+    assert read_model_text(MODEL, "m.yaml", folder=tmp_path).bodies
+
+
+def test_each_key_that_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
+    number = next(i for i, line in enumerate(TYRE.splitlines(), start=1) if line.startswith("PCX1"))
+    without = "".join(line for line in TYRE.splitlines(keepends=True) if not line.startswith("PCX1"))
+    assert told(tmp_path, without) == [
+        "m.yaml:8:13: instance 'w': with and properties lack PCX1; the submodel 'wheel' needs all its parameters"
+    ]  # fmt: skip
+    wrong = re.sub(r"(?m)^PCX1\s*=.*$", "PCX1 = many", TYRE)
+    assert told(tmp_path, wrong) == [
+        f"tyre.tir:{number}:1: instance 'w': PCX1: 'many' is no number; write a decimal number, a text in quotes"
+    ]  # fmt: skip
+    lines = len(TYRE.splitlines())
+    assert told(tmp_path, f"{TYRE}\nPCX1 = 2\nhello\n") == [
+        f"tyre.tir:{lines + 2}:1: instance 'w': 'PCX1' is given twice, first in line {number}; keep one of them",
+        f"tyre.tir:{lines + 3}:1: instance 'w': this is no KEY = value; comments begin with $ or !",
+    ]
+    assert told(tmp_path, TYRE.replace("'kg'", "'stone'"))[0].endswith("instance 'w': unknown unit 'stone' of MASS; did you mean 'tonne'?")
+    assert told(tmp_path, f"{TYRE}\nPDXP1 = 0.4\n")[0].endswith(f"Q_RB2 (line 77), PDXP1 (line {lines + 2})")
+
+
+def test_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
+    other = re.sub(r"(?m)^FITTYP\s*=.*$", "FITTYP = 52", TYRE)
+    line = next(i for i, text in enumerate(TYRE.splitlines(), start=1) if text.startswith("FITTYP"))
+    assert told(tmp_path, other)[0] == (
+        f"tyre.tir:{line}:1: instance 'w': FITTYP is 52, and the submodel 'wheel' is made for 60, 61 or 62; use another submodel,"
+        " or another file"
+    )
+    assert told(tmp_path, TYRE, MODEL.replace("properties: tyre.tir", "properties: tyre.txt")) == [
+        "m.yaml:8:95: instance 'w': the file 'tyre.txt' has no properties of a tyre; name a .tir file, or write {KEY: number}"
+    ]
+
+
+def test_values_beside_a_file_go_before_it(tmp_path: Path) -> None:
+    (tmp_path / "tyre.tir").write_text(TYRE)
+    given = read_model_text(MODEL.replace("z: 0.3}", "z: 0.3, MASS: 77}"), "m.yaml", folder=tmp_path)
+    assert next(body for body in given.bodies if body.name == "w.rolling.wheel").mass == 77
+
+
+def test_files_that_are_broken_are_read_or_refused() -> None:
+    """Bytes changed at random: never another error."""
+    rng, refused = random.Random(1), 0
+    for _ in range(300):
+        characters = list(TYRE)
+        for _ in range(rng.randrange(1, 20)):
+            characters[rng.randrange(len(characters))] = chr(rng.choice((*range(9, 127), 0, 0xFFFD, 0x2028)))
+        try:
+            read_properties("".join(characters), "t.tir", "instance 'w'")
+        except ModelError:
+            refused += 1
+    assert refused > 0
