@@ -47,6 +47,8 @@ submodels:
       wheel:
         {kind: tyre, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, stiffness: 1,
          calspan: {A0: 1, A1: 1, A2: 1, A3: 1, A4: 1, B1: 1, B3: 1, B4: 1, SN: 1, AF1: 1, AF2: 1}}
+      rolling:
+        {kind: wheel, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, force: [-vx, -vy + camber, deflection], moment: [turn, -spin, vy]}
     reactions:
       pull: {joint: slide, body: body, direction: [1, 2, 2]}
     markers:
@@ -206,8 +208,8 @@ PROBLEMS = [
      "write for example 't_0'"),
     ("parameters: [length_1]", "parameters: [length_1, §length_2]",
      ["@: submodel 'wing': nothing in it uses the parameter 'length_2'; remove it here and in its instances, or use it",
-      f"42:3: instance 'left': with lacks length_2; {ALL} parameters",
-      f"43:3: instance 'right': with lacks length_2; {ALL} parameters"]),
+      f"44:3: instance 'left': with lacks length_2; {ALL} parameters",
+      f"45:3: instance 'right': with lacks length_2; {ALL} parameters"]),
     ("hand: {massless: true}", "hand: {massless: true, §mas: 1}",
      "@: body 'hand' of submodel 'wing': unknown field 'mas'; did you mean 'mass'?"),
     ("hand: {massless: true}", "hand: {massless: §1}",

@@ -6,6 +6,7 @@ OpenTire (MIT) and MFeval_julia (MIT) of Magic Formula 5.2, MFeval_julia of 6.2.
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -44,7 +45,7 @@ TOLD = ("Fx", "Fy", "Mx", "My", "Mz", "sigma_x", "sigma_y", "Re")
 def of_formula(name: str) -> str:
     """A model that has a formula with the coefficients of a file, and inputs for the motion."""
     formula, wheel, motion = TABLES[name]
-    part, of_wheel = (yaml.safe_load((library_folder() / f"{file}.yaml").read_text()) for file in (formula, wheel))
+    part, of_wheel = (yaml.safe_load((library_folder() / f"{file}.yaml").read_text()) for file in (f"formulas/{formula}", wheel))
     used = set(re.findall(r"\w+", " ".join(map(str, part["signals"].values()))))
     parameters = [name for name in of_wheel["parameters"] if name in used]
     defaults = {name: value for name, value in of_wheel["defaults"].items() if name in used}
@@ -63,7 +64,7 @@ submodels:
   bench:
     parameters: [{", ".join(dict.fromkeys((*parameters, *motion)))}]
     defaults: {{{", ".join(f"{k}: {v}" for k, v in defaults.items())}}}
-    submodels: {{f: {{include: library/{formula}}}}}
+    submodels: {{f: {json.dumps({key: value for key, value in part.items() if key != 'cutjoint'})}}}
     instances: {{f: {{use: f, with: {{{given}}}}}}}
 instances:
   bench: {{use: bench, with: {{{given}}}, properties: {name}.tir}}

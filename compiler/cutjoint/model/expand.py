@@ -185,13 +185,13 @@ def _arguments(where: Element, use: Use, submodel: document.Submodel) -> dict[st
 
 
 def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[str, Term]:
-    """The parameters that have defaults: numbers, or expressions over the parameters without."""
+    """The parameters that have defaults: numbers, or expressions over the parameters without, and over defaults before them."""
     assert use.submodel is not None
     inner = replace(where, path=use.at, label=f"submodel '{use.at[-1]}'")
-    return {
-        name: given[name] if name in given else inner.term(value, ("defaults", name), given)
-        for name, value in use.submodel.defaults.items()
-    }
+    known = {name: given.get(name, FAILED_TERM) for name in use.submodel.parameters}
+    for name, value in use.submodel.defaults.items():
+        known[name] = given[name] if name in given else inner.term(value, ("defaults", name), known)
+    return {name: known[name] for name in use.submodel.defaults}
 
 
 def _check_accepted(where: Element, instance: document.Instance, submodel: document.Submodel) -> None:
@@ -214,7 +214,7 @@ def _match_keys(
     where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str, *,
     needed: tuple[str, ...] | None = None, others: Collection[str] = (),
 ) -> None:  # fmt: skip
-    """Note what is given and not ``wanted``, and what is ``needed`` (by default all of it) and not given, nor among ``others``."""
+    """Note names that are given and not ``wanted``, and ``needed`` ones (by default all) that are neither given nor among ``others``."""
     for name in (name for name in given if name not in wanted):
         hint = nearest(name, wanted, f"{what}s") or f"it has no {what}s"
         where.fail(f"the submodel '{submodel}' has no {what} '{name}'", hint, (field, name), at_key=True)

@@ -97,7 +97,7 @@ class ForceNodes(Placed):
         return self._node(name, parts, centre, one_side(rotation))
 
     def _rolled(self, centre: Array, axis: Array, radius: float) -> Array:
-        """How far a wheel has rolled, rad, by the way of its centre; zero where it turns too far between rows to be followed."""
+        """The angle that a wheel has rolled, rad, by the way of its centre; zero where it turns too far between rows to be followed."""
         ahead = np.cross(axis, self.up)
         ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
         turns = np.sum(np.diff(centre, axis=0) * (ahead[1:] + ahead[:-1]) / 2, axis=1) / radius

@@ -40,7 +40,7 @@ class Wheel(OnRoad):
         fields=(
             ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),
             ForceField("axis", Shape.DIRECTION, words=" (to the left when rolling forward)"), ForceField("radius", Shape.NUMBER, unit="m"),
-            ForceField("force", Shape.TRIPLE), ForceField("moment", Shape.TRIPLE, None), ForceField("let", Shape.NAMES, {}),
+            ForceField("force", Shape.TRIPLE), ForceField("moment", Shape.TRIPLE, (0, 0, 0)), ForceField("let", Shape.NAMES, {}),
             *ground_fields(),
         ),
         interaction=RollingContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
@@ -56,11 +56,10 @@ class Wheel(OnRoad):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        turns = reader.given("moment") is not None
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
             free_radius=reader.number("radius", unit="m"), force=reader.triple("force", _FORCE, let="let"),
-            moment=reader.triple("moment", _MOMENT, let="let") if turns else (0, 0, 0), **read_ground(reader),
+            moment=reader.triple("moment", _MOMENT, let="let"), **read_ground(reader),
         )  # fmt: skip
 
     @property
