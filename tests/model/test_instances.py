@@ -48,7 +48,7 @@ submodels:
         {kind: tyre, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, stiffness: 1,
          calspan: {A0: 1, A1: 1, A2: 1, A3: 1, A4: 1, B1: 1, B3: 1, B4: 1, SN: 1, AF1: 1, AF2: 1}}
       rolling:
-        {kind: wheel, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, force: [-vx, -vy + camber, deflection], moment: [turn, -spin, vy]}
+        {kind: wheel, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, force: [-vx, camber - vy, deflection], moment: [turn, -spin, vy]}
     reactions:
       pull: {joint: slide, body: body, direction: [1, 2, 2]}
     markers:

@@ -151,14 +151,15 @@ def _around(use: Use, scopes: Mapping[str, Scope]) -> Scope:
 
 
 def _inner(where: Element, use: Use, around: Scope) -> Scope:
-    """The scope of an instance's elements; they see the names of what is ``around`` their submodel."""
+    """The scope of an instance's elements; they see the names of what is ``around`` their submodel, but for names of its own."""
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
     arguments = _arguments(where, use, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
+    own = {*use.submodel.states, *use.submodel.signals}
     inner = replace(
         around,
-        names={**around.names, **arguments},
+        names={**{name: term for name, term in around.names.items() if name not in own}, **arguments},
         path=use.at,
         prefix=f"{where.name}.",
         connectors=_connectors(where, instance, use.submodel),
