@@ -124,9 +124,9 @@ def main() -> None:
     model = read_model(MODELS / "iltis.yaml")
     scene, at_most = find_scene(model, "simul1"), peak()
     reduced = reduction_sequence(model, scene, "recursive")[-1]
-    compare("full", model, scene, throughput, limit, at_most)
-    compare("reduced", reduced.model, reduced.scene, throughput, limit, at_most)
-    compare("loops as functions", model, with_loops(scene, Loops.COMPILED), throughput, limit, at_most)
+    for name, of, at in (("full", model, scene), ("reduced", reduced.model, reduced.scene)):
+        compare(name, of, at, throughput, limit, at_most)
+        compare(f"{name}, loops as functions", of, with_loops(at, Loops.COMPILED), throughput, limit, at_most)
     millimetre = Table(
         "step, ms", "tolerance", "evaluations", "error, m", "steps of a run, ms", "times real time", "of a batch, ms", "times"
     )
