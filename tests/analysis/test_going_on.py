@@ -88,7 +88,7 @@ def test_a_guide_that_moves_carries_over(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_states_and_controllers_carry_over() -> None:
-    """What controllers have added up and delayed is known behind the range's end, and samples are taken once."""
+    """Sums and delays of controllers are known behind the range's end, and samples are taken once."""
     exact, gone_on = both(CONTROLLED, "fall", {"integrator": "dormand-prince", "tolerance": 1e-11, "error": False})
     for name, difference in apart(exact, gone_on).items():
         assert difference < 1e-8, (name, difference)
