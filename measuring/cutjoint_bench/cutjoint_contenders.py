@@ -120,11 +120,11 @@ def cutjoint_contenders() -> Iterator[Contender]:
                 name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
                 prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
             )  # fmt: skip
-    for integrator in (DEFAULT_INTEGRATOR, "dormand-prince"):
-        name = "recursive" if integrator == DEFAULT_INTEGRATOR else f"recursive/{integrator}"
+    for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), ("recursive", "dormand-prince")):
+        name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
         yield _contender(
-            f"{name}/functions", f"{name.replace('/', ', ')}, loops as functions", "functions", method="recursive", integrator=integrator,
-            loops=Loops.COMPILED,
+            f"{name}/functions", f"{name.replace('/', ', ')}, loops as functions", "functions", method=method,
+            integrator=integrator, loops=Loops.COMPILED,
         )  # fmt: skip
     for method in METHODS:
         for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):

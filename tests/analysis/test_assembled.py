@@ -187,7 +187,7 @@ scenes:
 
 
 def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> None:
-    """The swing falls towards a pose that the functions do not reach."""
+    """The swing falls towards a pose that the functions do not reach; a view needs the coordinates of one tree."""
     ways = {"stop": "", "restart": ", on_violation: restart"}
     for way, words in ways.items():
         file = tmp_path / f"{way}.yaml"
@@ -196,7 +196,7 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
         for loops in ("exact", "compiled"):
             out = tmp_path / f"{way}_{loops}.csv"
             asked = ["simulate", str(file), "--loops", loops, "--implementation", "interpreted", "--no-error", "--out", str(out)]
-            result = CliRunner().invoke(main, asked)
+            result = CliRunner().invoke(main, [*asked, "--view", str(tmp_path / "view.html")])
             rows[loops] = out.read_text(encoding="utf-8") if out.exists() else ""
         if way == "stop":
             assert result.exit_code == 1

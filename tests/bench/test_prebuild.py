@@ -43,11 +43,18 @@ def test_only_times_are_left_to_measure(tmp_path: Path) -> None:
     assert "limit" not in left
 
 
-def test_what_fails_is_left_to_the_bench(tmp_path: Path) -> None:
-    plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=choose(["recursive-newton/reduced"]), reference="none")
+@pytest.mark.parametrize(
+    ("contender", "words"),
+    [
+        ("recursive-newton/reduced", "no pass makes the model smaller"),
+        ("recursive-newton/functions", "no loops can be closed by functions"),
+    ],
+)
+def test_what_fails_is_left_to_the_bench(contender: str, words: str, tmp_path: Path) -> None:
+    plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=choose([contender]), reference="none")
     prebuild([plan], tmp_path / "measurements.jsonl")
     (line,) = perform(plan, Store(tmp_path / "measurements.jsonl"))["cases"][0]["lines"]
-    assert "no pass makes the model smaller" in line["refused"]
+    assert words in line["refused"]
 
 
 def test_a_reference_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

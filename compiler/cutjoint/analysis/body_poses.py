@@ -36,22 +36,39 @@ class BodyPose:
 
 def find_poses(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[str, float]) -> Mapping[str, BodyPose]:
     """The poses of all bodies at times ``t`` (times,), s, with coordinates ``q`` (times, coordinates) and open ``parameters``, SI units."""
-    values = np.array([parameters[p.name] for p in equations.parameters])
-    laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
-    given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
-    inputs = {
-        "t": t[:, np.newaxis],
-        "parameters": values,
-        "motion": np.zeros(1),
-        INPUTS: np.concatenate([np.zeros((t.size, 0)), *given], axis=1),
-        **{f"q:{c.joint}": q[:, c.q : c.q + len(c.coordinate_names)] for c in equations.charts},
-    }
-    found = interpret_blocks([*equations.rotations.values(), *equations.shifts.values()], inputs, {})
+    inputs = _inputs(equations, t, q, parameters)
+    found = interpret_blocks([*equations.rotations.values(), *equations.shifts.values()], {**inputs, "motion": np.zeros(1)}, {})
     return {
         body: BodyPose(
             rotation=np.broadcast_to(found[R], (t.size, 3, 3)), shift=np.broadcast_to(found[equations.shifts[body]], (t.size, 3, 1))[..., 0]
         )
         for body, R in equations.rotations.items()
+    }
+
+
+def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[str, float]) -> dict[str, Array]:
+    values = np.array([parameters[p.name] for p in equations.parameters])
+    laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
+    given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
+    return {
+        "t": t[:, np.newaxis],
+        "parameters": values,
+        INPUTS: np.concatenate([np.zeros((t.size, 0)), *given], axis=1),
+        **{f"q:{c.joint}": q[:, c.q : c.q + len(c.coordinate_names)] for c in equations.charts},
+    }
+
+
+def find_followers(
+    equations: PoseEquations, t: Array, q: Array, v: Array, parameters: Mapping[str, float]
+) -> Mapping[str, tuple[Array, Array]]:  # fmt: skip
+    """The coordinates (times, n) and speeds (times, k) of joints that functions move, by coordinates and speeds (times, ...) of the others;
+    the rest as of `find_poses`."""
+    speeds = {f"v:{c.joint}": v[:, c.v : c.v + len(c.speed_names)] for c in equations.charts}
+    inputs = {**_inputs(equations, t, q, parameters), **speeds, "motion": np.ones(1)}
+    found = interpret_blocks([block for pair in equations.followers.values() for block in pair], inputs, {})
+    return {
+        joint: (np.broadcast_to(found[place], (t.size, *place.shape))[..., 0], np.broadcast_to(found[rate], (t.size, *rate.shape))[..., 0])
+        for joint, (place, rate) in equations.followers.items()
     }
 
 

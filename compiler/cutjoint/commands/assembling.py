@@ -17,8 +17,8 @@ from cutjoint.run.scenes import with_loops
 def assemble_and_play(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
-    """Compile a model with its loops as functions, and play the run; where it leaves their range, again with the loops' equations if the
-    scene has ``on_violation: restart``."""
+    """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
+    equations if the scene has ``on_violation: restart``."""
     with options.progress_bar(f"closing loops of {request.model.name}"):
         outcome = assemble_loops(model, scene)
     for note in (*outcome.done, *outcome.left):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
-from cutjoint.compile.pipeline import schedule_method
+from cutjoint.compile.pipeline import schedule_method, way_on
 from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.source import Source
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
@@ -43,6 +43,7 @@ def compile_interpreted(
         scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
         implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated, description=description,
+        exact=way_on(equations, lambda loops, exact: compile_interpreted(loops, exact, method=method, outputs=outputs)),
     )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ The last arrow, a run, is `run.simulation`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf
 from time import perf_counter
 from typing import Any
@@ -83,6 +84,7 @@ def compile_scene(
             scene=scene, equations=made.equations, program=made.program, source=made.source, binary=binary, method=options.method,
             precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
             compile_seconds=perf_counter() - written, additions=tuple(options.additions),
+            exact=way_on(made.equations, lambda loops, exact: compile_scene(loops, exact, replace(options, out=None))),
         )  # fmt: skip
 
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
@@ -145,3 +147,13 @@ def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
     from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
 
     return assemble_loops(model, scene).model
+
+
+def way_on(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
+    """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
+    topology, scene = equations.mechanism.topology, equations.mechanism.scene
+    if not topology.model.assemblies or scene.on_violation != "restart":
+        return None
+    from cutjoint.analysis.handing_over import without_functions  # others do not wait for what this imports
+
+    return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))

@@ -177,8 +177,8 @@ def versions() -> tuple[str, ...]:
 
 def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
-    run = {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}
-    return {**asdict(replace(prepared, compilation=found)), "run": run}
+    prepared = replace(prepared, compilation=found, run=replace(prepared.run, onward=None))  # who gets there derives the model again
+    return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 
 
 def _from_json(data: Mapping[str, Any]) -> PreparedRun:

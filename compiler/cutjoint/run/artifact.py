@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,10 @@ from cutjoint.run.failures import FailedRunError, describe_failure, describe_res
 from cutjoint.run.inputs import GivenInput
 from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
-from cutjoint.run.run_file import make_run_file
+from cutjoint.run.run_file import given_inputs, make_run_file
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import Options, find_closure, find_goal, find_settings, with_options
-from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
+from cutjoint.run.simulator_run import Compilation, Onward, SimulatorRun, Start
 from cutjoint.toolchain.build import Binary
 from cutjoint.topology.records import Topology
 
@@ -44,7 +44,8 @@ class Artifact:
     """A compiled model: every stage's record, and the seconds that generating and compiling took.
 
     ``method`` is a name of METHODS, ``precision`` one of PRECISIONS, ``additions`` are solvers and integrators of other packages.
-    ``description`` is what the simulator reads of the model, None of generated code.
+    ``description`` is what the simulator reads of the model, None of generated code.  ``exact`` compiles the model with the equations of
+    its loops, in the same tree, None where runs do not go on by them.
     """
 
     scene: Scene
@@ -59,6 +60,7 @@ class Artifact:
     compile_seconds: float
     description: Mapping[str, Any] | None = None
     additions: tuple[str, ...] = ()
+    exact: Callable[[], Artifact] | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
@@ -167,6 +169,27 @@ def make_simulator_run(
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
         jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,
+        onward=_onward(artifact, options, parameters, inputs),
+    )  # fmt: skip
+
+
+def _onward(
+    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None, inputs: Mapping[str, GivenInput] | None
+) -> Onward | None:  # fmt: skip
+    """The way on where functions of loops end, by code that is compiled when the first run gets there.
+
+    The scene's inputs say where guides are; with others there is none.
+    """
+    model, compile_exact = artifact.topology.model, artifact.exact
+    if compile_exact is None or given_inputs(model, parameters or {}) or inputs:
+        return None
+    from cutjoint.analysis.handing_over import state_of_loops  # others do not wait for what this imports
+
+    exact = cache(compile_exact)
+    return Onward(
+        guards=tuple(assembly.leader for assembly in model.assemblies),
+        prepare=lambda: make_simulator_run(exact(), options, parameters),
+        begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip
 
 

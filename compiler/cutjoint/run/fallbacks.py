@@ -75,7 +75,8 @@ def follow_up(
     for fallback in others:
         other = play(fallback.applied_to(plan))
         if other.failure is None:
-            return replace(other, instead=f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}")
+            words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
+            return replace(other, instead="; ".join(filter(None, (words, other.instead))))
     if others:
         run = play(plan)  # whose rows are in the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))

@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
-from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, join_and
+from cutjoint.run.joining import joined
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.result_files import RunTables
-from cutjoint.run.results import Columns, Trajectory, read_coordinates, read_effort, read_energy, read_near_jumps, read_run_table
+from cutjoint.run.results import (
+    Columns,
+    FailureReport,
+    Trajectory,
+    read_coordinates,
+    read_effort,
+    read_energy,
+    read_near_jumps,
+    read_run_table,
+)
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
 #: Jumps are looked for within this share of the time between rows.
 _BESIDE = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onward:
+    """The way on for a run that one of the ``guards`` ends, where functions of loops do: ``prepare`` compiles the program that has the
+    loops' equations, and ``begin`` makes of a run file and the state that a run has kept the entry of that name."""
+
+    guards: tuple[str, ...]
+    prepare: Callable[[], SimulatorRun]
+    begin: Callable[[RunFile, Mapping[str, Any]], Mapping[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +52,7 @@ class SimulatorRun:
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
-    ``balances`` is whether the program has work and energy.
+    ``balances`` is whether the program has work and energy, ``onward`` what goes on where functions of loops end, None if nothing does.
     """
 
     simulator: Path
@@ -48,6 +68,7 @@ class SimulatorRun:
     with_coordinates: bool = False
     jumps: Sequence[float] = ()
     balances: bool = True
+    onward: Onward | None = field(default=None, repr=False, compare=False)
 
     def with_checks(self) -> SimulatorRun:
         """The run with a balance of work and energy, if its program has one, and a look at the jumps beside its rows."""
@@ -95,7 +116,7 @@ def start(
     """Run a simulator to its end; ``out``, ``steps`` and ``tangents`` are files for results, as in `simulation.simulate`.
 
     Raises:
-        SimulatorError: the simulator could not begin, could not write a file, or took more than ``seconds``.
+        SimulatorError: a simulator could not begin, could not write a file, or took more than ``seconds``.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
     """
@@ -105,6 +126,14 @@ def start(
         place = {} if file is None else {"coordinates_out": {"descriptor": file.fileno(), "name": "the temporary table of coordinates"}}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
+        ended, instead, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
+        if ended is not None and file is None and tangents is None and (onward := _way_on(run, ended, summary)) is not None:
+            other, begin = onward.prepare(), onward.begin(run.run_file, summary["kept"])
+            run_file |= {"begin": begin, "pose": "design"}
+            rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
+            summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
+            left = join_and([f"'{leader}'" for leader in ended.guards])
+            instead = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)
@@ -112,9 +141,15 @@ def start(
     return Trajectory(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
-        indeterminate=tuple(run.indeterminate), effort=read_effort(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates,
+        indeterminate=indeterminate, effort=read_effort(summary), energy=read_energy(summary), table=table,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, instead=instead,
     )  # fmt: skip
+
+
+def _way_on(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Onward | None:
+    """The way on behind the end of functions; None where a force that was left out would act too, or the run has kept no state."""
+    onward = run.onward
+    return onward if onward is not None and ended.guards and {*ended.guards} <= {*onward.guards} and summary.get("kept") else None
 
 
 @contextmanager

@@ -20,11 +20,12 @@ from rich.table import Table
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
+from cutjoint.methods import Loops
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import BatchArtifact, compile_scene_batch, simulate_batch
 from cutjoint.toolchain.build import FLAGS
@@ -123,8 +124,9 @@ def main() -> None:
     model = read_model(MODELS / "iltis.yaml")
     scene, at_most = find_scene(model, "simul1"), peak()
     reduced = reduction_sequence(model, scene, "recursive")[-1]
-    compare("full", model, scene, throughput, limit, at_most)
-    compare("reduced", reduced.model, reduced.scene, throughput, limit, at_most)
+    for name, of, at in (("full", model, scene), ("reduced", reduced.model, reduced.scene)):
+        compare(name, of, at, throughput, limit, at_most)
+        compare(f"{name}, loops as functions", of, with_loops(at, Loops.COMPILED), throughput, limit, at_most)
     millimetre = Table(
         "step, ms", "tolerance", "evaluations", "error, m", "steps of a run, ms", "times real time", "of a batch, ms", "times"
     )

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cutjoint/core/initialisation.hpp"
@@ -37,7 +39,7 @@ class InitialState {
     return state_;
   }
 
-  /// A mechanism in motion, with speeds that keep its loops closed.  Throws Failure.
+  /// A mechanism in motion, with speeds that keep its loops closed: one that begins, or goes on from what the run file has under "begin".  Throws Failure.
   const State<Real>& in_motion();
 
   /// Adds to a failure to start what is known of its cause.
@@ -61,6 +63,9 @@ class InitialState {
   const std::vector<std::string>& undetermined() const { return undetermined_; }
 
  private:
+  /// Where another code has come to, moved as little as closes the loops.
+  const State<Real>& going_on(const Json& begin);
+
   /// The mechanism with the inputs of the run.
   M& driven(M& mechanism) {
     data_.drive(mechanism);
@@ -84,6 +89,7 @@ class InitialState {
 
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
+  if (file_.contains("begin")) return going_on(read_object(file_, "begin"));
   require_none(initialisation_.place(state_, read("positions", d_.coordinates, state_.q)), d_);
   const std::vector<unsigned char> moving = read("rates", d_.speeds, state_.v);
   std::vector<unsigned char> free(moving.size());
@@ -91,6 +97,17 @@ const State<typename M::real_type>& InitialState<M>::in_motion() {
   for (std::size_t i = 0; i < free.size(); ++i)
     if (free[i]) undetermined_.push_back(std::string(d_.speeds[i]));
   require_none(initialisation_.move(state_, moving), d_);
+  return state_;
+}
+
+template <Mechanism M>
+const State<typename M::real_type>& InitialState<M>::going_on(const Json& begin) {
+  require_keys(begin, std::to_array<std::string_view>({"t", "q", "v", "held"}));
+  state_.t = read_number<Real>(begin, "t");
+  for (const auto& given : {read_given(read_object(begin, "q"), d_.coordinates, state_.q), read_given(read_object(begin, "v"), d_.speeds, state_.v)})
+    if (std::find(given.begin(), given.end(), false) != given.end()) refuse("begin", "has not all coordinates and speeds");
+  require_none(initialisation_.place(state_, std::vector<unsigned char>(state_.q.size())), d_);
+  require_none(initialisation_.move(state_, std::vector<unsigned char>(state_.v.size())), d_);
   return state_;
 }
 

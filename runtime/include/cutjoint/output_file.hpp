@@ -1,6 +1,7 @@
 // Files that a run writes.
 #pragma once
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <memory>
@@ -15,7 +16,7 @@
 
 namespace cutjoint {
 
-/// A file that is written from its beginning.  Every error is noticed, at the latest when it is closed, and thrown with the file's name.
+/// A file that is written from where it stands, a path from its beginning.  Every error is noticed, at the latest when it is closed, and thrown with the file's name.
 class OutputFile {
  public:
   /// `place` is a path, or a descriptor that is open for writing, with a name for messages: {"descriptor": 5, "name": "run.csv"}.
@@ -23,16 +24,17 @@ class OutputFile {
       : name_(place.is_string() ? place.get<std::string>() : place.at("name").get<std::string>()),
         file_(place.is_string() ? std::fopen(name_.c_str(), "wb") : ::fdopen(place.at("descriptor").get<int>(), "wb")) {
     if (!file_) fail();
+    begin_ = std::max(0L, std::ftell(file_.get()));
   }
 
   void write(std::string_view text) {
     if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
   }
 
-  /// Leave only the first bytes of what was written; what a stream has been given stays.
+  /// Leave only the first bytes of what was written here; what a stream has been given stays.
   void cut(long bytes) {
     if (std::fflush(file_.get()) != 0) fail();
-    if (std::fseek(file_.get(), bytes, SEEK_SET) == 0 && ::ftruncate(::fileno(file_.get()), bytes) != 0) fail();
+    if (std::fseek(file_.get(), begin_ + bytes, SEEK_SET) == 0 && ::ftruncate(::fileno(file_.get()), begin_ + bytes) != 0) fail();
   }
 
   /// Write what is still in memory and close the file.
@@ -51,6 +53,7 @@ class OutputFile {
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;
+  long begin_ = 0;  ///< bytes before the first that is written here, 0 of a stream
 };
 
 }  // namespace cutjoint

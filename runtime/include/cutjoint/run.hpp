@@ -36,6 +36,7 @@ namespace cutjoint {
 /// - `coordinates` and `position`, the names and values of its coordinates where it has last reported,
 /// - `begin`, which takes over a start with the penalties of its cut joints, `prepare`, which gets ready for steps, and `step` with the step's number; they throw Failure,
 ///   and `step` Stopped where a stop is requested within it,
+/// - if a run may go on by other code after it, `keep`, which keeps its state, and `kept`, that state for a run file,
 /// - `step_columns` and `measure_step`, iterations and residuals of the last step,
 /// - `summarise`, which adds to a summary what the steps took,
 /// - `explain`, which adds to a failure of a step what is known of its cause,
@@ -65,6 +66,8 @@ class Run {
     } catch (const Failure& failure) {
       summary = counts();
       report(begun_ ? method_.explain(failure) : initial_state_.explain(failure), summary);
+      if constexpr (requires { method_.kept(); })
+        if (!failure.guards.empty() && !doubtful_since()) summary["kept"] = method_.kept();
     }
     if (table_) summary["rows"] = table_->rows();
     close_files();
@@ -117,10 +120,16 @@ class Run {
     const auto [steps, stride] = count_steps<Real>(settings_);
     heed_stop_requests();
     open_tables();
-    write();
+    if (goes_on()) {
+      steps_ = first_ = std::lround(static_cast<double>(method_.time()) / dt);
+      written_ = static_cast<double>(method_.time());
+    } else {
+      write();
+    }
     const long block = steps_table_ ? 1 : stride;
-    for (long first = 0; first < steps; first += block) {
-      const long last = std::min(first + block, steps);
+    for (long first = steps_; first < steps; first = steps_) {
+      keep();
+      const long last = std::min((first / block + 1) * block, steps);
       try {
         advance(first, last);
       } catch (Failure& failure) {
@@ -183,19 +192,22 @@ class Run {
     seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() - (seconds_of_checks() - checked);
   }
 
+  /// Whether the tables have the rows up to the run's beginning from other code.
+  bool goes_on() const { return file_.contains("begin"); }
+
   void open_tables() {
     table_.emplace(file_, "out");
-    table_->header(std::span(method_.columns()));
+    if (!goes_on()) table_->header(std::span(method_.columns()));
     values_.resize(method_.columns().size());
     if constexpr (requires { method_.report_moved(Real(0), values_.data()); })
       if (settings_.jumps_within) near_jumps_.emplace(*settings_.jumps_within, values_.size());
     if (file_.contains("steps_out")) {
       steps_table_.emplace(file_, "steps_out");
-      steps_table_->header(std::span<const std::string_view>(Method::step_columns));
+      if (!goes_on()) steps_table_->header(std::span<const std::string_view>(Method::step_columns));
     }
     if (file_.contains("coordinates_out")) {
       coordinates_.emplace(file_, "coordinates_out");
-      coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
+      if (!goes_on()) coordinates_->header(std::span<const std::string_view>(method_.coordinates()));
     }
     if (file_.contains("tangents_out")) tangents_.emplace(file_.at("tangents_out"));
   }
@@ -218,6 +230,11 @@ class Run {
     remember();
     if constexpr (requires { method_.differentiate(); })
       if (tangents_) tangents_->write(method_.differentiate().dump() + '\n');
+  }
+
+  /// Keep the present state, from which other code may go on.
+  void keep() {
+    if constexpr (requires { method_.keep(); }) method_.keep();
   }
 
   /// Keep where the tables end, as long as the rows from here on may have to be taken back.
@@ -260,7 +277,7 @@ class Run {
   }
 
   Json counts() const {
-    Json summary{{"steps", steps_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}};
+    Json summary{{"steps", steps_ - first_}, {"seconds", seconds_}, {"undetermined", initial_state_.undetermined()}};
     method_.summarise(summary);
     if (near_jumps_) near_jumps_->summarise(summary, method_.columns());
     return summary;
@@ -291,7 +308,7 @@ class Run {
   std::optional<OutputFile> tangents_;  ///< a line of JSON a row
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end
-  long steps_ = 0, mark_ = -1;
+  long steps_ = 0, first_ = 0, mark_ = -1;  ///< steps_: from the start on, of which other code has made the first
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };
 

@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <optional>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "cutjoint/core/largest.hpp"
@@ -71,7 +73,7 @@ class Simulated {
 
   /// Take over a start in relative coordinates with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Throws Failure.
   void begin(const State<double>& start, const std::vector<double>& penalties, double motion) {
-    require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion)), method());
+    require(simulation_.begin(State<Real>(start), converted<Real>(penalties), Real(motion), held()), method());
     if (finds_events && settings_.energy) state_.emplace(start);
     if (Integrator::knows_residuals) find_residuals();
     check(0);
@@ -83,7 +85,7 @@ class Simulated {
     if constexpr (finds_events) steps().stepper().watch({.call = [](void* who, auto& scheme) { static_cast<Simulated*>(who)->end_step(scheme); }, .who = this});
     if (settings_.energy) simulation_.watch_samples({.call = [](void* who) { static_cast<Simulated*>(who)->begin_anew(); }, .who = this});
     if (may_jump(subject_)) steps().watch_impacts({.reached = &reach, .left = &leave, .who = this});
-    if constexpr (finds_events) steps().run_to(time() + Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
+    if constexpr (finds_events) steps().run_to(Real(count_steps<Real>(settings_).number) * Real(settings_.dt));
   }
 
   /// Throws Failure, or Stopped where a stop is requested before the row: the last row is then that before.
@@ -158,10 +160,16 @@ class Simulated {
   Json state() const
     requires(!Integrator::finds_events)
   {
-    Json state = write_state(simulation_.state());
-    for (const Real value : simulation_.held_values()) state["held"].push_back(number_or_null(static_cast<double>(value)));
-    return state;
+    return write(simulation_.state(), simulation_.held_values());
   }
+
+  /// Keep the state, if a guard may end the run behind it.
+  void keep() {
+    if (!guards_.empty()) kept_.emplace(simulation_.state(), simulation_.held_values());
+  }
+
+  /// The state that was kept last, null of none.
+  Json kept() const { return kept_ ? write(kept_->first, kept_->second) : Json(); }
 
   /// The functions of the mechanism or system at the run file's states.
   Json evaluate()
@@ -225,6 +233,23 @@ class Simulated {
     const Failure failure = failure_of(fault, subject_.description(), fault.list == FaultList::switches ? "" : method);
     if constexpr (is_newton) throw explain_tangent(subject_.description(), fault, steps().newton().tangent().data(), failure);
     throw failure;
+  }
+
+  static Json write(const State<Real>& at, const std::vector<Real>& held) {
+    Json state = write_state(at);
+    state["held"] = Json::array();
+    for (const Real value : held) state["held"].push_back(number_or_null(static_cast<double>(value)));
+    return state;
+  }
+
+  /// The values that controllers hold in a run that goes on; no number is what they hold before their first samples.
+  std::optional<std::vector<Real>> held() const {
+    if (!file_.contains("begin")) return std::nullopt;
+    std::vector<Real> values;
+    for (const Json& value : file_.at("begin").at("held"))
+      values.push_back(value.is_null() ? std::numeric_limits<Real>::quiet_NaN() : number_of<Real>(value, "held"));
+    if (values.size() != simulation_.held_values().size()) refuse("held", "has not a value for each that controllers hold");
+    return values;
   }
 
   void check(long number) {
@@ -325,6 +350,7 @@ class Simulated {
   std::optional<State<Real>> state_;  ///< at the end of a step, of a run whose energy is balanced
   std::vector<Real> residual_, rate_;
   std::vector<double> measured_;
+  std::optional<std::pair<State<Real>, std::vector<Real>>> kept_;
   Residuals worst_;
   long before_ = 0;  ///< steps before the row, or iterations before the step
 };

@@ -47,7 +47,7 @@ class JointMotion:
 
     ``centre`` is the pole-to-centre vector of a spherical joint, which is eliminated in global axes about that point.
     ``columns`` (6, n) are those of the elementary motions in the chain's order, where several share a speed; else they are b's.
-    ``position``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
+    ``position``, ``quaternion``, ``rate`` hold the coordinates and speeds, ``acceleration`` the guide's if the joint is guided.
     Of a joint that follows the coordinate of an assembly, ``slope`` (k, 1) has its speeds by that coordinate's, ``own`` (6, k) the
     motion subspace, and ``follows`` (6, 1) the motion by that coordinate.
     """
@@ -59,6 +59,7 @@ class JointMotion:
     centre: Block | None
     columns: Block | None
     position: tuple[Block, ...]
+    quaternion: tuple[Block, ...]
     rate: tuple[Block, ...]
     acceleration: tuple[Block, ...]
     slope: Block | None = None
@@ -69,6 +70,10 @@ class JointMotion:
     def speed_names(self) -> tuple[str, ...]:
         """The names of the k unknowns among the joint's speeds."""
         return self.chart.speed_names if self.chart is not None else ()
+
+    def place_and_speeds(self, b: Builder) -> tuple[Block, Block]:
+        """Coordinates with the quaternion of a ball, and speeds, as columns."""
+        return b.column([*self.position, *self.quaternion]), b.column(self.rate)
 
 
 @dataclass(kw_only=True)
@@ -225,7 +230,8 @@ def _add_joint(k: Kinematics, t: TreeJoint, model: Model, chart: Chart | None) -
     k.motions[t.child] = JointMotion(
         tree_joint=t, b=subspace if chart else None, d=drift, chart=chart, centre=centre if chart else None,
         columns=_columns(k, t, kernel, local) if t.joint.element.shares_coordinates and (chart or following) else None,
-        position=position, rate=rate, acceleration=acceleration, slope=following.slope if following else None, own=own, follows=follows,
+        position=position, quaternion=quaternion, rate=rate, acceleration=acceleration,
+        slope=following.slope if following else None, own=own, follows=follows,
     )  # fmt: skip
 
 
@@ -362,7 +368,9 @@ def attitude(b: Builder, R: Block, angle: str) -> Block:
 class PoseEquations:
     """A point p of a body in the design position is at ``rotations`` (3, 3) p + ``shifts`` (3, 1), from the world's origin.
 
-    Symbols are ``q:joint`` by ``charts``, ``t``, ``parameters`` and ``inputs``, the scene's values by ``laws`` over LAW_TIME.
+    Joints that functions move have ``followers``: coordinates (n, 1), with the quaternion of a ball, and speeds (k, 1).
+    Symbols are ``q:joint``, of speeds ``v:joint`` too, by ``charts``, ``t``, ``parameters`` and ``inputs``, the scene's values by ``laws``
+    over LAW_TIME.
     """
 
     charts: tuple[Chart, ...]
@@ -370,6 +378,7 @@ class PoseEquations:
     laws: tuple[Block, ...]
     rotations: Mapping[str, Block]
     shifts: Mapping[str, Block]
+    followers: Mapping[str, tuple[Block, Block]]
 
 
 def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
@@ -383,4 +392,5 @@ def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
         charts=charts, parameters=open_parameters(model), laws=tuple(law for f in laws.functions for law in f.results.values()),
         rotations={name: k.frames[name].R for name in topology.order},
         shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},
+        followers={m.tree_joint.joint.name: m.place_and_speeds(b) for m in k.motions.values() if m.slope is not None},
     )  # fmt: skip

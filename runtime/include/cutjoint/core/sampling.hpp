@@ -82,6 +82,12 @@ class Sampling {
     }
   }
 
+  /// Controllers hold these values, of the samples up to a time.
+  void go_on(Real t, Real rounding, const Array<M, static_sizes<M>().held>& values) {
+    memory_.values = values;
+    go_to(t, rounding);
+  }
+
   /// Where a function puts the next values of all.
   Real* next_values() { return next_.data(); }
 

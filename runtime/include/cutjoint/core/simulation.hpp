@@ -155,19 +155,25 @@ class Simulation {
     return sample();
   }
 
-  /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.
-  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion)
+  /// Begin at a start in the coordinates of the mechanism that found it, with the penalties of its cut joints; `motion` is 0 of a mechanism at rest.  Where
+  /// controllers have `held` values at the start's time, the motion goes on from so many whole steps.
+  Fault begin(const StateOf<M>& start, const Cuts<M>& penalties, Real motion, const std::optional<std::vector<Real>>& held = std::nullopt)
     requires(!Sized<M>)
   {
     penalties_ = penalties;
     take_over(start, motion);
     count_from_here();
+    if (held) {
+      number_ = std::lround(static_cast<double>(state_.t / Real(settings_.dt)));
+      origin_ = Real(0);
+    }
     load_subject();
     subject().begin_step(state_.t, motion);
     steps_.emplace(subject(), settings_, roads_);
     is_reported_ = false;
     is_started_ = true;
     sampling_.begin();
+    if (held) sampling_.go_on(state_.t, rounding(), *held);
     if (const Fault fault = steps_->start(state_, motion)) return fault;
     return motion > Real(0) ? sample() : Fault{};
   }
