@@ -18,7 +18,7 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.compile import pipeline
-from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.batch import BatchArtifact

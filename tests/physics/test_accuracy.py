@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact

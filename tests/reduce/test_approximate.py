@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scalar, Scene

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.quantities import quantities

@@ -7,8 +7,7 @@ from math import inf
 
 import pytest
 
-from cutjoint.compile.interpreted import compile_interpreted
-from cutjoint.compile.pipeline import schedule_method
+from cutjoint.compile.pipeline import compile_interpreted, schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene

@@ -17,6 +17,7 @@ from cutjoint.analysis.mobility import require_soundness
 from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.folders import plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
+from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.simulator import emit
 from cutjoint.emit.source import Generated, Source
 from cutjoint.formulate.lanes import schedule_recursive
@@ -29,7 +30,7 @@ from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure
-from cutjoint.toolchain.build import build
+from cutjoint.toolchain.build import build, build_interpreter
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
@@ -90,6 +91,45 @@ def compile_scene(
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
         raise TakesLong(later, made, seconds, finish)
     return finish()
+
+
+def compile_interpreted(
+    model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, outputs: Sequence[Output] | None = None,
+    scheduled: tuple[Equations, Program] | None = None,
+) -> Artifact:  # fmt: skip
+    """A model in a scene for the interpreter: its program as data, for a simulator that is compiled once for all models.  ``outputs`` are
+    instead of the scene's, ``scheduled`` is what `schedule_method` has made of it already.
+
+    Raises:
+        ModelError, EquationsError: the model is wrong.
+        RunError: there is no such method.
+        MissingLibraryError: a library that orders the method's matrices is not installed.
+        ToolchainError: the C++ side, which is built where it is not there, failed.
+    """
+    require_choice(method)
+    # Model -> Source
+    begin = perf_counter()
+    outputs = scene.outputs if outputs is None else outputs
+    equations, program = scheduled or schedule_method(model, scene, outputs, method=method)
+    source, description = _interpret(equations, program)
+    generated = perf_counter()
+    # Binary
+    binary = build_interpreter(source.driver)
+    return Artifact(
+        scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
+        implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
+        compile_seconds=perf_counter() - generated, description=description,
+        exact=way_on(equations, lambda loops, exact: compile_interpreted(loops, exact, method=method, outputs=outputs)),
+    )  # fmt: skip
+
+
+def _interpret(equations: Equations, program: Program) -> tuple[Source, dict[str, Any]]:
+    if isinstance(equations, SystemEquations):
+        from cutjoint.compile.systems import interpret_scheduled  # the recursive method does not wait for what this imports
+
+        return interpret_scheduled(equations, program)
+    assert isinstance(equations, RecursiveEquations)
+    return emit_interpreted(program, equations)
 
 
 def generate(

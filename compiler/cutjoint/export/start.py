@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import PLAIN_CLOSURE
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
 from cutjoint.run.artifact import make_simulator_run

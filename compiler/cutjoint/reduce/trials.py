@@ -14,9 +14,8 @@ from math import lcm
 from threading import RLock, Thread
 from typing import Any, TypeVar
 
-from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene, emit_scheduled, schedule_method
+from cutjoint.compile.pipeline import compile_interpreted, compile_scene, emit_scheduled, schedule_method
 from cutjoint.emit.source import Generated
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import METHODS
