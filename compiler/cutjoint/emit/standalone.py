@@ -110,6 +110,9 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
 INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for name in steps))
 
 
+#: Doubles of a number with derivatives along eight directions (`dual.hpp`).
+_NUMBERS_OF_DUAL = 9
+
 #: The share of a mechanism's extent, or of a radian, by which a loop of a folder may stand open.
 TORN = 0.01
 
@@ -390,9 +393,10 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
     if parts.freedoms is not None:
         stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
-        stored += 2 * (_stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program)))
-        stored += 2 * (len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns))
-        stored += 4 * q + 12 * n + 8 * m + 4 * parts.freedoms + 12 * len(equations.inputs) + 2 * n + m + 64
+        dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
+        dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
+        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
+        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
     stored += 16 * len(parts.poses) + 2
     return 8 * (stored + assembly + masses + others + 512)
 

@@ -86,8 +86,6 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
   static int linearise(CheckedMinimal* s, double* A, double* B, double* C, double* D) {
     if (const int status = ask(s)) return status;
-    constexpr bool has_states = states > 0, has_inputs = Model::inputs > 0, has_outputs = Model::outputs > 0;
-    if ((has_states && !A) || (has_states && has_inputs && !B) || (has_states && has_outputs && !C) || (has_inputs && has_outputs && !D)) return no_array;
     return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
   }
 

@@ -126,10 +126,10 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b is overwritten.
-  const Speeds<M>& solve(Equations<M>& b) {
-    solve(*squares_, b);
-    return step_;
+  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b and `room` are overwritten.
+  template <class Number>
+  void solve(Number* b, Number* step, Number* room) const {
+    squares_->solve(b, step, room);
   }
 
   /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
