@@ -33,6 +33,7 @@ _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
+_DYNAMICS = "cutjoint/core/dynamics.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -183,7 +184,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
-    more = [*([_DERIVATIVES] if has_derivatives else []), *([_POSES] if parts.poses else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
+    more = [*([_DERIVATIVES] if has_derivatives else []), *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     return [*lanes, _CORE, steps.header, *more]
 
 
