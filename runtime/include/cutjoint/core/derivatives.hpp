@@ -210,7 +210,8 @@ class Derivatives {
   }
 
   /// The way of an iteration: over where what is left to come is lost in rounding, or where changes have not become smaller three times.  The update
-  /// makes errors smaller by a factor, the same for all directions, and its rounding larger by one over that: it is as stiff as its penalty.
+  /// makes errors smaller by a factor, the same for all directions, and rounding of multipliers larger by one over that, as stiff as its penalty is.
+  /// Multipliers are off by the share of accelerations that has just changed, accelerations by that times the factor.
   class Progress {
    public:
     explicit Progress(double& factor) : factor_(factor) {}
@@ -218,7 +219,7 @@ class Derivatives {
     void add(double change, double size) {
       const double share = change > 0.0 ? change / size : change;
       if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
-      is_over_ = m == 0 || share == 0.0 || share * factor_ * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
+      is_over_ = m == 0 || share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
       stalled_ = share < least_ ? 0 : stalled_ + 1;
       least_ = std::min(least_, share);
       before_ = share;
