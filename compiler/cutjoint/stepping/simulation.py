@@ -390,7 +390,7 @@ class Simulation:
         return mass, force
 
     def find_point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
-        """The Jacobian (6, f) of a point of a body by the rates of independent coordinates, with guides at rest: three rows of its velocity,
+        """The Jacobian (6, f) of a point of a body by the rates of independent coordinates, guides at rest: three rows of its velocity,
         three of the body's angular velocity, in global axes.  The body is that of a body or marker, ``name``; the ``point`` (m) is where it
         is in the design position, by default that of the pose.  A force and a torque there add J^T (F, T) to the force of `find_dynamics`.
 
