@@ -30,8 +30,6 @@ static void wrong_calls(void) {
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX && press_choose_speeds(sim, NULL) == PRESS_NO_ARRAY);
   speeds[0] = -1;
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX);
-  EXPECT(press_linearise(sim, NULL, NULL, C, NULL) == PRESS_NO_ARRAY);
-  EXPECT(press_linearise(sim, A, NULL, NULL, NULL) == PRESS_NO_ARRAY);
   EXPECT(press_directional(sim, NULL, NULL, rates, y) == PRESS_NO_ARRAY && press_directional(sim, dx, NULL, NULL, y) == PRESS_NO_ARRAY);
   EXPECT(press_directional(sim, dx, NULL, rates, NULL) == PRESS_NO_ARRAY);
   dx[0] = NAN;
@@ -51,6 +49,16 @@ static void names(void) {
     EXPECT(i >= 0 && dx[0] == press_coordinates(sim)[i]);
     EXPECT(press_find_speed(press_state_name(sim, 1)) == k && fabs(dx[1] - press_speeds(sim)[k]) < 1e-12);
   }
+}
+
+/* A matrix that is not wanted is skipped, and the others are the same. */
+static void some_matrices(void) {
+  static double other_A[n * n], other_C[outputs * n];
+  press_sim* sim = press_create(memory[0], sizeof memory[0]);
+  EXPECT(press_start(sim) == PRESS_OK && press_play(sim, 20, NULL) == PRESS_OK && press_linearise(sim, A, NULL, C, NULL) == PRESS_OK);
+  EXPECT(press_linearise(sim, other_A, NULL, NULL, NULL) == PRESS_OK && memcmp(A, other_A, sizeof A) == 0);
+  EXPECT(press_linearise(sim, NULL, NULL, other_C, NULL) == PRESS_OK && memcmp(C, other_C, sizeof C) == 0);
+  EXPECT(press_linearise(sim, NULL, NULL, NULL, NULL) == PRESS_OK);
 }
 
 /* Who linearises changes nothing: steps go on bit by bit. */
@@ -73,6 +81,7 @@ static void motion(void) {
 int main(void) {
   wrong_calls();
   names();
+  some_matrices();
   motion();
   return faults;
 }

@@ -23,15 +23,6 @@ using quads::Quad;
 namespace core = OF(code)::cutjoint;
 namespace code = OF(code);
 
-#ifdef HAS_LANES
-namespace OF(code)::cutjoint {
-template <int N>
-struct Register<Quad, N> {
-  using type = Side<Quad, N>;
-};
-}
-#endif
-
 template <class Mechanism>
 struct InQuad;
 template <template <class> class Mechanism>

@@ -48,9 +48,8 @@ def test_derivatives_are_those_of_differences_in_113_bits(
     name: str, scene: str | None, states: list[tuple[int, ...]], tmp_path: Path
 ) -> None:
     place = write(folder_of(text_of(name), f"{name}.yaml", scene, linearise=True), tmp_path)
-    lanes = ["-DHAS_LANES"] if "struct Lanes {" in (place / f"{name}.cpp").read_text(encoding="utf-8") else []
     subprocess.run(
-        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{QUAD.folder / 'include'}", "-isystem", "/usr/include/eigen3", *lanes,
+        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{QUAD.folder / 'include'}", "-isystem", "/usr/include/eigen3",
          f'-DSOURCE="{name}.cpp"', f"-DMODEL={name}", f"-DTITLE={name.upper()}", HERE / "derivatives.cpp", "-o", "beside", *LIBRARIES],
         cwd=place, check=True,
     )  # fmt: skip

@@ -19,8 +19,7 @@ from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.lanes import schedule_recursive
-from cutjoint.formulate.records import Equations, SystemEquations
-from cutjoint.formulate.recursive.poses import POSES
+from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,

@@ -12,8 +12,8 @@ from cutjoint.emit.names import road_names
 from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
 from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
-from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.recursive.poses import POSES, posed_points
+from cutjoint.formulate.records import POSES, Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.poses import posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
 from cutjoint.program.blocks import BindingTime
@@ -177,8 +177,9 @@ def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: s
     """The class of the mechanism with its layout, by a program of it; ``header`` names its file, without the ending, where it has one."""
     equations = parts.mechanism
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard", "sample"}
-    if conditions == "bool" and (equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless):
-        unused -= {"energy"}  # of one that holds coordinates at rest or finds penalties, one instance at a time
+    weighed = equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.freedoms and parts.poses)
+    if conditions == "bool" and weighed:
+        unused -= {"energy"}  # of one that holds coordinates at rest, finds penalties or has a mass matrix, one instance at a time
     if conditions != "bool":
         unused |= {POSES}
     layout = {

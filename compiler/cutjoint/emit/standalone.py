@@ -33,6 +33,7 @@ _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
+_DYNAMICS = "cutjoint/core/dynamics.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -110,6 +111,9 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
 INTEGRATORS_OF_CORE = tuple(dict.fromkeys(name for steps in STEPS.values() for name in steps))
 
 
+#: Doubles of a number with derivatives along eight directions (`dual.hpp`).
+_NUMBERS_OF_DUAL = 9
+
 #: The share of a mechanism's extent, or of a radian, by which a loop of a folder may stand open.
 TORN = 0.01
 
@@ -180,7 +184,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
-    more = [*([_DERIVATIVES] if has_derivatives else []), *([_POSES] if parts.poses else []), *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
+    more = [*([_DERIVATIVES] if has_derivatives else []), *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     return [*lanes, _CORE, steps.header, *more]
 
 
@@ -390,9 +395,10 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
     if parts.freedoms is not None:
         stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
-        stored += 2 * (_stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program)))
-        stored += 2 * (len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns))
-        stored += 4 * q + 12 * n + 8 * m + 4 * parts.freedoms + 12 * len(equations.inputs) + 2 * n + m + 64
+        dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
+        dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
+        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
+        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
     stored += 16 * len(parts.poses) + 2
     return 8 * (stored + assembly + masses + others + 512)
 

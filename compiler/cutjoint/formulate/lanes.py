@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.formulate.records import CHECKS, Function, RecursiveEquations
-from cutjoint.formulate.recursive.poses import POSES
+from cutjoint.formulate.records import CHECKS, POSES, Function, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
 from cutjoint.program.lower import reachable_blocks

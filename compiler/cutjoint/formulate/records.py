@@ -193,6 +193,7 @@ class RecursiveEquations(Equations):
     def crossing(self) -> RecursiveEquations:
         """The equations without the functions that steps over events, and their start, do not call."""
         weighs = self.topology.ends_on_massless or (self.scene.pose == "equilibrium" and self.scene.positions)
+        weighs = weighs or any(f.name == POSES for f in self.functions)  # whose hosts may ask for the mass matrix
         unused = ("events",) if weighs else ("events", "energy")
         return replace(self, functions=tuple(f for f in self.functions if f.name not in unused), switches=())
 
@@ -231,6 +232,9 @@ class SystemEquations(Equations):
         slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
         return replace(self, slots={**self.slots, **slots})
 
+
+#: The function of poses (`recursive/poses.py`).
+POSES = "poses"
 
 #: The function of controllers.
 SAMPLE = "sample"

@@ -91,6 +91,9 @@ class Library:
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
+            if freedoms is not None:
+                self.dynamics = self._function("dynamics", index, sim, *[ctypes.c_void_p] * 2)
+                self.point_jacobian = self._function("point_jacobian", index, sim, index, *[ctypes.c_void_p] * 2)
         self.give_scene = self._function("give_scene", index, sim)
         self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
         self.give_speed = self._function("give_speed", index, sim, index, number)

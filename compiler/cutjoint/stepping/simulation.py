@@ -375,6 +375,41 @@ class Simulation:
         self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
         return StateSpace(A=A, B=B, C=C, D=D, x=states.array, states=tuple(states), inputs=inputs, outputs=outputs)
 
+    def find_dynamics(self) -> tuple[Array, Array]:
+        """The mass matrix M (f, f) and the force (f) of M z'' = force for the f independent coordinates z, the first of ``states``, in SI
+        units; the force is that of all that acts, with velocity products.
+
+        Raises:
+            TypeError: the model was loaded without derivatives or without poses.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        freedoms = self._require_freedoms()
+        self._require(self.library.has_poses, _WITHOUT_POSES)
+        mass, force = np.zeros((freedoms, freedoms)), np.zeros(freedoms)
+        self._call(self.library.dynamics, mass.ctypes.data, force.ctypes.data)
+        return mass, force
+
+    def find_point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
+        """The Jacobian (6, f) of a point of a body by the rates of independent coordinates, guides at rest: three rows of its velocity,
+        three of the body's angular velocity, in global axes.  The body is that of a body or marker, ``name``; the ``point`` (m) is where it
+        is in the design position, by default that of the pose.  A force and a torque there add J^T (F, T) to the force of `find_dynamics`.
+
+        Raises:
+            TypeError: the model was loaded without derivatives or without poses.
+            KeyError: no body or marker has that name.
+            ValueError: the point has not three numbers.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        freedoms = self._require_freedoms()
+        poses = self.poses
+        place = poses.place(name)
+        at = np.array(poses.point[place] if point is None else point, dtype=float)
+        if at.shape != (3,):
+            raise ValueError(f"point: {at.shape} numbers are no point; give three, where it is in the design position (m)")
+        jacobian = np.zeros((6, freedoms))
+        self._call(self.library.point_jacobian, place, at.ctypes.data, jacobian.ctypes.data)
+        return jacobian
+
     def _require_freedoms(self) -> int:
         freedoms = self.library.freedoms
         self._require(freedoms is not None, _NOT_LINEARISED)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import Function
+from cutjoint.formulate.records import POSES, Function
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.model.records import Model, Vector
 from cutjoint.program.blocks import Block
-
-#: The name of the function.
-POSES = "poses"
 
 #: The numbers of one: a point's position, the rotation by columns, the point's velocity, the angular velocity, all in global axes, and
 #: the point in the design position.

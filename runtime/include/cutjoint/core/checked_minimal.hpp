@@ -86,8 +86,6 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
   static int linearise(CheckedMinimal* s, double* A, double* B, double* C, double* D) {
     if (const int status = ask(s)) return status;
-    constexpr bool has_states = states > 0, has_inputs = Model::inputs > 0, has_outputs = Model::outputs > 0;
-    if ((has_states && !A) || (has_states && has_inputs && !B) || (has_states && has_outputs && !C) || (has_inputs && has_outputs && !D)) return no_array;
     return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
   }
 
@@ -122,19 +120,21 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     });
   }
 
- private:
-  static constexpr int freedoms = Model::freedoms, joint_speeds = Model::joint_speeds, states = 2 * freedoms + Model::speeds - joint_speeds;
-
-  struct Memory {
-    typename Model::Sim::Memory sim;
-    typename Minimal::Choice choice;
-  };
+ protected:
+  static constexpr int freedoms = Model::freedoms, joint_speeds = Model::joint_speeds, all_speeds = Model::speeds,
+                       states = 2 * freedoms + all_speeds - joint_speeds;
 
   /// A status of calls that need independent coordinates, which then have been chosen.
   static int ask(CheckedMinimal* s) {
     if (const int status = Base::ask_started(s)) return status;
     return s->minimal.choice().is_made ? static_cast<int>(call_ok) : choose(s);
   }
+
+ private:
+  struct Memory {
+    typename Model::Sim::Memory sim;
+    typename Minimal::Choice choice;
+  };
 };
 
 }  // namespace cutjoint

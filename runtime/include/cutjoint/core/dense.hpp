@@ -62,16 +62,18 @@ class LeastSquares {
   /// The column that stands at a place; those before `rank` are independent.
   std::size_t column_at(std::size_t place) const { return order_[place]; }
 
-  /// x with |A x - b| least, of all such the shortest; b is overwritten, `room` has an element for each column.
-  void solve(Real* b, Real* x, Real* room) const {
+  /// x with |A x - b| least, of all such the shortest; b is overwritten, `room` has an element for each column.  A number is real, or several that
+  /// are solved for side by side.
+  template <class Number>
+  void solve(Number* b, Number* x, Number* room) const {
     for (std::size_t k = 0; k < rank_; ++k) apply(k, b);
-    for (std::size_t j = 0; j < A_.columns; ++j) room[j] = j < rank_ ? b[j] : Real(0);
+    for (std::size_t j = 0; j < A_.columns; ++j) room[j] = j < rank_ ? b[j] : Number(0);
     for (std::size_t k = rank_; k-- > 0;) {
       for (std::size_t j = k + 1; j < rank_; ++j) room[k] -= A_(k, j) * room[j];
       room[k] /= A_(k, k);
     }
     for (std::size_t k = 0; k < rank_ && rank_ < A_.columns; ++k) {
-      Real sum = room[k];
+      Number sum = room[k];
       for (std::size_t j = rank_; j < A_.columns; ++j) sum += A_(k, j) * room[j];
       sum *= right_[k];
       room[k] -= sum;
@@ -98,10 +100,11 @@ class LeastSquares {
   }
 
   /// A column reflected by the k-th reflection of Q.
-  void apply(std::size_t k, Real* column) const {
+  template <class Number>
+  void apply(std::size_t k, Number* column) const {
     const Real* u = A_.column(k);
-    Real sum = column[k];
-    for (std::size_t i = k + 1; i < A_.rows; ++i) sum += u[i] * column[i];
+    Number sum = column[k];
+    for (std::size_t i = k + 1; i < A_.rows; ++i) sum += column[i] * u[i];
     sum *= left_[k];
     column[k] -= sum;
     for (std::size_t i = k + 1; i < A_.rows; ++i) column[i] -= sum * u[i];

@@ -38,26 +38,32 @@ class Derivatives {
   /// Derivatives x' and outputs y along a direction: `states` numbers of x, and of each input its value, rate and acceleration.
   Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, double* dxdot, double* dy) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
-    std::copy_n(dx, states, dx_.begin());
-    std::copy_n(du, du_.size(), du_.begin());
-    if (const Fault fault = derive(minimal)) return fault;
-    std::copy_n(dxdot_.begin(), states, dxdot);
-    for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].slope;
+    for (std::size_t i = 0; i < states; ++i) dx_[i].slope[0] = dx[i];
+    for (std::size_t i = 0; i < du_.size(); ++i) du_[i].slope[0] = du[i];
+    if (const Fault fault = derive(simulation.mechanism(), minimal, 1)) return fault;
+    for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].slope[0];
+    for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].slope[0];
     return {};
   }
 
-  /// x' = A x + B u, y = C x + D u by values of inputs; matrices by rows.
+  /// x' = A x + B u, y = C x + D u by values of inputs; matrices by rows, a null pointer where one is not wanted.
   Fault linearise(Simulation& simulation, Minimal& minimal, double* A, double* B, double* C, double* D_) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
-    for (std::size_t j = 0; j < states + inputs; ++j) {
-      dx_.fill(0.0);
-      du_.fill(0.0);
-      const bool by_state = j < states;
-      const std::size_t column = by_state ? j : j - states, width = by_state ? states : inputs;
-      (by_state ? dx_[column] : du_[numbers_per_input * column]) = 1.0;
-      if (const Fault fault = derive(minimal)) return fault;
-      for (std::size_t i = 0; i < states; ++i) (by_state ? A : B)[i * width + column] = dxdot_[i];
-      for (std::size_t i = 0; i < columns; ++i) (by_state ? C : D_)[i * width + column] = columns_[i].slope;
+    const std::size_t first = A || C ? 0 : states, end = B || D_ ? states + inputs : states;
+    for (std::size_t from = first; from < end; from += directions) {
+      const std::size_t number = std::min(directions, end - from);
+      dx_.fill(Dual());
+      du_.fill(Dual());
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j) (j < states ? dx_[j] : du_[numbers_per_input * (j - states)]).slope[k] = 1.0;
+      if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
+        const bool by_state = j < states;
+        const std::size_t column = by_state ? j : j - states, width = by_state ? states : inputs;
+        if (double* matrix = by_state ? A : B)
+          for (std::size_t i = 0; i < states; ++i) matrix[i * width + column] = dxdot_[i].slope[k];
+        if (double* matrix = by_state ? C : D_)
+          for (std::size_t i = 0; i < columns; ++i) matrix[i * width + column] = columns_[i].slope[k];
+      }
     }
     return {};
   }
@@ -86,24 +92,30 @@ class Derivatives {
       if constexpr (has_system) system_.drive_by({&fill, this});
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
+    dx_.fill(Dual());
+    du_.fill(Dual());
+    gap_.fill(0.0);
+    if (!find_values(simulation.mechanism())) return not_finite();
     return minimal.decompose(starter, *state_);
   }
 
+  Fault not_finite() const { return {.cause = Cause::accelerations_not_finite, .t = state_->t}; }
+
   static void fill(void* self, Dual, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
-    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i] : 0.0};
+    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i].slope : Slopes{}};
   }
 
-  /// Along the direction that is given.
-  Fault derive(Minimal& minimal) {
+  /// Along the directions that are given, the first `number` of a row.
+  Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
     mechanism_.begin_step(state_->t, 1.0);
     find_coordinates(minimal);
     find_speeds(minimal);
-    if (!find_accelerations()) return {.cause = Cause::accelerations_not_finite, .t = state_->t};
+    if (!find_accelerations(mechanism, number)) return not_finite();
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
     take_slopes(rate_, minimal, dxdot_.data());
     take_slopes(second_, minimal, dxdot_.data() + freedoms);
-    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * freedoms + i] = vdot_[joints + i].slope;
+    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * freedoms + i] = vdot_[joints + i];
     if constexpr (has_system) {
       system_.begin_step(state_->t, 1.0);
       system_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
@@ -128,9 +140,9 @@ class Derivatives {
 
   /// Speeds that keep them closed.
   void find_speeds(Minimal& minimal) {
-    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i]};
-    for (std::size_t i = 0; i < n; ++i) room_[i] = delta_[i].value;
-    chart_rates<double>(charts(), room_.data(), state_->v.data(), values_.data());
+    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i].slope};
+    for (std::size_t i = 0; i < n; ++i) place_[i] = delta_[i].value;
+    chart_rates<double>(charts(), place_.data(), state_->v.data(), values_.data());
     give_slopes(dx_.data() + freedoms, minimal, rate_);
     chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
     if constexpr (m > 0) {
@@ -140,58 +152,115 @@ class Derivatives {
     }
   }
 
-  /// The augmented update, until the accelerations and their derivatives come no closer; false where one is no number.
-  bool find_accelerations() {
-    std::copy(state_->lambda.begin(), state_->lambda.end(), lambda_.begin());
-    std::copy(state_->vdot.begin(), state_->vdot.end(), vdot_.begin());
-    double least = std::numeric_limits<double>::infinity();
-    for (int iteration = 0, stalled = 0; iteration < 200 && stalled < 3; ++iteration) {
-      before_ = vdot_;
-      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] += correction_[i];
-      Change value, slope;
-      for (std::size_t i = 0; i < n; ++i) {
-        value.add(before_[i].value, vdot_[i].value);
-        slope.add(before_[i].slope, vdot_[i].slope);
+  /// Accelerations and multipliers of the augmented update's fixed point; false where one is no number.
+  bool find_values(M& mechanism) {
+    std::copy(state_->lambda.begin(), state_->lambda.end(), force_.begin());
+    std::copy(state_->vdot.begin(), state_->vdot.end(), still_.begin());
+    factor_ = 1.0;
+    Progress progress(factor_);
+    for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
+      std::copy(still_.begin(), still_.end(), changed_.begin());
+      for (std::size_t i = 0; i < m; ++i) force_[i] += gap_[i];
+      mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), gap_.data());
+      for (std::size_t i = 0; i < n; ++i) changed_[i] -= still_[i];
+      progress.add(size_of(changed_), size_of(still_));
+    }
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = still_[i];
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i], left_[i] = gap_[i];
+    return progress.is_finite();
+  }
+
+  /// Their derivatives; false where one is no number.  The update is affine in multipliers: behind one evaluation along all directions the plain
+  /// equations say what these change.
+  bool find_accelerations(M& mechanism, std::size_t number) {
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
+    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+    for (std::size_t k = 0; k < number; ++k) {
+      Progress progress(factor_);
+      for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
+        double largest = 0.0, step = 0.0;
+        for (std::size_t i = 0; i < m; ++i) {
+          largest = std::max(largest, std::abs(force_[i]));
+          step = std::max(step, std::abs(correction_[i].slope[k]));
+        }
+        if (step > 0.0) change_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
+        double size = 0.0;
+        for (const Dual& x : vdot_) size = std::max(size, std::abs(x.slope[k]));
+        progress.add(step > 0.0 ? size_of(changed_) : 0.0, size);
       }
-      if (!(slope.size - slope.size == 0.0)) return false;
-      const double share = std::max(value.share(), slope.share());
-      if (m == 0 || share == 0.0) break;
-      stalled = share < least ? 0 : stalled + 1;
-      least = std::min(least, share);
+      for (const Dual& x : vdot_)
+        if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
+      if (!progress.is_finite()) return false;
     }
     return true;
   }
 
-  /// The largest change of numbers, and the largest of these; not a number where one is none.
-  struct Change {
-    double largest = 0.0, size = 0.0;
-
-    void add(double before, double now) {
-      largest = std::max(largest, std::abs(now - before));
-      if (size == size && !(std::abs(now) <= size)) size = std::abs(now);
+  /// Correct the multipliers' derivatives along a direction; `scale` makes the change as large as multipliers are.
+  void change_multipliers(M& mechanism, double scale, std::size_t k) {
+    for (std::size_t i = 0; i < m; ++i) {
+      lambda_[i].slope[k] += correction_[i].slope[k];
+      room_of_forces_[i] = force_[i] + scale * correction_[i].slope[k];
     }
-
-    double share() const { return largest > 0.0 ? largest / size : 0.0; }
-  };
-
-  /// Numbers with these slopes of independent ones, and none of others.
-  void give_slopes(const double* slopes, Minimal& minimal, Fixed<Dual, n>& numbers) {
-    room_.fill(0.0);
-    minimal.take(slopes, room_);
-    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i]};
+    mechanism.evaluate(state_->q.data(), state_->v.data(), room_of_forces_.data(), changed_.data(), gap_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      changed_[i] = (changed_[i] - still_[i]) / scale;
+      vdot_[i].slope[k] += changed_[i];
+    }
+    for (std::size_t i = 0; i < m; ++i) correction_[i].slope[k] += (gap_[i] - left_[i]) / scale;
   }
 
-  void take_slopes(const Fixed<Dual, n>& numbers, Minimal& minimal, double* slopes) {
-    for (std::size_t i = 0; i < n; ++i) room_[i] = numbers[i].slope;
+  /// The way of an iteration: over where what is left to come is lost in rounding, or where changes have not become smaller three times.  The update
+  /// makes errors smaller by a factor, the same for all directions, and rounding of multipliers larger by one over that, as stiff as its penalty is.
+  /// Multipliers are off by the share of accelerations that has just changed, accelerations by that times the factor.
+  class Progress {
+   public:
+    explicit Progress(double& factor) : factor_(factor) {}
+
+    void add(double change, double size) {
+      const double share = change > 0.0 ? change / size : change;
+      if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
+      is_over_ = m == 0 || share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
+      stalled_ = share < least_ ? 0 : stalled_ + 1;
+      least_ = std::min(least_, share);
+      before_ = share;
+    }
+
+    bool is_over() const { return is_over_ || stalled_ == 3; }
+    bool is_finite() const { return before_ <= most; }
+
+   private:
+    static constexpr double most = std::numeric_limits<double>::max();
+
+    double& factor_;
+    bool is_over_ = false;
+    int stalled_ = 0;
+    double before_ = 0.0, least_ = std::numeric_limits<double>::infinity();
+  };
+
+  /// The largest number; not a number where one is none.
+  static double size_of(const Fixed<double, n>& numbers) {
+    double size = 0.0;
+    for (const double x : numbers)
+      if (size == size && !(std::abs(x) <= size)) size = std::abs(x);
+    return size;
+  }
+
+  /// Numbers with these slopes of independent ones, and none of others.
+  void give_slopes(const Dual* slopes, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    room_.fill(Dual());
+    minimal.take(slopes, room_);
+    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i].slope};
+  }
+
+  void take_slopes(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* slopes) {
+    for (std::size_t i = 0; i < n; ++i) room_[i] = numbers[i];
     minimal.put(room_, slopes);
   }
 
   /// Slopes of dependent ones that close gaps of the loops.
-  void follow_loops(const Fixed<Dual, m>& gaps, Minimal& minimal, Fixed<Dual, n>& numbers) {
-    for (std::size_t i = 0; i < m; ++i) gap_[i] = gaps[i].slope;
-    const Fixed<double, n>& step = minimal.solve(gap_);
-    for (std::size_t i = 0; i < n; ++i) numbers[i].slope -= step[i];
+  void follow_loops(Fixed<Dual, m>& gaps, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    minimal.solve(gaps.data(), step_.data(), room_.data());
+    for (std::size_t i = 0; i < n; ++i) numbers[i].slope -= step_[i].slope;
   }
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
@@ -200,15 +269,17 @@ class Derivatives {
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;
   Fixed<Road<Dual>, M::sizes.roads> roads_;
-  Fixed<double, states> dx_, dxdot_;
+  Fixed<Dual, states> dx_, dxdot_;
   Fixed<double, given> u_;
-  Fixed<double, numbers_per_input * inputs> du_;
+  Fixed<Dual, numbers_per_input * inputs> du_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
-  Fixed<Dual, n> delta_, rate_, second_, v_, vdot_, before_;
+  Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
   Fixed<Dual, m> phi_, phid_, lambda_, correction_;
   Fixed<Dual, columns> columns_;
-  Fixed<double, n> values_, room_;
-  Fixed<double, m> gap_;
+  Fixed<double, n> values_, place_, still_, changed_;
+  Fixed<Dual, n> room_, step_;
+  double factor_ = 1.0;  ///< by which an update makes errors smaller
+  Fixed<double, m> gap_, left_, force_, room_of_forces_;
 };
 
 }  // namespace cutjoint

@@ -1,74 +1,80 @@
-// Numbers with a derivative: what generated code makes of them are exact derivatives, to rounding.
+// Numbers with derivatives: what generated code makes of them are exact derivatives, to rounding.
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 
 #include "cutjoint/core/road.hpp"
 
 namespace cutjoint {
 
-/// A value and its derivative along a direction, with the arithmetic and functions of generated code.  Comparisons are of values: where formulas
-/// change, derivatives are those of the formula that holds, of |x| at 0 those of x.  What does not change along the direction has a derivative of 0,
+/// Derivatives along several directions side by side; a struct that has them needs no other alignment than that of doubles.
+typedef double Slopes __attribute__((vector_size(8 * sizeof(double)), aligned(alignof(double))));
+inline constexpr std::size_t directions = sizeof(Slopes) / sizeof(double);
+
+/// A value and its derivatives along directions, with the arithmetic and functions of generated code.  Comparisons are of values: where formulas
+/// change, derivatives are those of the formula that holds, of |x| at 0 those of x.  What does not change along a direction has a derivative of 0,
 /// also where a function is infinitely steep.
 struct Dual {
-  double value = 0.0, slope = 0.0;
+  double value = 0.0;
+  Slopes slope{};
 
   constexpr Dual() = default;
   constexpr Dual(double number) : value(number) {}
-  constexpr Dual(double number, double derivative) : value(number), slope(derivative) {}
+  constexpr Dual(double number, const Slopes& derivatives) : value(number), slope(derivatives) {}
 
-  Dual& operator+=(Dual b) { return *this = *this + b; }
-  Dual& operator-=(Dual b) { return *this = *this - b; }
-  Dual& operator*=(Dual b) { return *this = *this * b; }
-  Dual& operator/=(Dual b) { return *this = *this / b; }
+  [[gnu::always_inline]] Dual& operator+=(const Dual& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Dual& operator-=(const Dual& b) { return *this = *this - b; }
+  [[gnu::always_inline]] Dual& operator*=(const Dual& b) { return *this = *this * b; }
+  [[gnu::always_inline]] Dual& operator/=(const Dual& b) { return *this = *this / b; }
 
-  friend Dual operator-(Dual a) { return {-a.value, -a.slope}; }
-  friend Dual operator+(Dual a, Dual b) { return {a.value + b.value, a.slope + b.slope}; }
-  friend Dual operator-(Dual a, Dual b) { return {a.value - b.value, a.slope - b.slope}; }
-  friend Dual operator*(Dual a, Dual b) { return {a.value * b.value, a.slope * b.value + a.value * b.slope}; }
-  friend Dual operator/(Dual a, Dual b) {
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a) { return {-a.value, -a.slope}; }
+  [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) { return {a.value + b.value, a.slope + b.slope}; }
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) { return {a.value - b.value, a.slope - b.slope}; }
+  [[gnu::always_inline]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.slope * b.value + a.value * b.slope}; }
+  [[gnu::always_inline]] friend Dual operator/(const Dual& a, const Dual& b) {
     const double quotient = a.value / b.value;
     return {quotient, (a.slope - quotient * b.slope) / b.value};
   }
-  friend bool operator<(Dual a, Dual b) { return a.value < b.value; }
-  friend bool operator<=(Dual a, Dual b) { return a.value <= b.value; }
+  friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
+  friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
 };
 
-/// The derivative of a function with that `steepness` by an argument with that `slope`.
-inline double follow(double steepness, double slope) { return slope == 0.0 ? 0.0 : steepness * slope; }
+/// A function's value, and its derivatives by an argument with these slopes, of which it has that `steepness`.
+inline Dual follow(double value, double steepness, const Slopes& slope) { return {value, slope == 0.0 ? Slopes{} : steepness * slope}; }
 
-inline Dual sqrt(Dual a) {
+inline Dual sqrt(const Dual& a) {
   const double root = std::sqrt(a.value);
-  return {root, follow(0.5 / root, a.slope)};
+  return follow(root, 0.5 / root, a.slope);
 }
-inline Dual sin(Dual a) { return {std::sin(a.value), follow(std::cos(a.value), a.slope)}; }
-inline Dual cos(Dual a) { return {std::cos(a.value), follow(-std::sin(a.value), a.slope)}; }
-inline Dual tan(Dual a) {
+inline Dual sin(const Dual& a) { return follow(std::sin(a.value), std::cos(a.value), a.slope); }
+inline Dual cos(const Dual& a) { return follow(std::cos(a.value), -std::sin(a.value), a.slope); }
+inline Dual tan(const Dual& a) {
   const double tangent = std::tan(a.value);
-  return {tangent, follow(1.0 + tangent * tangent, a.slope)};
+  return follow(tangent, 1.0 + tangent * tangent, a.slope);
 }
-inline Dual asin(Dual a) { return {std::asin(a.value), follow(1.0 / std::sqrt(1.0 - a.value * a.value), a.slope)}; }
-inline Dual acos(Dual a) { return {std::acos(a.value), follow(-1.0 / std::sqrt(1.0 - a.value * a.value), a.slope)}; }
-inline Dual atan(Dual a) { return {std::atan(a.value), follow(1.0 / (1.0 + a.value * a.value), a.slope)}; }
-inline Dual sinh(Dual a) { return {std::sinh(a.value), follow(std::cosh(a.value), a.slope)}; }
-inline Dual cosh(Dual a) { return {std::cosh(a.value), follow(std::sinh(a.value), a.slope)}; }
-inline Dual tanh(Dual a) {
+inline Dual asin(const Dual& a) { return follow(std::asin(a.value), 1.0 / std::sqrt(1.0 - a.value * a.value), a.slope); }
+inline Dual acos(const Dual& a) { return follow(std::acos(a.value), -1.0 / std::sqrt(1.0 - a.value * a.value), a.slope); }
+inline Dual atan(const Dual& a) { return follow(std::atan(a.value), 1.0 / (1.0 + a.value * a.value), a.slope); }
+inline Dual sinh(const Dual& a) { return follow(std::sinh(a.value), std::cosh(a.value), a.slope); }
+inline Dual cosh(const Dual& a) { return follow(std::cosh(a.value), std::sinh(a.value), a.slope); }
+inline Dual tanh(const Dual& a) {
   const double tangent = std::tanh(a.value);
-  return {tangent, follow(1.0 - tangent * tangent, a.slope)};
+  return follow(tangent, 1.0 - tangent * tangent, a.slope);
 }
-inline Dual exp(Dual a) {
+inline Dual exp(const Dual& a) {
   const double power = std::exp(a.value);
-  return {power, follow(power, a.slope)};
+  return follow(power, power, a.slope);
 }
-inline Dual log(Dual a) { return {std::log(a.value), follow(1.0 / a.value, a.slope)}; }
-inline Dual abs(Dual a) { return {std::abs(a.value), a.value < 0.0 ? -a.slope : a.slope}; }
-inline Dual atan2(Dual a, Dual b) {
+inline Dual log(const Dual& a) { return follow(std::log(a.value), 1.0 / a.value, a.slope); }
+inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.slope : a.slope}; }
+inline Dual atan2(const Dual& a, const Dual& b) {
   const double square = a.value * a.value + b.value * b.value;
-  return {std::atan2(a.value, b.value), follow(b.value / square, a.slope) - follow(a.value / square, b.slope)};
+  return follow(std::atan2(a.value, b.value), b.value / square, a.slope) + follow(0.0, -a.value / square, b.slope);
 }
-inline Dual pow(Dual a, Dual b) {
+inline Dual pow(const Dual& a, const Dual& b) {
   const double power = std::pow(a.value, b.value);
-  return {power, follow(b.value * std::pow(a.value, b.value - 1.0), a.slope) + follow(std::log(a.value) * power, b.slope)};
+  return follow(power, b.value * std::pow(a.value, b.value - 1.0), a.slope) + follow(0.0, std::log(a.value) * power, b.slope);
 }
 
 /// A road of plain numbers, which belongs to somebody else.
@@ -78,8 +84,8 @@ class Road<Dual> {
   Road() = default;
   explicit Road(const Road<double>& road) : road_(&road) {}
 
-  Dual height(Dual x, Dual y) const { return {road_->height(x.value, y.value), follow(road_->height_dx(x.value, y.value), x.slope)}; }
-  Dual slope(Dual x, Dual y) const { return {road_->slope(x.value, y.value), follow(road_->slope_dx(x.value, y.value), x.slope)}; }
+  Dual height(const Dual& x, const Dual& y) const { return follow(road_->height(x.value, y.value), road_->height_dx(x.value, y.value), x.slope); }
+  Dual slope(const Dual& x, const Dual& y) const { return follow(road_->slope(x.value, y.value), road_->slope_dx(x.value, y.value), x.slope); }
 
  private:
   const Road<double>* road_ = nullptr;

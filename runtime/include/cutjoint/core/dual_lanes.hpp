@@ -1,4 +1,4 @@
-// Numbers with a derivative side by side.
+// Numbers with derivatives side by side.
 #pragma once
 
 #include <type_traits>
@@ -8,56 +8,71 @@
 
 namespace cutjoint {
 
-/// N numbers that have no vector register.
+/// Numbers that have no vector register, side by side.  Each operation is a call, so that long functions are compiled in seconds.
 template <class Number, int N>
-struct Side {
+  requires(!std::is_floating_point_v<Number>)
+struct Lanes<Number, N> {
+  using Vector = Lanes;
   using Mask = typename Lanes<double, N>::Mask;
+  using real_type = Number;
+  static constexpr int size = N;
 
-  Number x[N];
+  Number v[N];
 
-  Number operator[](int k) const { return x[k]; }
-  Number& operator[](int k) { return x[k]; }
+  Lanes() = default;
+  Lanes(const Number& x) {
+    for (Number& each : v) each = x;
+  }
+  template <class... Numbers>
+    requires(sizeof...(Numbers) == N && N > 1)
+  Lanes(const Numbers&... x) : v{x...} {}
 
-  /// An operation on each of the numbers.
-  template <class Operation>
-  static Side of(Operation operation) {
-    Side result;
-    for (int k = 0; k < N; ++k) result.x[k] = operation(k);
+  const Number& operator[](int k) const { return v[k]; }
+  Number& operator[](int k) { return v[k]; }
+
+  Lanes& operator+=(const Lanes& b) { return *this = *this + b; }
+  Lanes& operator*=(const Lanes& b) { return *this = *this * b; }
+
+  static Mask mask(bool condition) { return Lanes<double, N>::mask(condition); }
+
+#define CUTJOINT_DEFINE(Result, operation, A, B, a, b)                                    \
+  [[gnu::noinline]] friend Result operator operation(const A & left, const B & right) {  \
+    Result result;                                                                        \
+    for (int k = 0; k < N; ++k) result[k] = a operation b;                                \
+    return result;                                                                        \
+  }
+#define CUTJOINT_OPERATION(operation)                                       \
+  CUTJOINT_DEFINE(Lanes, operation, Lanes, Lanes, left.v[k], right.v[k])       \
+  CUTJOINT_DEFINE(Lanes, operation, Lanes, Number, left.v[k], right)          \
+  CUTJOINT_DEFINE(Lanes, operation, Number, Lanes, left, right.v[k])
+  CUTJOINT_OPERATION(+)
+  CUTJOINT_OPERATION(-)
+  CUTJOINT_OPERATION(*)
+  CUTJOINT_OPERATION(/)
+  CUTJOINT_DEFINE(Mask, <, Lanes, Lanes, left.v[k], right.v[k] ? -1 : 0)
+  CUTJOINT_DEFINE(Mask, <=, Lanes, Lanes, left.v[k], right.v[k] ? -1 : 0)
+#undef CUTJOINT_OPERATION
+#undef CUTJOINT_DEFINE
+
+  friend Lanes operator-(const Lanes& a) {
+    Lanes result;
+    for (int k = 0; k < N; ++k) result[k] = -a.v[k];
     return result;
   }
-
-  template <class Condition>
-  static Mask mask_of(Condition condition) {
-    Mask result{};
-    for (int k = 0; k < N; ++k) result[k] = condition(k) ? -1 : 0;
-    return result;
-  }
-
-  friend Side operator-(const Side& a) { return of([&](int k) { return -a.x[k]; }); }
-  friend Side operator+(const Side& a, const Side& b) { return of([&](int k) { return a.x[k] + b.x[k]; }); }
-  friend Side operator+(const Side& a, Number b) { return of([&](int k) { return a.x[k] + b; }); }
-  friend Side operator-(const Side& a, const Side& b) { return of([&](int k) { return a.x[k] - b.x[k]; }); }
-  friend Side operator*(const Side& a, const Side& b) { return of([&](int k) { return a.x[k] * b.x[k]; }); }
-  friend Side operator/(const Side& a, const Side& b) { return of([&](int k) { return a.x[k] / b.x[k]; }); }
-  friend Mask operator<(const Side& a, const Side& b) { return mask_of([&](int k) { return a.x[k] < b.x[k]; }); }
-  friend Mask operator<=(const Side& a, const Side& b) { return mask_of([&](int k) { return a.x[k] <= b.x[k]; }); }
-};
-
-template <int N>
-struct Register<Dual, N> {
-  using type = Side<Dual, N>;
 };
 
 template <class Mask, class Number, int N>
-  requires std::is_same_v<typename Register<Number, N>::type, Side<Number, N>>
+  requires(!std::is_floating_point_v<Number>)
 Lanes<Number, N> where(Mask condition, Lanes<Number, N> yes, Lanes<Number, N> no) {
-  return Side<Number, N>::of([&](int k) { return condition[k] ? yes[k] : no[k]; });
+  Lanes<Number, N> result;
+  for (int k = 0; k < N; ++k) result[k] = condition[k] ? yes[k] : no[k];
+  return result;
 }
 
 template <class Number, int N>
-  requires std::is_same_v<typename Register<Number, N>::type, Side<Number, N>>
+  requires(!std::is_floating_point_v<Number>)
 Lanes<Number, N> abs(Lanes<Number, N> a) {
-  return each(a, [](Number x) { return abs(x); });
+  return each(a, [](const Number& x) { return abs(x); });
 }
 
 }  // namespace cutjoint

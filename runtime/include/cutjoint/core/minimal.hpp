@@ -126,10 +126,31 @@ class MinimalCoordinates {
     return {};
   }
 
-  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b is overwritten.
-  const Speeds<M>& solve(Equations<M>& b) {
-    solve(*squares_, b);
-    return step_;
+  /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b and `room` are overwritten.
+  template <class Number>
+  void solve(Number* b, Number* step, Number* room) const {
+    squares_->solve(b, step, room);
+  }
+
+  /// The speeds for a unit rate of each independent coordinate, others at rest: one column of all speeds for each, in the pose of a state.
+  Fault ways(Starter<M>& starter, const StateOf<M>& state, Real* columns) {
+    displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
+    if constexpr (m > 0) {
+      if (const Fault fault = decompose(starter, state)) return fault;
+      find_jacobian(starter, state, choice_.reference, all_);
+    }
+    for (std::size_t j = 0; j < joints; ++j) {
+      if (!choice_.independent[j]) continue;
+      rate_.fill(Real(0));
+      if constexpr (m > 0) {
+        solve(all_.data() + j * m, rate_.data(), room_.data());
+        for (Real& rate : rate_) rate = -rate;
+      }
+      rate_[j] = Real(1);
+      chart_speeds<Real>(charts(), delta_.data(), rate_.data(), columns);
+      columns += n;
+    }
+    return {};
   }
 
   /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
@@ -178,13 +199,17 @@ class MinimalCoordinates {
 
   /// The Jacobian of the loops' equations by the delta from a reference.
   void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference) {
-    std::copy_n(starter.jacobian(state), m * n, matrix_.begin());
+    find_jacobian(starter, state, reference, matrix_);
+  }
+
+  void find_jacobian(Starter<M>& starter, const StateOf<M>& state, const Coordinates<M>& reference, Array<M, n * m>& matrix) {
+    std::copy_n(starter.jacobian(state), m * n, matrix.begin());
     displacement<Real>(charts(), reference.data(), state.q.data(), room_.data());
     turn_matrices<Real>(charts(), room_.data(), turns_.data());
     const Real* T = turns_.data();
     for (const Chart& chart : charts()) {
       if (!chart.ball) continue;
-      Real* columns = matrix_.data() + static_cast<std::size_t>(chart.v + chart.scalars) * m;
+      Real* columns = matrix.data() + static_cast<std::size_t>(chart.v + chart.scalars) * m;
       for (std::size_t i = 0; i < m; ++i) {
         const Real row[3] = {columns[i], columns[m + i], columns[2 * m + i]};
         for (std::size_t j = 0; j < 3; ++j) columns[j * m + i] = row[0] * T[j] + row[1] * T[3 + j] + row[2] * T[6 + j];
