@@ -158,6 +158,9 @@ class Mechanics(Protocol):
     def push_coordinate(self, force: Block) -> None:
         """A force on the joint's coordinate."""
 
+    def rub_coordinate(self, law: Block) -> None:
+        """A force on the joint's coordinate, by N of the load that the joint carries."""
+
 
 # Formulas
 
@@ -288,7 +291,7 @@ class Interaction(ABC):
     ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
     ``needs_attitude`` says that it depends on all directions of its bodies or works on them, ``can_be_guarded`` that a law over one
     position or a point's is all of it, ``holds_bodies`` that its points hold bodies, ``has_road`` that it meets the road, which has a track
-    for each such force in the runtime.
+    for each such force in the runtime, ``by_load`` that the force is a law times what a joint carries.
     """
 
     equation: ClassVar[str]
@@ -297,6 +300,7 @@ class Interaction(ABC):
     can_be_guarded: ClassVar[bool] = False
     holds_bodies: ClassVar[bool] = True
     has_road: ClassVar[bool] = False
+    by_load: ClassVar[bool] = False
 
     @abstractmethod
     def act(self, force: Any, m: Mechanics) -> dict[str, Block]:
