@@ -7,14 +7,15 @@ With v the speed of the surfaces, s the bristle's share of the deflection at whi
     s' = v/presliding (1 - a)/(1 + 2/(1 - BREAKAWAY) a u v settling/presliding)
     a = 2 w^2/(1 + w^2) (1 + tanh(u v/(REVERSAL damping_speed)))/2,     w = (u^2 - BREAKAWAY)/(1 - BREAKAWAY) above BREAKAWAY, else 0
 
-It slides at a = 1, u = 1.  Where u^2 is below BREAKAWAY, and where it moves back, a is 0: the bristle is a spring there, and nothing creeps
-(as in Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792).  The force is never above mu_s g times
-the load, and under a load that stays it takes energy beyond what the bristle stores.  A sliding bristle follows its speed by 1/settling at
-most.
+It slides at a = 1, u = 1.  Where u^2 is below BREAKAWAY, and where it moves back, a is 0: the bristle is a spring there, and nothing
+creeps (as in Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792).  The force is never above
+mu_s g times the load, and under a load that stays it takes energy beyond what the bristle stores.  A sliding bristle follows its speed by
+1/settling at most.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import sympy
@@ -22,10 +23,11 @@ import sympy
 from cutjoint.elements.force import Bristle
 from cutjoint.elements.forces.joint_friction import JointFriction
 from cutjoint.elements.joint import rate_name
+from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.expressions import quantity_symbol, variable
 from cutjoint.model.names import name_problem
 from cutjoint.model.operations import choice
-from cutjoint.model.records import VALUE, FirstOrderState, Scalar
+from cutjoint.model.records import VALUE, FirstOrderState, Model, Scalar
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.units import FORCE, LENGTH, NONE, SPEED, TIME, Dimension
 
@@ -122,4 +124,19 @@ def bristle_of(force: JointFriction) -> FirstOrderState:
     return FirstOrderState(
         name=bristle_name(force.name), symbol=force.bristle.symbol, rate=force.bristle.rate.xreplace({variable("rate"): speed}),
         initial=sympy.Integer(0), unit="", span=force.span,
+    )  # fmt: skip
+
+
+def refuse_friction(model: Model, names: Collection[str], message: str, hint: str) -> ModelError:
+    """The error that some of a model's forces by load cannot be had."""
+    return ModelError(
+        [Problem(span=f.span, element=f"force '{f.name}'", message=message, hint=hint) for f in model.forces if f.name in names]
+    )
+
+
+def refuse_method(model: Model, names: Collection[str]) -> ModelError:
+    """The error that equations other than those of the method recursive do not have friction by load."""
+    return refuse_friction(
+        model, names, "equations of this kind do not have friction by what a joint carries",
+        "use --method recursive, which simulates it, or switch the force off in the scene: switches: {name: off}",
     )  # fmt: skip

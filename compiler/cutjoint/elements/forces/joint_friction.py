@@ -19,8 +19,8 @@ class JointFriction(Force):
     """Coulomb and Stribeck friction on one scalar coordinate of a joint, in ``unit`` "m" or "rad".
 
     The load in N is ``preload`` and what the joint carries: of its reaction the force across the slide or axis, of an angle the force along
-    the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over ``arm``, with that about a slide that cannot
-    turn.  Of these three the last two count where their lengths are not None.
+    the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over ``arm``, with that about a slide that
+    cannot turn.  Of these three the last two count where their lengths are not None.
     ``law`` is the force by N of load, over ``rate`` and the bristle.
     """
 
@@ -35,7 +35,8 @@ class JointFriction(Force):
             ForceField("radius", Shape.NUMBER, None, words=" of the bearing, on an angle", unit=_OF_LOAD["radius"]),
             ForceField("arm", Shape.NUMBER, None, words=": moments across the axis load it by moment/arm", unit=_OF_LOAD["arm"]),
             ForceField(
-                "thrust_radius", Shape.NUMBER, None, words=" at which forces along the axis rub, on an angle", unit=_OF_LOAD["thrust_radius"]
+                "thrust_radius", Shape.NUMBER, None, words=" at which forces along the axis rub, on an angle",
+                unit=_OF_LOAD["thrust_radius"],
             ),
             ForceField("preload", Shape.NUMBER, 0, words=" that is always there", unit=_OF_LOAD["preload"]),
             ForceField("presliding", Shape.NUMBER, 1e-4, words=" travel of the surfaces before they slide", unit="m"),

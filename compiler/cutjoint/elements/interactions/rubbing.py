@@ -27,8 +27,8 @@ class Rubbing(Interaction):
     def explain(self, force: JointFriction, page: Page) -> Explanation:
         """The force by the load."""
         note = (
-            "The load $N$ is the preload and what the joint carries across its axis; it follows from the accelerations at the same instant, "
-            "and they from it. $s$ is the bristle's share of the deflection at which it slides, a state; $F$ is the generalised force of the "
-            "coordinate $z$."
+            "The load $N$ is the preload and what the joint carries across its axis; it follows from the accelerations at the same "
+            "instant, and they from it. $s$ is the bristle's share of the deflection at which it slides, a state; $F$ is the generalised "
+            "force of the coordinate $z$."
         )
         return Explanation(notes=(note,), actions=(r"F = N f(\dot z, s)",), laws=page.law("f", force.law, "rate", r"\dot z"))
