@@ -12,6 +12,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
+from cutjoint.run.failures import FailedRunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.physics.simulation import compile_scene, compile_text, completed
@@ -45,7 +46,7 @@ forces:
   rub: {kind: joint_friction, joint: pin, coefficient: 0.2, static: 0.3, stribeck_speed: 0.05, radius: 0.05, preload: 3}
 outputs: [pin.angle, pin.angle_rate, rub.force, rub.load]
 scenes:
-  swing: {end: 3, output_step: 0.05, rates: {pin.angle_rate: 4}}
+  swing: {end: 1.5, output_step: 0.05, rates: {pin.angle_rate: 4}}
 """
 
 #: A uniform rod whose end slides on a line, at an angle of tangent 2: no motion is sure above a coefficient of 4/3.
@@ -55,7 +56,7 @@ name: rod
 gravity: [0, 0, -9.81]
 bodies:
   shoe: {{mass: 1.0e-6, centre_of_mass: [0, 0, 0]}}
-  rod: {{mass: 1, centre_of_mass: [{x}, 0, 2], inertia: {{principal: [1, 5/3, 1]}}}}
+  rod: {{mass: 1, centre_of_mass: [{x}, 0, 2], inertia: [1, 5/3, 1]}}
 joints:
   slide: {{kind: prismatic, bodies: [ground, shoe], at: [0, 0, 0], axis: [1, 0, 0]}}
   pin: {{kind: revolute, bodies: [shoe, rod], at: [0, 0, 0], axis: [0, 1, 0]}}
@@ -66,17 +67,38 @@ scenes:
   slide: {{end: 1.0e-3, output_step: 1.0e-4, rates: {{slide.displacement_rate: 1}}}}
 """
 
+#: A crank, a coupler and a rocker in one plane: moments across their axes and forces along them are of no consequence and so not known.
+FOUR_BAR = """
+cutjoint: 1
+name: four_bar
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {{mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}}
+  coupler: {{mass: 1, centre_of_mass: [1, 0, 1], inertia: [0.1, 0.1, 0.1]}}
+  rocker: {{mass: 1, centre_of_mass: [2, 0, 0.5], inertia: [0.1, 0.1, 0.1]}}
+joints:
+  A: {{kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}}
+  B: {{kind: revolute, bodies: [crank, coupler], at: [0, 0, 1], axis: [0, 1, 0]}}
+  C: {{kind: revolute, bodies: [coupler, rocker], at: [2, 0, 1.2], axis: [0, 1, 0], cut: {cut}}}
+  D: {{kind: revolute, bodies: [ground, rocker], at: [2, 0, 0], axis: [0, 1, 0]}}
+forces:
+  at_A: {{kind: joint_friction, joint: A, coefficient: 0.2, radius: 0.02{more}}}
+  at_C: {{kind: joint_friction, joint: C, coefficient: 0.2, radius: 0.02}}
+outputs: [A.angle, at_A.load, at_C.load]
+scenes:
+  swing: {{end: 0.5, output_step: 0.05, rates: {{A.angle_rate: 1}}}}
+"""
+
 
 def run(folder: Path, text: str, **settings: float) -> Trajectory:
     return simulate(compile_text(folder, text), integrator="dormand-prince", error=False, **settings)
 
 
-@pytest.mark.parametrize("shake", ["0", "2*sin(40*t)"])
+@pytest.mark.parametrize("shake", ["0", "2*sin(20*pi*t)"])
 def test_held_block_does_not_creep(tmp_path: Path, shake: str) -> None:
     columns = completed(run(tmp_path, BLOCK.format(coefficient=1.2, shake=f'"{shake}"', end=20), tolerance=1e-10)).columns
-    t, x = columns["t"], columns["block.x"]
-    early, late = ((t > a - 1e-9) & (t < a + 2 * np.pi) for a in (2.0, 13.0))  # 40 periods each
-    assert abs(x[late].mean() - x[early].mean()) < 11e-9
+    x = columns["block.x"]  # once in each period of the load
+    assert np.abs(x[20:] - x[20]).max() < 18e-9
     assert np.abs(columns["rub.load"] - 18).max() < 1e-9
 
 
@@ -110,19 +132,23 @@ def test_pendulum_follows_equations_by_hand(tmp_path: Path) -> None:
         turn, change, _ = motion(*y)
         return [y[1], turn, change]
 
-    columns = completed(run(tmp_path, PENDULUM, tolerance=1e-10)).columns
-    exact = solve_ivp(derive, (0, 3), [0, 4, 0], t_eval=columns["t"], rtol=1e-10, atol=1e-11, method="Radau").y
+    done = completed(run(tmp_path, PENDULUM, tolerance=1e-10))
+    columns = done.columns
+    exact = solve_ivp(derive, (0, 1.5), [0, 4, 0], t_eval=done.t, rtol=1e-10, atol=1e-11, method="Radau").y
     assert np.abs(columns["pin.angle"] - exact[0]).max() < 1e-6
     assert np.abs(columns["rub.load"] - [motion(*y)[2] for y in exact.T]).max() < 1e-3
     energy = 0.51 / 2 * columns["pin.angle_rate"] ** 2 - 2 * 9.81 * 0.5 * np.cos(columns["pin.angle"])
-    assert energy[-1] < energy[0] - 0.5
+    assert energy[-1] < energy[0] - 0.2
 
 
 @pytest.mark.parametrize(("coefficient", "sign", "stops"), [(1.3, 1, False), (1.4, 1, True), (1.3, -1, False), (1.4, -1, True)])
 def test_rod_of_painleve_is_refused_by_name(tmp_path: Path, coefficient: float, sign: int, stops: bool) -> None:
-    failure = run(tmp_path, ROD.format(coefficient=coefficient, x=sign), tolerance=1e-6).failure
-    assert (failure is not None) is stops
-    assert not stops or "rub" in str(failure)
+    text = ROD.format(coefficient=coefficient, x=sign)
+    if not stops:
+        completed(run(tmp_path, text, tolerance=1e-6))
+        return
+    with pytest.raises(FailedRunError, match="'rub'"):
+        run(tmp_path, text, tolerance=1e-6)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "recursive"])
@@ -130,3 +156,14 @@ def test_other_methods_refuse_it(method: str) -> None:
     model = read_model_text(BLOCK.format(coefficient=0.3, shake=0, end=1), "block.yaml")
     with pytest.raises(ModelError, match=r"block\.yaml:10:3: force 'rub'.*--method recursive"):
         compile_scene(model, model.scenes["go"], CompileOptions(method=method))
+
+
+def test_loads_of_a_loop_do_not_depend_on_the_cut(tmp_path: Path) -> None:
+    runs = [completed(run(tmp_path, FOUR_BAR.format(cut=cut, more=""), tolerance=1e-9)) for cut in ("true", "false")]
+    for name in ("A.angle", "at_A.load", "at_C.load"):
+        assert np.abs(runs[0].columns[name] - runs[1].columns[name]).max() < 2e-3 * np.abs(runs[0].columns[name]).max(), name
+
+
+def test_load_that_redundancy_leaves_open_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"force 'at_A'.*redundant equations"):
+        run(tmp_path, FOUR_BAR.format(cut="true", more=", arm: 0.05"))
