@@ -289,9 +289,9 @@ class Interaction(ABC):
     """The way in which a force works on its bodies; its fields are the places that it has there.
 
     ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
-    ``needs_attitude`` says that it depends on all directions of its bodies or works on them, ``can_be_guarded`` that a law over one
+    ``needs_attitude``: it depends on all directions of its bodies or works on them; ``can_be_guarded`` that a law over one
     position or a point's is all of it, ``holds_bodies`` that its points hold bodies, ``has_road`` that it meets the road, which has a track
-    for each such force in the runtime, ``by_load`` that the force is a law times what a joint carries.
+    for each such force in the runtime.  ``by_load``: the force is a law times the load of a joint.
     """
 
     equation: ClassVar[str]

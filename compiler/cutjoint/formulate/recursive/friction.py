@@ -23,6 +23,7 @@ from cutjoint.formulate.recursive.outputs import Reactions, accelerations_of
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, Solution, refine, respond, without_speed
+from cutjoint.formulate.switches import FRICTION
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.records import Joint, JointFriction, Model
 from cutjoint.program.blocks import Block, Builder, is_zero
@@ -36,9 +37,6 @@ _ROUNDING = 1e-24
 _FOUND = 1e-8
 #: The load (N) below which that share is one of it.
 _NEAR = 1e-3
-
-#: The stage of sections in which loads may have no value.
-FRICTION = "load of friction"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +70,7 @@ class Rubbed:
 
 
 def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction], list[Direction]]:
-    """The direction of a coordinate, those in which the joint slides, and those about which it turns."""
+    """The direction of a coordinate, the directions of the joint's slides, and the axes of its turns."""
     motions = tuple(joint.element.scalar_motions)
     slides = [m.direction for m in motions if isinstance(m, Slide)]
     turns = [m.direction for m in motions if not isinstance(m, Slide)]
