@@ -147,7 +147,7 @@ def test_rod_of_painleve_is_refused_by_name(tmp_path: Path, coefficient: float, 
     if not stops:
         completed(run(tmp_path, text, tolerance=1e-6))
         return
-    with pytest.raises(FailedRunError, match="'rub'.*the load of the joint"):
+    with pytest.raises(FailedRunError, match=r"'rub'.*the load of the joint"):
         run(tmp_path, text, tolerance=1e-6)
 
 
