@@ -108,8 +108,8 @@ def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
     _, v = _surface(given)
     u = s / _stribeck(v, sliding, given)
     free, above = v / given["presliding"], (u**2 - BREAKAWAY) / (1 - BREAKAWAY)
-    w = choice((sympy.Integer(0), above < 0), (above, sympy.true))
-    a = w**2 / (1 + w**2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
+    w2 = choice((sympy.Integer(0), above < 0), (above**2, sympy.true))
+    a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
     return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"])
 
 
