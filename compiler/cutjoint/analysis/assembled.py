@@ -46,7 +46,11 @@ def assemble_loops(model: Model, scene: Scene, *, measure: bool = False) -> Outc
 
 def _assemble_loops(model: Model, scene: Scene, measure: bool) -> Outcome:
     topology, done, left, seen = build_topology(model), list[_Assembled](), list[Note](), _Seen(measure=measure)
+    rubbed = {force.joint_of for force in model.forces if force.by_load}
     for block in find_blocks(topology):
+        if any(joint.name in rubbed for joint in block.joints):
+            left.append(_stays(block, "friction needs what its joints carry"))
+            continue
         try:
             done.append(_assemble(model, topology, block, scene, seen))
         except NoAssemblyError as error:

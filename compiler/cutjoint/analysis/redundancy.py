@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array, FlatRoad, Pose, explore, make_inputs
+from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.friction import refuse_friction
 from cutjoint.model.quantities import quantities, read_by
 from cutjoint.model.records import Model, Output, Reaction, Scene
 from cutjoint.program.interpret import interpret_blocks
@@ -154,6 +156,35 @@ def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Outpu
     return tuple(o.column for o in outputs if any(read.column in loose for read in read_by(topology.model, o)))
 
 
+def require_loads(topology: Topology, scene: Scene) -> Topology:
+    """A topology whose friction has the loads that it follows from.
+
+    Raises:
+        ModelError: redundant equations leave the load of a joint's friction open.
+    """
+    forces = [f for f in topology.model.forces if f.by_load and is_active(f, scene)]
+    if not forces or not topology.closing:
+        return topology
+    equations = formulate_recursive(topology, scene, tuple(Output(element=f.name, quantity="load", span=f.span) for f in forces))
+    shares = np.max([_ways(equations, pose) for pose in _regular(explore(equations))], axis=0)
+    loose = [f.name for f, share in zip(forces, shares, strict=True) if share > _DETERMINED]
+    if loose:
+        raise refuse_friction(
+            topology.model, loose, "redundant equations of its loop leave open what the joint carries, so friction by it has no value",
+            "give joints of the loop more freedom until 'check' finds no redundant equation, or leave out arm or thrust_radius",
+        )  # fmt: skip
+    return topology
+
+
+def _ways(equations: RecursiveEquations, pose: Pose) -> Array:
+    """The largest change of each load, a length, by unit multipliers of the null space both ways, beside those by single multipliers."""
+    null = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T
+    changes = np.abs(_changes(equations, pose, np.concatenate([null, -null])))
+    sizes = np.linalg.norm(_changes(equations, pose, np.eye(len(equations.equation_names))), axis=0)
+    shares: Array = changes.max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
+    return shares
+
+
 def _regular(poses: Sequence[Pose]) -> list[Pose]:
     """The poses that are not singular for a moment."""
     rank = max(pose.rank for pose in poses)
@@ -162,15 +193,14 @@ def _regular(poses: Sequence[Pose]) -> list[Pose]:
 
 def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
     """The largest change of each column by unit multipliers of the null space, beside the changes by single multipliers together."""
-    null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose)
+    null, changes = np.linalg.svd(pose.jacobian)[0][:, pose.rank :].T, _changes(equations, pose, np.eye(len(equations.equation_names)))
     sizes = np.linalg.norm(changes, axis=0)
     shares: Array = np.abs(null @ changes).max(axis=0, initial=0.0) / np.where(sizes > 0, sizes, 1.0)
     return shares
 
 
-def _changes(equations: RecursiveEquations, pose: Pose) -> Array:
-    """The change of each column by single multipliers of 1, by rows."""
-    each = np.eye(len(equations.equation_names))
+def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
+    """The change of each column by the multipliers of each row."""
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
     pushed = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}
     results = equations.function("report").results

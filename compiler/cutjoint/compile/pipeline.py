@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.analysis.mobility import require_soundness
+from cutjoint.analysis.redundancy import require_loads
 from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.folders import plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
@@ -176,7 +177,7 @@ def derive(
 ) -> RecursiveEquations:  # fmt: skip
     """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
     `compile_scene`."""
-    topology = build_topology(with_asked_loops(model, scene, DEFAULT_METHOD))
+    topology = require_loads(build_topology(with_asked_loops(model, scene, DEFAULT_METHOD)), scene)
     return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses))
 
 

@@ -81,6 +81,14 @@ class Law:
         return next(iter(self.variables))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Bristle:
+    """A first-order state of a force's own without a unit: the symbol that stands for it, and its rate in 1/s."""
+
+    symbol: Scalar
+    rate: Scalar
+
+
 class Reader(Protocol):
     """Makes expressions of a force's fields and notes what is wrong with them; fields are given by their names in the file."""
 
@@ -122,6 +130,9 @@ class Reader(Protocol):
 
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
         """A law; ``path`` leads to it, ``drawn`` is the value of its length or position in the design position."""
+
+    def friction(self, unit: str) -> tuple[Scalar, Bristle]:
+        """The friction on a coordinate in "m" or "rad" by N of load, and its bristle; notes what is wrong with its numbers."""
 
     def distance(self, start: Vector, end: Vector) -> Scalar:
         """The distance of two points in the design position."""
@@ -224,6 +235,11 @@ class Force:
     def has_road(self) -> bool:
         """Return whether the force touches the road."""
         return self.interaction.has_road
+
+    @property
+    def by_load(self) -> bool:
+        """Return whether the force follows from what its joint carries, and so from all accelerations."""
+        return self.interaction.by_load
 
     @property
     def radius(self) -> Scalar:

@@ -158,6 +158,9 @@ class Mechanics(Protocol):
     def push_coordinate(self, force: Block) -> None:
         """A force on the joint's coordinate."""
 
+    def rub_coordinate(self, law: Block) -> None:
+        """A force on the joint's coordinate, by N of the load that the joint carries."""
+
 
 # Formulas
 
@@ -287,9 +290,9 @@ class Interaction(ABC):
     """The way in which a force works on its bodies; its fields are the places that it has there.
 
     ``equation`` is the comment in generated code, ``equation_of_points`` that of natural coordinates where it differs.
-    ``needs_attitude`` says that it depends on all directions of its bodies or works on them, ``can_be_guarded`` that a law over one
+    ``needs_attitude``: it depends on all directions of its bodies or works on them; ``can_be_guarded`` that a law over one
     position or a point's is all of it, ``holds_bodies`` that its points hold bodies, ``has_road`` that it meets the road, which has a track
-    for each such force in the runtime.
+    for each such force in the runtime.  ``by_load``: the force is a law times the load of a joint.
     """
 
     equation: ClassVar[str]
@@ -298,6 +301,7 @@ class Interaction(ABC):
     can_be_guarded: ClassVar[bool] = False
     holds_bodies: ClassVar[bool] = True
     has_road: ClassVar[bool] = False
+    by_load: ClassVar[bool] = False
 
     @abstractmethod
     def act(self, force: Any, m: Mechanics) -> dict[str, Block]:

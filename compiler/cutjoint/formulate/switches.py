@@ -94,12 +94,23 @@ def domain_slots(domains: Sequence[Domain]) -> dict[str, Slot]:
     return {f"inside:{i}": Slot(array="inside", offset=i, names=("inside",)) for i in range(len(domains))}
 
 
+#: The stage of sections in which loads of friction may have no value.
+FRICTION = "load of friction"
+
+
+def _function(name: str, stage: str) -> str:
+    """The words for the quantity of a domain."""
+    if stage == FRICTION:
+        return "the load of the joint (by its friction it may have no value or several, after Painleve; take a smaller coefficient)"
+    return "the divisor" if name == "div" else f"the argument of {name.replace('pow', '**')}"
+
+
 def describe_domains(b: Builder, domains: Sequence[Domain]) -> tuple[DomainPlace, ...]:
     """The function and the element of each margin, and the element's line in the model file."""
     sections = [b.sections[domain.section] for domain in domains]
     return tuple(
         DomainPlace(
-            function="the divisor" if domain.function == "div" else f"the argument of {domain.function.replace('pow', '**')}",
+            function=_function(domain.function, section.stage),
             element=section.element or section.stage, place=section.source, strict=domain.strict,
         )
         for domain, section in zip(domains, sections, strict=True)

@@ -25,7 +25,8 @@ def forces_in_order(model: Model) -> tuple[Force, ...]:
 
 
 def seeing_forces(model: Model) -> frozenset[str]:
-    """The forces whose laws read quantities of motion, be it by signals or by other forces, and so depend on more than their bodies."""
+    """The forces that depend on more than their bodies: their laws read quantities of motion, be it by signals or by other forces, or they
+    follow from loads."""
     states = {element.name for group in (model.states, model.controllers) for element in group}
     signals = {signal.name: signal.value for signal in model.signals}
     forces = {force.name: force for force in model.force_elements}
@@ -34,7 +35,8 @@ def seeing_forces(model: Model) -> frozenset[str]:
     for name in in_order(uses)[0]:
         expressions = forces[name].expressions if name in forces else (signals[name],)
         read = {element for expression in expressions for element, _ in quantities_read(expression)}
-        sees[name] = any(element in forces or sees.get(element, element not in states) for element in read)
+        by_load = name in forces and forces[name].by_load
+        sees[name] = by_load or any(element in forces or sees.get(element, element not in states) for element in read)
     return frozenset(name for name, value in sees.items() if value and name in forces)
 
 

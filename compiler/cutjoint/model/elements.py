@@ -15,6 +15,7 @@ from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.controllers import read_controller, require_free_name, unit_text
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.forces import joint_forces, read_force
+from cutjoint.model.friction import bristle_of
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law
@@ -28,6 +29,7 @@ from cutjoint.model.records import (
     Force,
     Gear,
     Joint,
+    JointFriction,
     Marker,
     Reaction,
     Scalar,
@@ -63,14 +65,16 @@ class Elements:
 def read_elements(scope: Scope, part: document.Elements) -> Elements:
     """Read all elements of the model, or of a submodel in one instance's scope."""
     scope = with_points(scope, _read_points(scope, part))
+    forces = tuple(_read_forces(scope, part))
+    bristles = (bristle_of(force) for force in forces if isinstance(force, JointFriction))
     return Elements(
         tuple(_read_body(element(scope, "body", "bodies", name), body) for name, body in part.bodies.items()),
         tuple(_read_joint(element(scope, "joint", "joints", name), joint) for name, joint in part.joints.items()),
-        tuple(_read_forces(scope, part)),
+        forces,
         tuple(_read_reaction(element(scope, "reaction", "reactions", name), r) for name, r in part.reactions.items()),
         tuple(_read_marker(element(scope, "marker", "markers", name), m) for name, m in part.markers.items()),
         tuple(read_gear(element(scope, "gear", "gears", name), gear) for name, gear in part.gears.items()),
-        tuple(_read_state(element(scope, "state", "states", name), state) for name, state in part.states.items()),
+        (*(_read_state(element(scope, "state", "states", name), state) for name, state in part.states.items()), *bristles),
         tuple(_read_signal(element(scope, "signal", "signals", name), value) for name, value in part.signals.items()),
         tuple(read_controller(element(scope, "controller", "controllers", name), c) for name, c in part.controllers.items()),
     )

@@ -9,12 +9,13 @@ from typing import Any
 
 import sympy
 
-from cutjoint.elements.force import Law
+from cutjoint.elements.force import Bristle, Law
 from cutjoint.elements.forces import FORCES
 from cutjoint.elements.forces.joint_force import JointForce, law_on
 from cutjoint.model import element_parts as force_parts
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.expressions import variable
+from cutjoint.model.friction import read_friction
 from cutjoint.model.gears import Naming, read_coordinate
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
@@ -90,6 +91,9 @@ class _Reader:
 
     def law(self, *path: str | int, law: Law, drawn: Scalar = 0) -> Scalar:
         return read_law(self.element, self._at(path), _kind_of(law), path, drawn=drawn)
+
+    def friction(self, unit: str) -> tuple[Scalar, Bristle]:
+        return read_friction(self.element, self.part, unit)
 
     def distance(self, start: Vector, end: Vector) -> Scalar:
         return sympy.sqrt(sum((b - a) ** 2 for a, b in zip(start, end, strict=True)))

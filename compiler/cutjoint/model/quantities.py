@@ -112,7 +112,9 @@ def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str],
 
 
 def follows_from_forces(element: Element, quantity: str) -> bool:
-    """Return whether a quantity is an acceleration or a reaction, which follow from all forces."""
+    """Return whether a quantity is an acceleration, a reaction or friction by one, which follow from all forces."""
+    if isinstance(element, Force):
+        return element.by_load
     return isinstance(element, Reaction | RodForce | Gear) or (isinstance(element, Body | Marker) and quantity in ("ax", "ay", "az"))
 
 

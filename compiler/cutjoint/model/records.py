@@ -18,6 +18,7 @@ from cutjoint.elements.forces import AxialForce as AxialForce
 from cutjoint.elements.forces import BodyLoad as BodyLoad
 from cutjoint.elements.forces import Bushing as Bushing
 from cutjoint.elements.forces import JointForce as JointForce
+from cutjoint.elements.forces import JointFriction as JointFriction
 from cutjoint.elements.forces import PointSpring as PointSpring
 from cutjoint.elements.forces import Tyre as Tyre
 from cutjoint.elements.forces import Wheel as Wheel

@@ -6,12 +6,14 @@ import re
 from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
+from cutjoint.elements.forces import FORCES
 from cutjoint.model import document
 from cutjoint.model.errors import Problems
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
+from cutjoint.model.friction import bristle_name
 from cutjoint.model.instances import find_submodels, find_uses
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.property_file import STANDARD
@@ -103,6 +105,10 @@ def _named(source: Source, part: document.Elements, path: Path) -> list[tuple[st
         for name, joint in part.joints.items()
         for field, suffix in JOINT_FORCES.items()
         if getattr(joint, field) is not None
+    ] + [
+        (bristle_name(name), "bristle", source.key_span((*path, "forces", name)))
+        for name, force in part.forces.items()
+        if FORCES[force.kind].element.interaction.by_load
     ]
     return places + [
         (name, KINDS[section], source.key_span((*path, section, name)))

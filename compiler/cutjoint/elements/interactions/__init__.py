@@ -8,4 +8,5 @@ from cutjoint.elements.interactions.line_force import LineForce as LineForce
 from cutjoint.elements.interactions.on_coordinate import OnCoordinate as OnCoordinate
 from cutjoint.elements.interactions.road_contact import RoadContact as RoadContact
 from cutjoint.elements.interactions.rolling_contact import RollingContact as RollingContact
+from cutjoint.elements.interactions.rubbing import Rubbing as Rubbing
 from cutjoint.elements.interactions.wrench import Wrench as Wrench

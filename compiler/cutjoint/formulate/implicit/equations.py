@@ -63,6 +63,7 @@ from cutjoint.formulate.samples import sample_function, sample_slots
 from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.dependencies import seeing_forces
+from cutjoint.model.friction import refuse_method
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Assembly, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
@@ -81,6 +82,8 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     forces = add_forces(system, k, model, scene)
+    if system.rubbing:
+        raise refuse_method(model, system.rubbing)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     still = b.zero(1)
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)

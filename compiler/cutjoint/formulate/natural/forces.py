@@ -21,6 +21,7 @@ from cutjoint.formulate.natural.quantities import let_laws_read
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.kernels.directions import slide_axis
 from cutjoint.model.dependencies import forces_in_order, seeing_forces
+from cutjoint.model.friction import refuse_method
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
@@ -328,6 +329,14 @@ class NodalMechanics(Laws):
             self._act(self._joint.follower, self._angle()[0], force)
         else:
             self._push_on_axis(*self._slide(), force)
+
+    def rub_coordinate(self, law: Block) -> None:
+        """Natural coordinates do not have the loads of joints.
+
+        Raises:
+            ModelError: always.
+        """
+        raise refuse_method(self.model, (self.force.name,))
 
 
 _ORIGIN: _At = (GROUND, (sympy.Integer(0), sympy.Integer(0), sympy.Integer(0)))

@@ -18,6 +18,7 @@ from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.friction import RubbedMotion, rub, rubbed
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
@@ -81,9 +82,13 @@ def formulate_recursive(
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
-    masses, pushed = dict(system.M), dict(system.Q)
+    masses, pushed, rubs, refinements = dict(system.M), dict(system.Q), rubbed(model, system), CLOSURES[closure].refinements
+    acting = replace(system, Q=pushed)
     solution = solve(topology, system, k, closing, numbers)
-    solution = refine(topology, masses, k, closing, numbers, solution, CLOSURES[closure].refinements)
+    solution = refine(topology, masses, k, closing, numbers, solution, refinements)
+    if rubs:
+        motion = RubbedMotion(topology=topology, masses=masses, k=k, closing=closing, numbers=numbers, times=refinements)
+        solution = motion.solve(rubs, solution, acting)
     correction = corrections(b, loops, numbers, solution.errors)
     gaps = {x.element.name: b.symbol(f"gap:{x.element.name}", len(x.names), BindingTime.ITERATION) for x in loops}
     step = respond(topology, masses, k, closing, numbers, gaps, mark="p", turn="of gaps alone").vdot
@@ -91,6 +96,7 @@ def formulate_recursive(
     reactions = Reactions(
         kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
+    reactions = rub(rubs, acting, k, forces, reactions) if rubs else reactions
     if topology.held:
         held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, system.joint_forces)
         reactions = replace(reactions, loops=(*closing.loops, *held))

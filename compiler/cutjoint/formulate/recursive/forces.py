@@ -245,6 +245,10 @@ class WrenchMechanics(Laws):
             column = b.column([force if i == index else b.zero(1) for i in range(len(motion.rate))])
             add_to(b, self.system.joint_forces, motion.tree_joint.child, column)
 
+    def rub_coordinate(self, law: Block) -> None:
+        """A force that waits for its load."""
+        self.system.rubbing[self.force.name] = self.b.name(law, "rubbing", self.force.name)
+
     def _push_cut_joint(self, value: Block) -> Block:
         """A force along the coordinate of a cut joint, or a torque about its axis, on both of its bodies: the wrench on the follower."""
         k, cut = self.k, next(c for c in (*self.k.topology.cuts, *self.k.topology.held) if c.name == self.force.joint_of)

@@ -41,8 +41,12 @@ class Reactions:
     def component(self, reaction: Reaction, quantity: str) -> Block:
         """The block of one quantity of a reaction."""
         is_moment, direction = reaction_component(reaction, quantity)
-        force, moment = self._on_follower[reaction.joint]
+        force, moment = self.on_follower(reaction.joint)
         return self.kinematics.builder.dot(self.kinematics.direction(reaction.body, direction), moment if is_moment else force)
+
+    def on_follower(self, joint: str) -> tuple[Block, Block]:
+        """The force of a joint on its follower and the moment about the follower's point, (3, 1) each."""
+        return self._on_follower[joint]
 
     @cached_property
     def _on_follower(self) -> dict[str, tuple[Block, Block]]:
@@ -124,16 +128,21 @@ class Reporter(Quantities):
 
 def given_accelerations(k: Kinematics) -> dict[str, Block]:
     """Zdd of every body when the joints' accelerations are inputs."""
+    charts = [motion.chart for motion in k.motions.values() if motion.chart is not None]
+    return accelerations_of(k, {c.joint: k.builder.symbol(f"vdot:{c.joint}", len(c.speed_names), BindingTime.ITERATION) for c in charts})
+
+
+def accelerations_of(k: Kinematics, vdot: Mapping[str, Block]) -> dict[str, Block]:
+    """Zdd of every body from the joints' accelerations."""
     b = k.builder
     Zdd = {"ground": b.zero(6)}
     for body, motion in k.motions.items():
         above = b.add(Zdd[motion.tree_joint.parent], motion.d)
         if motion.b is not None and motion.chart is not None:
-            vdot = b.symbol(f"vdot:{motion.chart.joint}", len(motion.chart.speed_names), BindingTime.ITERATION)
-            above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot)))
+            above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot[motion.chart.joint])))
         if motion.follows is not None:
             leader = k.topology.model.following[motion.tree_joint.joint.name].leader
-            above = b.add(above, b.scale(b.symbol(f"vdot:{leader}", 1, BindingTime.ITERATION), motion.follows))
+            above = b.add(above, b.scale(vdot[leader], motion.follows))
         Zdd[body] = above
     return Zdd
 

@@ -49,7 +49,8 @@ class BodySystem:
     """The block system in body space while joints are eliminated; all 6x6 and 6x1 blocks at the bodies' poles.
 
     ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` have what forces on the
-    coordinates of cut joints do to their followers.  ``source`` names the element whose shares are being added.
+    coordinates of cut joints do to their followers.  ``rubbing`` has the forces by N of load, by the names of their elements, which join
+    the others when the loads are known.  ``source`` names the element whose shares are being added.
     """
 
     builder: Builder
@@ -58,6 +59,7 @@ class BodySystem:
     C: dict[tuple[str, str], Block] = field(default_factory=dict)
     joint_forces: dict[str, Block] = field(default_factory=dict)
     cut_joint_wrenches: dict[str, Block] = field(default_factory=dict)
+    rubbing: dict[str, Block] = field(default_factory=dict)
     source: str = ""
     _shares: Counter[tuple[str, ...]] = field(default_factory=Counter)
 

@@ -5,7 +5,7 @@ Both solutions have the same matrix.  Blocks are hash-consed, so that the second
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
@@ -100,15 +100,22 @@ def _sums(
 
 def respond(
     topology: Topology, masses: Mapping[str, Block], k: Kinematics, closing: ClosingElements, numbers: Numbers,
-    gaps: Mapping[str, Block], *, mark: str, turn: str,
+    gaps: Mapping[str, Block], *, mark: str, turn: str, push: Callable[[BodySystem], None] = lambda system: None,
 ) -> Solution:  # fmt: skip
-    """The response of bodies without velocity and forces to gaps of the cut joints alone: (M + A^T a A) z = -A^T a gap, errors A z + gap.
+    """The response of bodies without velocity to gaps of the cut joints, and to forces if something shall ``push``:
+    (M + A^T a A) z = Q - A^T a gap, errors A z + gap.
 
     ``masses`` are those of the bodies without cut joints; names of the blocks get a ``mark``, headings a ``turn``.
     """
-    b = k.builder
-    still = replace(k, motions={body: replace(motion, d=b.zero(6)) for body, motion in k.motions.items()})
+    b, still = k.builder, without_speed(k)
     system = BodySystem(builder=b, M=dict(masses), Q={body: b.zero(6) for body in masses})
+    push(system)
     gaping = closing.gaping(b, gaps)
     with b.marked(mark, turn):
         return solve(topology, system, still, gaping, numbers)
+
+
+def without_speed(k: Kinematics) -> Kinematics:
+    """The bodies in their places, without velocities and guides."""
+    still = k.builder.zero(6)
+    return replace(k, motions={body: replace(motion, d=still) for body, motion in k.motions.items()})

@@ -1,0 +1,94 @@
+"""Friction in a joint that follows from what the joint carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+from cutjoint.elements.force import Bristle, Force, ForceElement, ForceField, Mirror, Reader, Shape
+from cutjoint.elements.interactions import Rubbing
+from cutjoint.elements.terms import Scalar
+
+#: Fields of what the joint's load is, beside the coefficients and the bristle's.
+_OF_LOAD = {"preload": "N", "radius": "m", "arm": "m", "thrust_radius": "m"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointFriction(Force):
+    """Coulomb and Stribeck friction on one scalar coordinate of a joint, in ``unit`` "m" or "rad".
+
+    The load in N is ``preload`` and what the joint carries: of its reaction the force across the slide or axis, of an angle the force along
+    the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over ``arm``, with that about a slide that
+    cannot turn.  Of these three the last two count where their lengths are not None.
+    ``law`` is the force by N of load, over ``rate`` and the bristle.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind="joint_friction",
+        text="Dry friction on one of a joint's coordinates, from the load that the joint carries. At rest it sticks.",
+        fields=(
+            ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None),
+            ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
+            ForceField("static", Shape.NUMBER, None, words=" coefficient of breaking away (default: that of sliding)"),
+            ForceField("stribeck_speed", Shape.NUMBER, None, words=" of the surfaces, between the two coefficients", unit="m/s"),
+            ForceField("radius", Shape.NUMBER, None, words=" of the bearing, on an angle", unit=_OF_LOAD["radius"]),
+            ForceField("arm", Shape.NUMBER, None, words=": moments across the axis load it by moment/arm", unit=_OF_LOAD["arm"]),
+            ForceField(
+                "thrust_radius", Shape.NUMBER, None, words=" at which forces along the axis rub, on an angle",
+                unit=_OF_LOAD["thrust_radius"],
+            ),
+            ForceField("preload", Shape.NUMBER, 0, words=" that is always there", unit=_OF_LOAD["preload"]),
+            ForceField("presliding", Shape.NUMBER, 1e-4, words=" travel of the surfaces before they slide", unit="m"),
+            ForceField("damping_speed", Shape.NUMBER, 0.01, words=" of the surfaces by which sticking is damped", unit="m/s"),
+            ForceField("settling", Shape.NUMBER, 1e-3, words=" time by which sliding friction lags", unit="s"),
+        ),
+        interaction=Rubbing(),
+        laws=("law",),
+    )  # fmt: skip
+
+    joint: str
+    coordinate: str
+    unit: str
+    law: Scalar
+    bristle: Bristle
+    preload: Scalar
+    bearing_radius: Scalar | None
+    arm: Scalar | None
+    thrust_radius: Scalar | None
+
+    @classmethod
+    def read(cls, reader: Reader) -> Self:
+        """The record of what a reader reads."""
+        joint, coordinate, unit = reader.coordinate("joint", "coordinate")
+        law, bristle = reader.friction(unit)
+        preload, radius, arm, thrust_radius = (
+            None if reader.given(name) is None else reader.number(name, unit=of) for name, of in _OF_LOAD.items()
+        )
+        return cls(
+            **reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=law, bristle=bristle, preload=preload,
+            bearing_radius=radius, arm=arm, thrust_radius=thrust_radius,
+        )  # fmt: skip
+
+    @property
+    def quantities(self) -> Mapping[str, str]:
+        """The force on the coordinate, and the load."""
+        return {"force": "N" if self.unit == "m" else "N*m", "load": "N"}
+
+    @property
+    def joint_of(self) -> str:
+        """The joint of the force."""
+        return self.joint
+
+    @property
+    def coordinate_of(self) -> str:
+        """The coordinate of the force."""
+        return self.coordinate
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """The force itself: it is the same both ways."""
+        return self
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """A force counts as its coordinate does."""
+        return of_coordinate if quantity == "force" else 1

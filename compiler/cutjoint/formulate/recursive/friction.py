@@ -1,0 +1,291 @@
+"""Friction by what joints carry: loads from given motions, and loads together with the accelerations that follow from them.
+
+A load is a preload and the lengths of vectors, which are linear in accelerations and multipliers, and so in all loads::
+
+    N_j = p_j + sum of |r_j|        r_j = r_j0 + sum over k of B_jk N_k
+
+r_j0 is that of the motion without friction, B_jk that of unit load k alone.  With C_jk = sum of |B_jk|, I - C has positive pivots where the
+largest eigenvalue of C is below 1.  Then there is one solution, as the right side contracts, and Newton's iteration finds it.  Elsewhere
+there may be none or several (Painleve, Comptes Rendus 121 (1895) 112-115): the loads have no value then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cutjoint.elements.joint import Direction, Slide
+from cutjoint.formulate.inputs import Numbers
+from cutjoint.formulate.recursive.forces import WrenchMechanics
+from cutjoint.formulate.recursive.kinematics import Kinematics
+from cutjoint.formulate.recursive.loops import LoopClosure
+from cutjoint.formulate.recursive.outputs import Reactions, accelerations_of
+from cutjoint.formulate.recursive.quantities import Forces
+from cutjoint.formulate.recursive.recursion import BodySystem
+from cutjoint.formulate.recursive.solution import ClosingElements, Solution, refine, respond, without_speed
+from cutjoint.formulate.switches import FRICTION
+from cutjoint.kernels.directions import direction_of
+from cutjoint.model.records import Joint, JointFriction, Model
+from cutjoint.program.blocks import Block, Builder, is_zero
+from cutjoint.topology.records import Topology
+
+#: Newton's iterations for the loads.
+_ITERATIONS = 7
+#: The square of the force (N) by which the length of a vector is rounded where it is zero.
+_ROUNDING = 1e-24
+#: The share of a load within which Newton's iteration must find it.
+_FOUND = 1e-8
+#: The load (N) below which that share is one of it.
+_NEAR = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rubbed:
+    """A force by the load of a joint: its ``law`` by N of load."""
+
+    force: JointFriction
+    joint: Joint
+    law: Block
+
+    def push(self, system: BodySystem, k: Kinematics, load: Block) -> Block:
+        """Add the force of a load to a system, and return it."""
+        b, system.source = k.builder, self.force.name
+        force = b.mul(load, self.law)
+        WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=self.force).push_coordinate(force)
+        return force
+
+    def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:
+        """The vectors, each (3, 1), whose lengths make the load; what is in the joint's own freedoms does not load it."""
+        b, force, joint = k.builder, self.force, self.joint
+        pull, moment = reactions.on_follower(joint.name)
+        axis, slides, turns = directions(joint, force.coordinate)
+        found = [_across(k, joint, pull, [*slides, axis])]
+        if force.thrust_radius is not None and force.bearing_radius is not None:
+            direction = _direction(k, joint, axis)
+            share = k.translator.scalar(force.thrust_radius / force.bearing_radius)
+            found.append(b.scale(b.mul(share, b.dot(direction, pull)), direction))
+        if force.arm is not None:
+            found.append(b.scale(k.translator.scalar(1 / force.arm), _across(k, joint, moment, turns)))
+        return found
+
+
+def directions(joint: Joint, coordinate: str) -> tuple[Direction, list[Direction], list[Direction]]:
+    """The direction of a coordinate, the directions of the joint's slides, and the axes of its turns."""
+    motions = tuple(joint.element.scalar_motions)
+    slides = [m.direction for m in motions if isinstance(m, Slide)]
+    turns = [m.direction for m in motions if not isinstance(m, Slide)]
+    return next(m.direction for m in motions if m.coordinate == coordinate), slides, turns
+
+
+def _direction(k: Kinematics, joint: Joint, direction: Direction) -> Block:
+    """A direction as the joint's bodies carry it: the base all but that of a second turn."""
+    turns = directions(joint, joint.element.coordinates[0])[2]
+    return k.direction(joint.follower if direction in turns[1:] else joint.base, direction_of(joint, direction))
+
+
+def _across(k: Kinematics, joint: Joint, vector: Block, directions: Sequence[Direction]) -> Block:
+    """The part of a vector across perpendicular directions of a joint."""
+    b = k.builder
+    for each in dict.fromkeys(directions):
+        e = _direction(k, joint, each)
+        vector = b.sub(vector, b.scale(b.dot(e, vector), e))
+    return vector
+
+
+def rubbed(model: Model, system: BodySystem) -> tuple[Rubbed, ...]:
+    """The forces of a system that wait for their loads."""
+    joints = {joint.name: joint for joint in model.joints}
+    return tuple(
+        Rubbed(force=f, joint=joints[f.joint], law=system.rubbing[f.name])
+        for f in model.forces if isinstance(f, JointFriction) and f.name in system.rubbing
+    )  # fmt: skip
+
+
+def _length(b: Builder, vector: Block) -> Block:
+    return b.call("sqrt", b.add(b.dot(vector, vector), b.number(_ROUNDING)))
+
+
+def rub(rubs: Sequence[Rubbed], system: BodySystem, k: Kinematics, forces: Forces, reactions: Reactions) -> Reactions:
+    """Add friction to the forces of a motion whose accelerations and multipliers are given; returns the reactions with it.
+
+    Friction in cut joints first: it follows from the multipliers, and loads the joints of the tree.
+    """
+    cut = {loop.joint.name for loop in reactions.loops}
+    b = k.builder
+    for of_tree in (False, True):
+        for each in (each for each in rubs if (each.joint.name not in cut) is of_tree):
+            with b.section("friction", each.force.name, "N = p + sum of |r|", each.force.span.place):
+                lengths = [_length(b, vector) for vector in each.vectors(k, reactions)]
+                load = b.total([k.translator.scalar(each.force.preload), *lengths])
+                forces.add(b, each.force.name, {"force": each.push(system, k, load), "load": load})
+        reactions = replace(reactions, Q=dict(system.Q), acting=dict(system.cut_joint_wrenches))
+    return reactions
+
+
+@dataclass(frozen=True, kw_only=True)
+class RubbedMotion:
+    """Bodies and cut joints whose accelerations follow from all forces, friction included."""
+
+    topology: Topology
+    masses: Mapping[str, Block]
+    k: Kinematics
+    closing: ClosingElements
+    numbers: Numbers
+    times: int
+
+    def solve(self, rubs: Sequence[Rubbed], free: Solution, system: BodySystem) -> Solution:
+        """The solution with friction, from that without; ``system`` has the forces without it."""
+        b, k = self.k.builder, self.k
+        without = self._reactions(k, free, system)
+        at_zero = [each.vectors(k, without) for each in rubs]
+        solutions, by_unit = [], []
+        for number, each in enumerate(rubs, start=1):
+            with b.marked(f"u{number}", f"friction '{each.force.name}' by N of load"):
+                unit, pushed = self._unit(each)
+                solutions.append(unit)
+                alone = self._reactions(without_speed(k), unit, pushed)
+                by_unit.append([other.vectors(k, alone) for other in rubs])
+        loads = _Loads(k=k, rubs=rubs, at_zero=at_zero, by_unit=by_unit).solve()
+        vdot, errors = dict(free.vdot), dict(free.errors)
+        places = {name: span.place for name, span in self.topology.model.constraint_spans.items()}
+        for load, unit in zip(loads, solutions, strict=True):
+            for sums, shares in ((vdot, unit.vdot), (errors, unit.errors)):
+                for name, share in shares.items():
+                    with b.section("friction", name, "zdd <- zdd + N dzdd", places[name]):
+                        sums[name] = b.add(sums[name], b.scale(load, share))
+        return Solution(vdot=vdot, errors=errors)
+
+    def _unit(self, each: Rubbed) -> tuple[Solution, BodySystem]:
+        """The response to friction by a load of 1 N alone, and the forces that make it."""
+        b, k = self.k.builder, self.k
+        gaps = {x.element.name: b.zero(len(x.names)) for x in self.closing.all()}
+        pushed = BodySystem(builder=b, Q={body: b.zero(6) for body in self.masses})
+        with b.section("friction", each.force.name, "Q by N of load", each.force.span.place):
+            each.push(pushed, k, b.number(1.0))
+
+        def push(system: BodySystem) -> None:
+            system.Q, system.joint_forces = dict(pushed.Q), dict(pushed.joint_forces)
+
+        arguments = self.topology, self.masses, k, self.closing, self.numbers
+        first = respond(*arguments, gaps, mark="", turn=f"friction '{each.force.name}' by N of load", push=push)
+        return refine(*arguments, first, self.times), pushed
+
+    def _reactions(self, k: Kinematics, solution: Solution, system: BodySystem) -> Reactions:
+        """The reactions of a solution, with corrected multipliers."""
+        b, given = k.builder, {x.element.name for x in self.closing.all() if k is self.k}
+        loops: list[LoopClosure] = []
+        for loop in self.closing.loops:
+            push = b.scale(self.numbers.penalties[loop.joint.name], solution.errors[loop.joint.name])
+            loops.append(replace(loop, multipliers=b.add(loop.multipliers, push) if loop.joint.name in given else push))
+        Zdd = accelerations_of(k, solution.vdot)
+        return Reactions(kinematics=k, loops=tuple(loops), M=self.masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Loads:
+    """The equations of loads: ``at_zero`` has the vectors of each, ``by_unit`` their changes by each load, load by load."""
+
+    k: Kinematics
+    rubs: Sequence[Rubbed]
+    at_zero: Sequence[Sequence[Block]]
+    by_unit: Sequence[Sequence[Sequence[Block]]]
+
+    @property
+    def _numbers(self) -> range:
+        return range(len(self.rubs))
+
+    def solve(self) -> list[Block]:
+        """The loads, which have no value where they might not be the only ones."""
+        b, loads = self.k.builder, self._start()
+        ones = self._contraction()
+        for _ in range(_ITERATIONS):
+            loads = self._iterate(loads)
+        found = []
+        for each, load, (right, _), one in zip(self.rubs, loads, self._right_sides(loads), ones, strict=True):
+            with b.section(FRICTION, each.force.name, "N, once it is found", each.force.span.place):
+                near, gap = b.mul(b.number(_FOUND), b.add(right, b.number(_NEAR))), b.sub(load, right)
+                one = b.mul(one, _positive(b, b.sub(b.mul(near, near), b.mul(gap, gap))))
+                found.append(b.name(b.mul(load, one), "load", each.force.name))
+        return found
+
+    def _start(self) -> list[Block]:
+        """The loads without friction."""
+        zero = self.k.builder.zero(1)
+        return [right for right, _ in self._right_sides([zero for _ in self._numbers])]
+
+    def _right_sides(self, loads: Sequence[Block]) -> list[tuple[Block, list[Block]]]:
+        """p + sum of |r| at some loads, with its derivatives by all of them."""
+        b, found = self.k.builder, []
+        for each, vectors, j in zip(self.rubs, self.at_zero, self._numbers, strict=True):
+            with b.section("friction", each.force.name, "p + sum of |r|", each.force.span.place):
+                lengths, slopes = [self.k.translator.scalar(each.force.preload)], [b.zero(1) for _ in self._numbers]
+                for n, vector in enumerate(vectors):
+                    changes = [self.by_unit[i][j][n] for i in self._numbers]
+                    r = b.total([vector, *(_scaled(b, load, change) for load, change in zip(loads, changes, strict=True))])
+                    length = _length(b, r)
+                    way = b.scale(b.call("div", b.number(1.0), length), r)
+                    lengths.append(length)
+                    slopes = [b.add(slope, b.dot(way, change)) for slope, change in zip(slopes, changes, strict=True)]
+                found.append((b.total(lengths), slopes))
+        return found
+
+    def _iterate(self, loads: Sequence[Block]) -> list[Block]:
+        """One of Newton's iterations."""
+        b, sides = self.k.builder, self._right_sides(loads)
+        with b.section("friction", self.rubs[0].force.name, "N <- N + (1 - dr/dN)^-1 (p + sum of |r| - N)", self._place):
+            matrix = [[b.sub(b.number(float(i == j)), slope) for i, slope in enumerate(slopes)] for j, (_, slopes) in enumerate(sides)]
+            right = [b.sub(side, load) for (side, _), load in zip(sides, loads, strict=True)]
+            _, upper, right = _eliminate(b, matrix, right)
+            steps: dict[int, Block] = {}
+            for j in reversed(self._numbers):
+                rest = b.total([right[j], *(b.neg(b.mul(upper[j][i], step)) for i, step in steps.items())])
+                steps[j] = b.call("div", rest, upper[j][j])
+            return [b.add(load, steps[j]) for j, load in enumerate(loads)]
+
+    def _contraction(self) -> list[Block]:
+        """1 for each load where the pivots of I - C are positive, else no value."""
+        b = self.k.builder
+        with b.section("friction", self.rubs[0].force.name, "I - C", self._place):
+            matrix = [
+                [b.sub(b.number(float(i == j)), b.total([b.zero(1), *(_size(b, v) for v in self.by_unit[i][j])])) for i in self._numbers]
+                for j in self._numbers
+            ]
+        pivots, _, _ = _eliminate(b, matrix, [b.zero(1) for _ in self._numbers])
+        ones = []
+        for each, pivot in zip(self.rubs, pivots, strict=True):
+            with b.section(FRICTION, each.force.name, "1 where the pivot of I - C is positive", each.force.span.place):
+                ones.append(_positive(b, pivot))
+        return ones
+
+    @property
+    def _place(self) -> str:
+        return self.rubs[0].force.span.place
+
+
+def _scaled(b: Builder, factor: Block, block: Block) -> Block:
+    return b.zero(*block.shape) if is_zero(factor) or is_zero(block) else b.scale(factor, block)
+
+
+def _size(b: Builder, vector: Block) -> Block:
+    return b.zero(1) if is_zero(vector) else _length(b, vector)
+
+
+def _positive(b: Builder, value: Block) -> Block:
+    """1 if a value is positive, else no number: a domain of the motion."""
+    if value.op == "const":
+        return b.number(1.0)
+    root = b.restrict(b.call("sqrt", value))
+    return b.call("div", b.mul(root, root), value)
+
+
+def _eliminate(b: Builder, matrix: list[list[Block]], right: list[Block]) -> tuple[list[Block], list[list[Block]], list[Block]]:
+    """Pivots, the upper triangle and the right side of a system of equations after elimination in the order given."""
+    size, pivots = range(len(matrix)), []
+    for j in size:
+        pivots.append(matrix[j][j])
+        for i in size[j + 1 :]:
+            if not is_zero(matrix[i][j]):
+                share = b.call("div", matrix[i][j], matrix[j][j])
+                matrix[i] = [b.sub(x, b.mul(share, y)) for x, y in zip(matrix[i], matrix[j], strict=True)]
+                right[i] = b.sub(right[i], b.mul(share, right[j]))
+    return pivots, matrix, right

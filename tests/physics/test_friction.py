@@ -1,0 +1,169 @@
+"""Friction by the load of a joint, against closed forms and equations by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from cutjoint.compile.options import CompileOptions
+from cutjoint.methods import METHODS
+from cutjoint.model.errors import ModelError
+from cutjoint.model.read import read_model_text
+from cutjoint.run.failures import FailedRunError
+from cutjoint.run.results import Trajectory
+from cutjoint.run.simulation import simulate
+from tests.physics.simulation import compile_scene, compile_text, completed
+
+#: A block of 2 kg: gravity presses it on its slide with 18 N and pulls along it with 8 N.
+BLOCK = """
+cutjoint: 1
+name: block
+gravity: [4, 0, -9]
+bodies:
+  block: {{mass: 2, centre_of_mass: [0, 0, 0]}}
+joints:
+  slide: {{kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces:
+  rub: {{kind: joint_friction, joint: slide, coefficient: {coefficient}}}
+  shake: {{kind: joint_force, joint: slide, law: {shake}}}
+outputs: [block.x, block.vx, rub.force, rub.load]
+scenes:
+  go: {{end: {end}, output_step: 0.1}}
+"""
+
+PENDULUM = """
+cutjoint: 1
+name: pendulum
+gravity: [0, 0, -9.81]
+bodies:
+  bob: {mass: 2, centre_of_mass: [0, 0, -0.5], inertia: [0.01, 0.01, 0.01]}
+joints:
+  pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, -1, 0]}
+forces:
+  rub: {kind: joint_friction, joint: pin, coefficient: 0.2, static: 0.3, stribeck_speed: 0.05, radius: 0.05, preload: 3}
+outputs: [pin.angle, pin.angle_rate, rub.force, rub.load]
+scenes:
+  swing: {end: 1.5, output_step: 0.05, rates: {pin.angle_rate: 4}}
+"""
+
+#: A uniform rod whose end slides on a line, at an angle of tangent 2: no motion is sure above a coefficient of 4/3.
+ROD = """
+cutjoint: 1
+name: rod
+gravity: [0, 0, -9.81]
+bodies:
+  shoe: {{mass: 1.0e-6, centre_of_mass: [0, 0, 0]}}
+  rod: {{mass: 1, centre_of_mass: [{x}, 0, 2], inertia: [1, 5/3, 1]}}
+joints:
+  slide: {{kind: prismatic, bodies: [ground, shoe], at: [0, 0, 0], axis: [1, 0, 0]}}
+  pin: {{kind: revolute, bodies: [shoe, rod], at: [0, 0, 0], axis: [0, 1, 0]}}
+forces:
+  rub: {{kind: joint_friction, joint: slide, coefficient: {coefficient}}}
+outputs: [slide.displacement, rub.load]
+scenes:
+  slide: {{end: 1.0e-3, output_step: 1.0e-4, rates: {{slide.displacement_rate: 1}}}}
+"""
+
+#: A crank, a coupler and a rocker in one plane: moments across their axes and forces along them are of no consequence and so not known.
+FOUR_BAR = """
+cutjoint: 1
+name: four_bar
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {{mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}}
+  coupler: {{mass: 1, centre_of_mass: [1, 0, 1], inertia: [0.1, 0.1, 0.1]}}
+  rocker: {{mass: 1, centre_of_mass: [2, 0, 0.5], inertia: [0.1, 0.1, 0.1]}}
+joints:
+  A: {{kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}}
+  B: {{kind: revolute, bodies: [crank, coupler], at: [0, 0, 1], axis: [0, 1, 0]}}
+  C: {{kind: revolute, bodies: [coupler, rocker], at: [2, 0, 1.2], axis: [0, 1, 0], cut: {cut}}}
+  D: {{kind: revolute, bodies: [ground, rocker], at: [2, 0, 0], axis: [0, 1, 0]}}
+forces:
+  at_A: {{kind: joint_friction, joint: A, coefficient: 0.2, radius: 0.02{more}}}
+  at_C: {{kind: joint_friction, joint: C, coefficient: 0.2, radius: 0.02}}
+outputs: [A.angle, at_A.load, at_C.load]
+scenes:
+  swing: {{end: 0.5, output_step: 0.05, rates: {{A.angle_rate: 1}}}}
+"""
+
+
+def run(folder: Path, text: str, **settings: float) -> Trajectory:
+    return simulate(compile_text(folder, text), integrator="dormand-prince", error=False, **settings)
+
+
+@pytest.mark.parametrize("shake", ["0", "2*sin(20*pi*t)"])
+def test_held_block_does_not_creep(tmp_path: Path, shake: str) -> None:
+    columns = completed(run(tmp_path, BLOCK.format(coefficient=1.2, shake=f'"{shake}"', end=20), tolerance=1e-10)).columns
+    x = columns["block.x"]  # once in each period of the load
+    assert np.abs(x[20:] - x[20]).max() < 18e-9
+    assert np.abs(columns["rub.load"] - 18).max() < 1e-9
+
+
+def test_sliding_block_has_the_acceleration_of_coulomb(tmp_path: Path) -> None:
+    columns = completed(run(tmp_path, BLOCK.format(coefficient=0.3, shake=0, end=1), tolerance=1e-9)).columns
+    assert columns["block.vx"][-1] - columns["block.vx"][5] == pytest.approx(0.5 * (4 - 0.3 * 9), abs=1e-6)
+    assert columns["rub.force"][-1] == pytest.approx(-0.3 * 18, abs=1e-5)
+
+
+def law(rate: float, s: float) -> tuple[float, float]:
+    """Force by load and the rate of s, by hand."""
+    v = 0.05 * rate
+    g = (0.2 + 0.1 * np.exp(-((v / 0.05) ** 2))) / 0.3
+    u = s / g
+    w = max(0.0, 2 * u * u - 1)
+    a = w * w / (1 + w * w) * (1 + np.tanh(u * v / 1e-5))
+    force = -0.05 * 0.3 * g * (u + (1 - u * u) / 2 * np.tanh(v / 0.01))
+    return force, v / 1e-4 * (1 - a) / (1 + 4 * a * u * v / 1e-4 * 1e-3)
+
+
+def test_pendulum_follows_equations_by_hand(tmp_path: Path) -> None:
+    def motion(angle: float, rate: float, s: float) -> tuple[float, float, float]:
+        force, change = law(rate, s)
+        load = 20.0
+        for _ in range(60):  # the force by load is at most 0.015 m: this contracts
+            turn = (force * load - 2 * 9.81 * 0.5 * np.sin(angle)) / (0.01 + 2 * 0.25)
+            load = 3 + 2 * np.hypot(9.81 * np.cos(angle) + 0.5 * rate**2, 9.81 * np.sin(angle) + 0.5 * turn)
+        return turn, change, load
+
+    def derive(t: float, y: np.ndarray) -> list[float]:
+        turn, change, _ = motion(*y)
+        return [y[1], turn, change]
+
+    done = completed(run(tmp_path, PENDULUM, tolerance=1e-10))
+    columns = done.columns
+    exact = solve_ivp(derive, (0, 1.5), [0, 4, 0], t_eval=done.t, rtol=1e-10, atol=1e-11, method="Radau").y
+    assert np.abs(columns["pin.angle"] - exact[0]).max() < 1e-6
+    assert np.abs(columns["rub.load"] - [motion(*y)[2] for y in exact.T]).max() < 1e-3
+    energy = 0.51 / 2 * columns["pin.angle_rate"] ** 2 - 2 * 9.81 * 0.5 * np.cos(columns["pin.angle"])
+    assert energy[-1] < energy[0] - 0.2
+
+
+@pytest.mark.parametrize(("coefficient", "sign", "stops"), [(1.3, 1, False), (1.4, 1, True), (1.3, -1, False), (1.4, -1, True)])
+def test_rod_of_painleve_is_refused_by_name(tmp_path: Path, coefficient: float, sign: int, stops: bool) -> None:
+    text = ROD.format(coefficient=coefficient, x=sign)
+    if not stops:
+        completed(run(tmp_path, text, tolerance=1e-6))
+        return
+    with pytest.raises(FailedRunError, match=r"'rub'.*the load of the joint"):
+        run(tmp_path, text, tolerance=1e-6)
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "recursive"])
+def test_other_methods_refuse_it(method: str) -> None:
+    model = read_model_text(BLOCK.format(coefficient=0.3, shake=0, end=1), "block.yaml")
+    with pytest.raises(ModelError, match=r"block\.yaml:10:3: force 'rub'.*--method recursive"):
+        compile_scene(model, model.scenes["go"], CompileOptions(method=method))
+
+
+def test_loads_of_a_loop_do_not_depend_on_the_cut(tmp_path: Path) -> None:
+    runs = [completed(run(tmp_path, FOUR_BAR.format(cut=cut, more=""), tolerance=1e-9)) for cut in ("true", "false")]
+    for name in ("A.angle", "at_A.load", "at_C.load"):
+        assert np.abs(runs[0].columns[name] - runs[1].columns[name]).max() < 2e-3 * np.abs(runs[0].columns[name]).max(), name
+
+
+def test_load_that_redundancy_leaves_open_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=r"force 'at_A'.*redundant equations"):
+        run(tmp_path, FOUR_BAR.format(cut="true", more=", arm: 0.05"))
