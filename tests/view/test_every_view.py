@@ -37,6 +37,7 @@ forces:
   pad: {kind: bushing, bodies: [ground, block], at: O, stiffness: [1, 300, 1, 1, 1, 1], damping: [1, 1, 1, 1, 1, 1]}
   motor: {kind: joint_force, joint: slide, law: -10*position}
   pull: {kind: load, body: block, at: O, force: [0, 3, 0]}
+  rubbing: {kind: joint_friction, joint: slide, coefficient: 0.1}
   tyre:
     kind: tyre
     body: hub

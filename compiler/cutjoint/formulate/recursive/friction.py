@@ -177,7 +177,7 @@ class RubbedMotion:
         for loop in self.closing.loops:
             push = b.scale(self.numbers.penalties[loop.joint.name], solution.errors[loop.joint.name])
             loops.append(replace(loop, multipliers=b.add(loop.multipliers, push) if loop.joint.name in given else push))
-        Zdd = accelerations_of(k, solution.vdot)
+        Zdd = accelerations_of(k, solution.vdot.__getitem__)
         return Reactions(kinematics=k, loops=tuple(loops), M=self.masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
 
 

@@ -11,7 +11,7 @@ whose other share has power at the free joints that they turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -128,21 +128,21 @@ class Reporter(Quantities):
 
 def given_accelerations(k: Kinematics) -> dict[str, Block]:
     """Zdd of every body when the joints' accelerations are inputs."""
-    charts = [motion.chart for motion in k.motions.values() if motion.chart is not None]
-    return accelerations_of(k, {c.joint: k.builder.symbol(f"vdot:{c.joint}", len(c.speed_names), BindingTime.ITERATION) for c in charts})
+    speeds = {motion.chart.joint: len(motion.chart.speed_names) for motion in k.motions.values() if motion.chart is not None}
+    return accelerations_of(k, lambda joint: k.builder.symbol(f"vdot:{joint}", speeds[joint], BindingTime.ITERATION))
 
 
-def accelerations_of(k: Kinematics, vdot: Mapping[str, Block]) -> dict[str, Block]:
-    """Zdd of every body from the joints' accelerations."""
+def accelerations_of(k: Kinematics, vdot: Callable[[str], Block]) -> dict[str, Block]:
+    """Zdd of every body from the accelerations of each joint that has any."""
     b = k.builder
     Zdd = {"ground": b.zero(6)}
     for body, motion in k.motions.items():
         above = b.add(Zdd[motion.tree_joint.parent], motion.d)
         if motion.b is not None and motion.chart is not None:
-            above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot[motion.chart.joint])))
+            above = b.add(above, b.mul(motion.b, k.for_subspace(body, vdot(motion.chart.joint))))
         if motion.follows is not None:
             leader = k.topology.model.following[motion.tree_joint.joint.name].leader
-            above = b.add(above, b.scale(vdot[leader], motion.follows))
+            above = b.add(above, b.scale(vdot(leader), motion.follows))
         Zdd[body] = above
     return Zdd
 
