@@ -221,9 +221,10 @@ def test_submodels_have_their_own_and_an_image_reads_what_the_original_would() -
 
 def test_names_of_a_submodel_hide_those_around_it() -> None:
     """Its signal is read in it, the model's parameter outside."""
-    inner = "  part:\n    connectors: [body]\n    signals: {lag: 7*body.z}\n    forces: {pull: {kind: load, body: body, at: [0, 0, 0], force: [0, 0, lag]}}\n"
+    pull = "pull: {kind: load, body: body, at: [0, 0, 0], force: [0, 0, lag]}"
+    inner = f"  part:\n    connectors: [body]\n    signals: {{lag: 7*body.z}}\n    forces: {{{pull}}}\n"
     text = TEXT.replace("outputs:", f"submodels:\n{inner}instances:\n  one: {{use: part, connect: {{body: arm}}}}\noutputs:")
     model = read_model_text(text, "m.yaml")
-    pull = next(force for force in model.forces if force.name == "one.pull")
-    assert pull.components[2] == quantity_symbol("one.lag", "value")
+    force = next(force for force in model.forces if force.name == "one.pull")
+    assert force.components[2] == quantity_symbol("one.lag", "value")
     assert quantity_symbol("one.lag", "value") not in next(state for state in model.states if state.name == "integral").rate.free_symbols
