@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutjoint.elements.interaction import (
     Arrow,
@@ -41,13 +41,29 @@ STANDING = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoadContact(Interaction):
-    """A wheel on the road, which has a track of its own in the runtime."""
+class WheelContact(Interaction):
+    """A wheel on the road, which has a track of its own in the runtime; ``turns`` where its body turns with it."""
 
     centre: Point
     axis: Axis
     needs_attitude: ClassVar[bool] = True
     has_road: ClassVar[bool] = True
+    turns: ClassVar[bool]
+
+    def looks(self) -> tuple[Look, ...]:
+        """A wheel."""
+        return (Wheel(self.centre, self.axis, self.turns),)
+
+    def arrow(self, force: Any, sight: Sight) -> Arrow:
+        """The load on the wheel, from the road under its centre."""
+        return sight.lift(self.centre, force.radius, "Fz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadContact(WheelContact):
+    """A wheel that rolls without a coordinate of its own."""
+
+    turns: ClassVar[bool] = False
     equation: ClassVar[str] = "Fz = k (R - dz)/sqrt(1 + slope^2);  Fy, Mz by the Calspan model"
 
     def act(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
@@ -71,14 +87,6 @@ class RoadContact(Interaction):
             actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
             constants=tuple((letters.get(name, name), page.number(value)) for name, value in (*force.constants.items(), *_ground(force))),
         )
-
-    def looks(self) -> tuple[Look, ...]:
-        """A wheel."""
-        return (Wheel(self.centre, self.axis),)
-
-    def arrow(self, force: Tyre, sight: Sight) -> Arrow:
-        """The load on the wheel, from the road under its centre."""
-        return sight.lift(self.centre, force.radius, "Fz")
 
 
 _CONTACT = (

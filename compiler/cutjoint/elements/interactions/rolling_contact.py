@@ -15,8 +15,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Axis, Explanation, Interaction, Look, Mechanics, Page, Point, Sight, Wheel, gets
-from cutjoint.elements.interactions.road_contact import Ground, explain_ground, meet_road
+from cutjoint.elements.interaction import Explanation, Mechanics, Page, gets
+from cutjoint.elements.interactions.road_contact import Ground, WheelContact, explain_ground, meet_road
 
 if TYPE_CHECKING:
     from cutjoint.elements import forces
@@ -24,13 +24,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RollingContact(Interaction):
+class RollingContact(WheelContact):
     """A wheel on the road whose body turns with it."""
 
-    centre: Point
-    axis: Axis
-    needs_attitude: ClassVar[bool] = True
-    has_road: ClassVar[bool] = True
+    turns: ClassVar[bool] = True
     equation: ClassVar[str] = "forces and moments of the contact by its motion, where the wheel's plane meets the road"
 
     def act(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:
@@ -75,14 +72,6 @@ class RollingContact(Interaction):
             laws=(*page.vector("F", force.force, {}), *page.vector("M", force.moment, {})),
             constants=tuple(named),
         )
-
-    def looks(self) -> tuple[Look, ...]:
-        """A wheel that turns."""
-        return (Wheel(self.centre, self.axis, turns=True),)
-
-    def arrow(self, force: forces.Wheel, sight: Sight) -> Arrow:
-        """The load on the wheel, from the road under its centre."""
-        return sight.lift(self.centre, force.radius, "Fz")
 
 
 _CONTACT = (
