@@ -83,10 +83,12 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True)
 class Bristle:
-    """A first-order state of a force's own without a unit: the symbol that stands for it, and its rate in 1/s."""
+    """A first-order state of a force's own without a unit: the symbol that stands for it, its rate in 1/s, and the limit of the force by N
+    of load."""
 
     symbol: Scalar
     rate: Scalar
+    limit: Scalar
 
 
 class Reader(Protocol):

@@ -32,7 +32,11 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         ],
         "columns": equations.columns,
         "domains": [
-            {"function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict} for d in equations.domains
+            {
+                "function": d.function, "element": d.element, "place": quotable(d.place), "strict": d.strict,
+                **({} if d.cure is None else {"cure": d.cure}),
+            }
+            for d in equations.domains
         ],
         "switches": switches_of(equations),
         "states": len(equations.state.states),

@@ -40,13 +40,15 @@ class SwitchPlace:
 class DomainPlace:
     """A place where a law may have no value: what must be in its domain, the element and its line in the model file.
 
-    The margin there is not negative, or positive if it is ``strict``.
+    The margin there is not negative, or positive if it is ``strict``.  ``cure`` is the place among the margins of a factor, below which
+    all coefficients of friction leave the loads of joints values.
     """
 
     function: str
     element: str
     place: str
     strict: bool
+    cure: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

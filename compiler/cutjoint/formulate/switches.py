@@ -101,17 +101,19 @@ FRICTION = "load of friction"
 def _function(name: str, stage: str) -> str:
     """The words for the quantity of a domain."""
     if stage == FRICTION:
-        return "the load of the joint (by its friction it may have no value or several, after Painleve; take a smaller coefficient)"
+        return "the load of the joint, as an iteration finds it,"
     return "the divisor" if name == "div" else f"the argument of {name.replace('pow', '**')}"
 
 
 def describe_domains(b: Builder, domains: Sequence[Domain]) -> tuple[DomainPlace, ...]:
     """The function and the element of each margin, and the element's line in the model file."""
     sections = [b.sections[domain.section] for domain in domains]
+    places = {domain.margin: i for i, domain in enumerate(domains)}
     return tuple(
         DomainPlace(
             function=_function(domain.function, section.stage),
             element=section.element or section.stage, place=section.source, strict=domain.strict,
+            cure=None if domain.cure is None else places[domain.cure],
         )
         for domain, section in zip(domains, sections, strict=True)
     )  # fmt: skip

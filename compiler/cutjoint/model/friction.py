@@ -61,7 +61,8 @@ def read_friction(element: Element, part: Any, unit: str) -> tuple[Scalar, Brist
     given = {name: element.scalar(getattr(part, name), dimension, (name,)) for name, dimension in sizes.items()}
     sliding = element.scalar(part.coefficient, NONE, ("coefficient",))
     symbol = quantity_symbol(bristle_name(element.name), VALUE)
-    return _law(symbol, sliding, given), Bristle(symbol=symbol, rate=_rate(symbol, sliding, given))
+    bristle = Bristle(symbol=symbol, rate=_rate(symbol, sliding, given), limit=_limit(sliding, given))
+    return _law(symbol, sliding, given), bristle
 
 
 def _value(element: Element, part: Any, name: str, dimension: Dimension) -> float:
@@ -101,6 +102,12 @@ def _law(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
     g = _stribeck(v, sliding, given)
     u = s / g
     return -radius * given.get("static", sliding) * g * (u + (1 - u**2) * sympy.tanh(v / given["damping_speed"]) / 2)
+
+
+def _limit(sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
+    """The largest force by N of load."""
+    static = given.get("static", sliding)
+    return given.get("radius", sympy.Integer(1)) * (sliding if static == sliding else choice((static, static > sliding), (sliding, sympy.true)))
 
 
 def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:

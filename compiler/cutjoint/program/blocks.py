@@ -139,7 +139,7 @@ class Builder:
         self._nodes: dict[Hashable, Block] = {}
         self._section = 0
         self._mark = self._turn = ""
-        self.restricted: set[Block] = set()
+        self.restricted: dict[Block, Block | None] = {}
         self.sections: list[Section] = [Section(stage="inputs", element="", equation="", source="")]
         self.labels: dict[Block, Label] = {}
         self.quantities: dict[Quantity, Block] = {}
@@ -166,10 +166,10 @@ class Builder:
         finally:
             self._mark, self._turn = before
 
-    def restrict(self, block: Block) -> Block:
-        """Note that a law calls a function whose arguments must lie in its domain."""
+    def restrict(self, block: Block, cure: Block | None = None) -> Block:
+        """Note that a law calls a function whose arguments must lie in its domain; ``cure`` is a number of the advice to who left it."""
         if block.op == "call":
-            self.restricted.add(block)
+            self.restricted[block] = cure
         return block
 
     def label(self, block: Block, name: str, *, rows: tuple[str, ...] = (), columns: tuple[str, ...] = ()) -> Block:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cutjoint.program.blocks import BindingTime, Block, Builder
@@ -16,13 +16,15 @@ from cutjoint.program.lower import reachable_blocks
 class Domain:
     """A ``margin`` that is not negative where a ``function`` of a law has a value, or positive if it is ``strict``.
 
-    ``section`` is that of the program in which the function stands.
+    ``section`` is that of the program in which the function stands.  ``cure``, a number that is positive, is a domain too, which nothing
+    leaves.
     """
 
     function: str
     margin: Block
     strict: bool
     section: int
+    cure: Block | None = None
 
 
 def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
@@ -33,6 +35,9 @@ def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
             domain = _domain(builder, block)
             if domain is not None and domain.margin.binding >= BindingTime.PARAM:
                 found.setdefault(domain.margin, domain)
+    for domain in tuple(found.values()):
+        if domain.cure is not None:
+            found.setdefault(domain.cure, replace(domain, margin=domain.cure, strict=False, cure=None))
     return list(found.values())
 
 
@@ -52,7 +57,9 @@ def _domain(b: Builder, block: Block) -> Domain | None:
             if block.args[1].op == "const" and float(exponent[0][0]).is_integer():
                 return None
             margin = argument
-    return Domain(function=function, margin=margin, strict=function in ("log", "div"), section=block.section)
+    cure = b.restricted[block]
+    strict = function in ("log", "div") or cure is not None
+    return Domain(function=function, margin=margin, strict=strict, section=block.section, cure=cure)
 
 
 # Switches

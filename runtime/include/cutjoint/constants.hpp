@@ -45,6 +45,7 @@ struct Domain {
   const char* element;
   const char* place;
   bool strict;
+  int cure = -1;
 };
 
 struct Switch {

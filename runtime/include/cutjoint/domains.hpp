@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,17 @@ inline Failure left_domain(const Domain& domain, double margin, const Failure& f
                            std::string(domain.what) + " leaves its domain";
   return Failure(what, failure.time, failure.step, std::string(domain.element), margin,
                  "give the law a value wherever the motion may lead, with where(condition, value, other), or keep the motion out");
+}
+
+/// The failure of a step that leads to where the load of a joint has no value, which coefficients of friction less than `most` times as large have.
+inline Failure left_load(const Domain& domain, double margin, double most, const Failure& failure) {
+  const double unit = std::pow(10.0, std::floor(std::log10(most)) - 2.0);
+  char factor[32];
+  std::snprintf(factor, sizeof factor, "%.3g", std::floor(most / unit) * unit);
+  const std::string what = "the friction of '" + std::string(domain.element) + "' (" + std::string(domain.place) +
+                           ") leaves the load of the joint without a value, or with several (Painleve)";
+  return Failure(what, failure.time, failure.step, std::string(domain.element), margin,
+                 "take coefficients of friction " + std::string(factor) + " times as large, or smaller: with these there is one value here");
 }
 
 /// The first law of a mechanism or system that has no value on the way from a state.
@@ -42,7 +54,9 @@ class Domains {
     }
     subject_.begin_step(from_.t, Real(1));
     if (!left) return failure;
-    return left_domain(*left, static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]), failure);
+    const double margin = static_cast<double>(inside_[static_cast<std::size_t>(left - domains_.data())]);
+    return left->cure < 0 ? left_domain(*left, margin, failure)
+                          : left_load(*left, margin, static_cast<double>(inside_[static_cast<std::size_t>(left->cure)]), failure);
   }
 
  private:

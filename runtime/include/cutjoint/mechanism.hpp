@@ -34,12 +34,14 @@ struct Switch {
 };
 
 /// A function of an element's law that has a value in its domain alone, and the line of the model's file.  Its margin is not negative there,
-/// or positive if it is strict.
+/// or positive if it is strict.  That of a load of friction has as its cure the place among the margins of a factor, below which all coefficients
+/// of friction leave the loads of joints values.
 struct Domain {
   std::string_view what;
   std::string_view element;
   std::string_view place;
   bool strict;
+  int cure = -1;
 };
 
 /// What holds values between samples: its name, the line of the model's file, and the times.

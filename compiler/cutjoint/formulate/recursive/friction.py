@@ -37,6 +37,10 @@ _ROUNDING = 1e-24
 _FOUND = 1e-8
 #: The load (N) below which that share is one of it.
 _NEAR = 1e-3
+#: Powers of I + C by which the largest eigenvalue of C is told.
+_POWERS = 24
+#: The share of its limit within which friction tells nothing of what it would be there.
+_AT_REST = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,9 +207,10 @@ class _Loads:
         found = []
         for each, load, (right, _), one in zip(self.rubs, loads, self._right_sides(loads), ones, strict=True):
             with b.section(FRICTION, each.force.name, "N, once it is found", each.force.span.place):
+                load = b.mul(load, one)
                 near, gap = b.mul(b.number(_FOUND), b.add(right, b.number(_NEAR))), b.sub(load, right)
-                one = b.mul(one, _positive(b, b.sub(b.mul(near, near), b.mul(gap, gap))))
-                found.append(b.name(b.mul(load, one), "load", each.force.name))
+                is_found = _positive(b, b.sub(b.mul(near, near), b.mul(gap, gap)))
+                found.append(b.name(b.mul(load, is_found), "load", each.force.name))
         return found
 
     def _start(self) -> list[Block]:
@@ -246,16 +251,24 @@ class _Loads:
         """1 for each load where the pivots of I - C are positive, else no value."""
         b = self.k.builder
         with b.section("friction", self.rubs[0].force.name, "I - C", self._place):
-            matrix = [
-                [b.sub(b.number(float(i == j)), b.total([b.zero(1), *(_size(b, v) for v in self.by_unit[i][j])])) for i in self._numbers]
-                for j in self._numbers
-            ]
+            C = [[b.total([b.zero(1), *(_size(b, v) for v in self.by_unit[i][j])]) for i in self._numbers] for j in self._numbers]
+            matrix = [[b.sub(b.number(float(i == j)), value) for i, value in enumerate(row)] for j, row in enumerate(C)]
         pivots, _, _ = _eliminate(b, matrix, [b.zero(1) for _ in self._numbers])
         ones = []
+        cure = b.call("div", b.number(1.0), _largest_eigenvalue(b, [self._at_limits(row) for row in C]))
         for each, pivot in zip(self.rubs, pivots, strict=True):
             with b.section(FRICTION, each.force.name, "1 where the pivot of I - C is positive", each.force.span.place):
-                ones.append(_positive(b, pivot))
+                ones.append(_positive(b, pivot, cure))
         return ones
+
+    def _at_limits(self, row: Sequence[Block]) -> list[Block]:
+        """A row of C as it would be if all friction, but that which is at rest, were at its limit."""
+        b, limits = self.k.builder, (self.k.translator.scalar(each.force.bristle.limit) for each in self.rubs)
+        sizes = (b.call("abs", each.law) for each in self.rubs)
+        return [
+            b.mul(value, b.call("div", limit, b.add(size, b.mul(b.number(_AT_REST), limit))))
+            for value, limit, size in zip(row, limits, sizes, strict=True)
+        ]
 
     @property
     def _place(self) -> str:
@@ -270,11 +283,25 @@ def _size(b: Builder, vector: Block) -> Block:
     return b.zero(1) if is_zero(vector) else _length(b, vector)
 
 
-def _positive(b: Builder, value: Block) -> Block:
-    """1 if a value is positive, else no number: a domain of the motion."""
+def _largest_eigenvalue(b: Builder, C: Sequence[Sequence[Block]]) -> Block:
+    """The largest eigenvalue of a matrix that is not negative, from above: it is below (x + C x)_j/x_j - 1 of some j for all positive x
+    (Collatz, Mathematische Zeitschrift 48 (1942) 221-226).  Only domains have it, which are evaluated where a step has failed."""
+    if len(C) == 1:
+        return C[0][0]
+    x = [b.number(1.0) for _ in C]
+    for _ in range(_POWERS):
+        before, x = x, [b.total([value, *(b.mul(c, y) for c, y in zip(row, x, strict=True))]) for row, value in zip(C, x, strict=True)]
+    largest, *others = (b.call("div", after, value) for after, value in zip(x, before, strict=True))
+    for other in others:
+        largest = b.call("where", b.call("lt", largest, other), other, largest)
+    return b.sub(largest, b.number(1.0))
+
+
+def _positive(b: Builder, value: Block, cure: Block | None = None) -> Block:
+    """1 if a value is positive, else no number: a domain of the motion, with its ``cure``."""
     if value.op == "const":
         return b.number(1.0)
-    root = b.restrict(b.call("sqrt", value))
+    root = b.restrict(b.call("sqrt", value), cure)
     return b.call("div", b.mul(root, root), value)
 
 

@@ -60,7 +60,7 @@ inline Description read_description(const Json& d) {
   found.roads = read_names(d.at("roads"));
   found.columns = read_named(d.at("columns"));
   for (const Json& g : d.at("guards")) found.guards.push_back({text(g, 0), text(g, 1), g.size() == 3, g.size() > 3});
-  for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>()});
+  for (const Json& x : d.at("domains")) found.domains.push_back({text(x, 0), text(x, 1), text(x, 2), x.at(3).get<bool>(), x.size() > 4 ? read_index(x.at(4), 0, d.at("domains").size()) : -1});
   const Json& switches = d.at("switches");
   for (const Json& s : switches)
     found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
