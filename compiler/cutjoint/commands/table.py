@@ -207,6 +207,8 @@ OPTIONS: Mapping[str, Row] = {
         "ones."),
     "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
         "variables."),
+    "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
+        "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
         "cutjoint-bench is needed, or an FMU for those that import one."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
