@@ -34,7 +34,7 @@ from cutjoint.program.vary import Variation
 
 @dataclass(frozen=True, kw_only=True)
 class Closed:
-    """A cut joint with residual Phi, the same ``pushed`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda) on bodies."""
+    """A cut joint with residual Phi, the same ``pushed`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
 
     loop: LoopClosure
     pushed: LoopClosure
