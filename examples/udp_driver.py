@@ -1,4 +1,4 @@
-"""The driver of udp_vehicle.c, in a process of its own: python examples/udp_driver.py PROGRAM."""
+"""The driver of udp_vehicle.c or paced_vehicle.c, in a process of its own: python examples/udp_driver.py PROGRAM [SECONDS]."""
 
 import socket
 import struct
@@ -19,12 +19,12 @@ def speed(t: float) -> float:
     return 5.0 if t < 1.0 else 5.0 + (SPEED - 5.0) * (t - 1.0) / 3.0 if t < 4.0 else SPEED
 
 
-def drive(program: str) -> int:
-    """Answer the program until it ends; returns its exit status."""
+def drive(program: str, *words: str) -> int:
+    """Answer the program, called with further words, until it ends; returns its exit status."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind(("127.0.0.1", 0))
         line.settimeout(0.1)
-        vehicle = subprocess.Popen([program, str(line.getsockname()[1])])
+        vehicle = subprocess.Popen([program, str(line.getsockname()[1]), *words])
         while vehicle.poll() is None:
             try:
                 message, sender = line.recvfrom(64)
@@ -36,4 +36,4 @@ def drive(program: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(drive(sys.argv[1]))
+    sys.exit(drive(*sys.argv[1:]))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,25 @@ def test_the_vehicle_follows_its_driver_also_from_another_process(iltis: Path) -
     assert speed == pytest.approx(7.0, abs=0.2)
     apart = python(EXAMPLES / "udp_driver.py", program(iltis, "udp_vehicle"))
     assert float(re.findall(r": (-?[\d.e-]+) m", apart)[0]) == pytest.approx(left, abs=5e-4)
+
+
+def test_a_vehicle_against_the_clock_catches_up_and_drops_what_is_too_much(iltis: Path) -> None:
+    paced = program(iltis, "paced_vehicle")
+    begun = time.perf_counter()
+    driven = python(EXAMPLES / "udp_driver.py", paced, "2.5")
+    assert time.perf_counter() - begun > 2.4
+    left = float(re.findall(r": (-?[\d.e-]+) m", driven)[0])
+    assert left == pytest.approx(0.0195, abs=0.002)  # the driver leaves the lane after two seconds
+    with subprocess.Popen([paced, "9", "1.0"], stdout=subprocess.PIPE, text=True) as alone:  # nobody listens there
+        time.sleep(0.5)
+        alone.send_signal(signal.SIGSTOP)
+        time.sleep(0.2)
+        alone.send_signal(signal.SIGCONT)
+        said = alone.communicate(timeout=60)[0]
+    assert alone.returncode == 0
+    caught_up, dropped = (int(x) for x in re.findall(r"(\d+) (?:steps|dropped)", said))
+    assert caught_up >= 9
+    assert dropped >= 150
 
 
 def test_the_pole_stands() -> None:

@@ -116,10 +116,7 @@ def test_two_models_step_side_by_side_as_by_hand(version: int, tmp_path: Path) -
     paths = {name: tmp_path / f"{name}.yaml" for name in ("hanging", "pushed")}
     for path, text in zip(paths.values(), (HANGING, PUSHED), strict=True):
         path.write_text(text)
-    model = read_model_text(HANGING, "hanging.yaml")
-    fmu = tmp_path / "hanging.fmu"
-    made = make_fmu(model, find_scene(model, None), version=version, integrator="rk4")
-    fmu.write_bytes(made.pack(sources=False, binary=True, picture=b"", target="baseline"))
+    fmu = made(HANGING, tmp_path / "hanging.fmu", version)
     out, step = tmp_path / "pushed.csv", 0.004
     connections = ("--connect", "given=mass.x", "--connect", "pull.force=given")
     result = simulate(paths["pushed"], fmu, out, *connections, "--communication-step", step, "--integrator", "rk4", "--no-error")
@@ -133,6 +130,77 @@ def test_two_models_step_side_by_side_as_by_hand(version: int, tmp_path: Path) -
             assert (columns["mass.x"][2 * i // 5], columns["given"][2 * i // 5]) == (place, force)
         one.advance((i + 1) * step)
         other.advance((i + 1) * step)
+
+
+def made(text: str, file: Path, version: int = 2) -> Path:
+    """The FMU of a model's text, with steps of the classical Runge-Kutta rule, in a file of a folder that need not be there."""
+    model = read_model_text(text, f"{file.stem}.yaml")
+    fmu = make_fmu(model, find_scene(model, None), version=version, integrator="rk4")
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(fmu.pack(sources=False, binary=True, picture=b"", target="baseline"))
+    return file
+
+
+def test_several_fmus_step_side_by_side_as_by_hand(tmp_path: Path) -> None:
+    """The first hangs on the model, the second on the first, with steps of communication twice as long."""
+    pushed = PUSHED.replace("{ given:", "{ other: {value: 0, unit: N, binding: input}, given:").replace('"-given"', '"-given + 0.5*other"')
+    paths = {name: tmp_path / f"{name}.yaml" for name in ("pushed", "hanging")}
+    for path, text in zip(paths.values(), (pushed, HANGING), strict=True):
+        path.write_text(text)
+    fast = changed(made(HANGING, tmp_path / "made" / "hanging.fmu"), tmp_path, ('stepSize="0.01"', 'stepSize="0.002"'))
+    slow = changed(made(HANGING, tmp_path / "made" / "second.fmu"), tmp_path, ('stepSize="0.01"', 'stepSize="0.004"'))
+    out = tmp_path / "pushed.csv"
+    pairs = ("hanging:given=mass.x", "hanging:pull.force=given", "second:given=hanging:mass.x", "second:pull.force=other")
+    connections = [word for pair in pairs for word in ("--connect", pair)]
+    view = tmp_path / "pushed.html"
+    result = simulate(paths["pushed"], fast, out, slow, *connections, "--integrator", "rk4", "--no-error", "--view", view)
+    assert result.exit_code == 0, result.output
+    for words in ("hanging.fmu, FMI 2, second.fmu, FMI 2", "read hanging:mass.x as given", "communication second.fmu 125 steps of 0.004 s"):
+        assert words in words_of(result)
+    assert view.stat().st_size > 100_000
+    _, columns = read_table(out)
+    assert list(columns) == ["mass.x", "pull.force", "given", "other"]
+    one, first, second = (cutjoint.load(path, integrator="rk4").reset() for path in (paths["pushed"], paths["hanging"], paths["hanging"]))
+    other = 0.0
+    for i in range(250):
+        place, force = one.outputs["mass.x"], first.outputs["pull.force"]
+        if i % 2 == 0:
+            other, there = second.outputs["pull.force"], first.outputs["mass.x"]
+            second.inputs["given"] = there
+        one.inputs["given"], one.inputs["other"], first.inputs["given"] = force, other, place
+        if i % 5 == 0:
+            assert [columns[name][i // 5] for name in ("mass.x", "given", "other")] == [place, force, other]
+        one.advance((i + 1) * 0.002)
+        first.advance((i + 1) * 0.002)
+        if i % 2:
+            second.advance((i + 1) * 0.002)
+
+
+SEVERAL = [
+    (("given=mass.x",), "several FMUs have 'given'; write hanging:given or second:given"),
+    (("third:given=mass.x",), "the FMUs have no such input or output"),
+    (("hanging:given=second:given",), "both are inputs; connect an output with an input"),
+    (("hanging:mass.x=hanging:given",), "both are ports of"),
+    (("hanging:pull.force=given", "second:pull.force=given"), "would drive input 'given'; connect another input of the model"),
+    (("hanging:mass.x=second:given", "second:given=mass.x"), "input 'given' would be driven twice; connect it once"),
+    (("hanging:pull.force=second:given",), "no unit of the same kind"),
+]
+
+
+@pytest.fixture(scope="module")
+def hanging(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two FMUs with the same ports."""
+    folder = tmp_path_factory.mktemp("hanging")
+    return [made(HANGING, folder / f"{name}.fmu") for name in ("hanging", "second")]
+
+
+@pytest.mark.parametrize(("pairs", "message"), SEVERAL)
+def test_ports_of_several_fmus_are_told_apart(pairs: tuple[str, ...], message: str, hanging: list[Path], tmp_path: Path) -> None:
+    model = tmp_path / "pushed.yaml"
+    model.write_text(PUSHED)
+    result = simulate(model, hanging[0], tmp_path / "out.csv", hanging[1], *(word for pair in pairs for word in ("--connect", pair)))
+    assert result.exit_code == 1
+    assert message in words_of(result)
 
 
 def changed(fmu: Path, place: Path, *changes: tuple[str, str]) -> Path:
@@ -217,9 +285,7 @@ def test_a_controller_steers_a_guide_as_a_law_does(rows: float, tmp_path: Path) 
     hanging.write_text(HANGING.replace("rates: {rail.displacement_rate: 1.0}", "positions: {rail.displacement: 0.01 m}"))
     late = f"0.01*cos({np.sqrt(50)}*max(t - {step}, 0))"
     steered.write_text(steered_text().replace(LAW, late).replace("end: 1, output_step: 0.01", f"end: 0.4, output_step: {rows}"))
-    model = read_model_text(hanging.read_text(), "hanging.yaml")
-    made = make_fmu(model, find_scene(model, None), version=2, integrator="rk4")
-    fmu.write_bytes(made.pack(sources=False, binary=True, picture=b"", target="baseline"))
+    made(hanging.read_text(), fmu)
     out = tmp_path / "out.csv"
     words = ("--connect", "mass.x=rack", "--communication-step", step, "--dt", 1e-3, "--no-error", "--scene", "free")
     result = simulate(steered, fmu, out, *words)

@@ -35,7 +35,12 @@ def make(rng: random.Random) -> str:
     for k, (joint, coordinate) in enumerate(rng.sample(places, min(len(places), rng.choice((1, 1, 2, 3))))):
         size = round(10 ** rng.uniform(-2, 1.5), 3)
         law = rng.choice((f"-{size}*sign(rate)", f"where(rate > 0, -{size}, {size})", f"-{size}*sign(rate) - 100*position"))
-        model.setdefault("forces", {})[f"coulomb{k}"] = {"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": law}
+        force = {"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": law}
+        if rng.random() < 0.4:
+            force = {"kind": "joint_friction", "joint": joint, "coordinate": coordinate, "coefficient": round(rng.uniform(0.01, 1), 2)}
+            is_turn = JOINTS[model["joints"][joint]["kind"]].units[coordinate] == "rad"
+            force |= {"radius": 0.02, "preload": size} if is_turn else {"arm": 0.5, "preload": size}
+        model.setdefault("forces", {})[f"coulomb{k}"] = force
     method = rng.choice(tuple(METHODS))
     takes = names_of(INTEGRATORS, lambda i: i.takes(METHODS[method], Implementation.INTERPRETED))
     events = rng.choice((None, "located", "crossed")) if METHODS[method].events else None

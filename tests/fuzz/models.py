@@ -204,7 +204,7 @@ ODD_VALUES: tuple[Any, ...] = (
 _REPORTS = {
     "point_spring": ("force", "length", "rate"), "axial_force": ("travel", "force"), "load": ("Fx",), "bushing": ("dx", "My"),
     "joint_force": ("force", "stiffness"), "tyre": ("Fz", "slip"),
-    "wheel": ("Fx", "spin"),
+    "wheel": ("Fx", "spin"), "joint_friction": ("force", "load"),
 }  # fmt: skip
 
 
@@ -348,8 +348,17 @@ class Maker:
             kind = self.joints[joint]["kind"]
             coordinate = self.rng.choice(COORDINATES[kind])
             parts.append({"kind": "joint_force", "joint": joint, "coordinate": coordinate, "law": self.law("position")})
+            if self.chance(0.3):
+                parts.append(self.friction(joint, coordinate))
         part = self.rng.choice(parts)
         return {**part, **({"active": False} if self.chance(0.1) else {})}
+
+    def friction(self, joint: str, coordinate: str) -> Node:
+        """Dry friction by what a joint carries, also of fields that do not suit the coordinate."""
+        given = {"radius": 0.02, "arm": "0.3*size", "thrust_radius": 0.03, "static": 0.3, "stribeck_speed": 0.1, "preload": 2}
+        names = [name for name in given if self.chance(0.4)] + (["radius"] if self.joints[joint]["kind"] == "revolute" else [])
+        chosen = {name: given[name] for name in names}
+        return {"kind": "joint_friction", "joint": joint, "coordinate": coordinate, "coefficient": 0.1, **chosen}
 
     def tyre(self) -> Node:
         constants = dict.fromkeys(("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2"), 1000)

@@ -18,6 +18,7 @@ from cutjoint.model.records import Model, Scene
 from cutjoint.program.blocks import ConstantError
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.spanning_tree import TopologyError
 
 FILE = "fuzzed.yaml"
@@ -54,7 +55,7 @@ def _compile(text: str) -> Outcome:
     opened = {0: ["*"], 1: ["*.mass"]}.get(crc32(text.encode()) % 6, [])
     try:
         model = read_model_text(text, FILE, opened=opened)
-        scene = next(iter(model.scenes.values()), None) or pipeline.find_scene(model, None)
+        scene = next(iter(model.scenes.values()), None) or find_scene(model, None)
         equations, _, source = pipeline.generate(model, scene, scene.outputs)
         make_run_file(model, scene, {}, task="simulate", out="table.csv")
     except (ModelError, ConstantError, TopologyError, NoInertiaError, GuideError, RunError) as error:

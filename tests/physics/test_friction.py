@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cutjoint.compile.options import CompileOptions
+from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.run.failures import FailedRunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from tests.physics.simulation import compile_scene, compile_text, completed
+from cutjoint.tasks.states import find_modes
+from cutjoint.topology.build import build_topology
+from tests.formulate.test_implicit import verify_tangent
+from tests.formulate.test_signals import WithStates
+from tests.physics.simulation import compile_model, compile_scene, completed
 
 #: A block of 2 kg: gravity presses it on its slide with 18 N and pulls along it with 8 N.
 BLOCK = """
@@ -90,20 +97,53 @@ scenes:
 """
 
 
-def run(folder: Path, text: str, **settings: float) -> Trajectory:
-    return simulate(compile_text(folder, text), integrator="dormand-prince", error=False, **settings)
+#: Joints of several kinds one behind the other, closed by a cut joint with a turn and a slide of its own, all with friction.
+SPATIAL = """
+cutjoint: 1
+name: spatial
+gravity: [1, 2, -9.81]
+bodies:
+  a: {mass: 1, centre_of_mass: [0.3, 0.1, 0], inertia: [0.1, 0.2, 0.3]}
+  b: {mass: 2, centre_of_mass: [0.8, 0.1, 0.2], inertia: [0.2, 0.2, 0.1]}
+  c: {mass: 1.5, centre_of_mass: [1.2, 0.3, 0.2], inertia: [0.1, 0.3, 0.2]}
+joints:
+  ball: {kind: spherical, bodies: [ground, a], at: [0, 0, 0]}
+  cross: {kind: universal, bodies: [a, b], at: [0.6, 0.1, 0], axis: [1, 0, 0], axis_2: [0, 1, 0]}
+  tube: {kind: cylindrical, bodies: [b, c], at: [1, 0.2, 0.1], axis: [1, 1, 0]}
+  close: {kind: cylindrical, bodies: [ground, c], at: [1.4, 0.3, 0.3], axis: [0, 1, 0.5], cut: true}
+forces:
+  first: {kind: joint_friction, joint: cross, coordinate: angle_1, coefficient: 0.1, radius: 0.05, arm: 0.3, thrust_radius: 0.04}
+  second: {kind: joint_friction, joint: cross, coordinate: angle_2, coefficient: 0.2, radius: 0.03}
+  slide: {kind: joint_friction, joint: tube, coordinate: displacement, coefficient: 0.15, arm: 0.2}
+  turn: {kind: joint_friction, joint: tube, coordinate: angle, coefficient: 0.1, radius: 0.1, thrust_radius: 0.1}
+  shut: {kind: joint_friction, joint: close, coordinate: displacement, coefficient: 0.1, static: 0.2, stribeck_speed: 0.5, arm: 0.4}
+  held: {kind: joint_friction, joint: close, coordinate: angle, coefficient: 0.1, radius: 0.05}
+scenes:
+  go: {end: 1, output_step: 0.1}
+"""
+
+#: Methods that have friction, with integrators whose steps are as long as errors allow.
+RULES = {"recursive": "dormand-prince", "recursive-newton": "sdirk4"}
 
 
+def run(folder: Path, text: str, method: str = "recursive", **settings: float) -> Trajectory:
+    path = folder / "model.yaml"
+    path.write_text(text, encoding="utf-8")
+    return simulate(compile_model(path, method=method), integrator=RULES[method], error=False, **settings)
+
+
+@pytest.mark.parametrize("method", RULES)
 @pytest.mark.parametrize("shake", ["0", "2*sin(20*pi*t)"])
-def test_held_block_does_not_creep(tmp_path: Path, shake: str) -> None:
-    columns = completed(run(tmp_path, BLOCK.format(coefficient=1.2, shake=f'"{shake}"', end=20), tolerance=1e-10)).columns
+def test_held_block_does_not_creep(tmp_path: Path, shake: str, method: str) -> None:
+    columns = completed(run(tmp_path, BLOCK.format(coefficient=1.2, shake=f'"{shake}"', end=20), method, tolerance=1e-10)).columns
     x = columns["block.x"]  # once in each period of the load
     assert np.abs(x[20:] - x[20]).max() < 18e-9
     assert np.abs(columns["rub.load"] - 18).max() < 1e-9
 
 
-def test_sliding_block_has_the_acceleration_of_coulomb(tmp_path: Path) -> None:
-    columns = completed(run(tmp_path, BLOCK.format(coefficient=0.3, shake=0, end=1), tolerance=1e-9)).columns
+@pytest.mark.parametrize("method", RULES)
+def test_sliding_block_has_the_acceleration_of_coulomb(tmp_path: Path, method: str) -> None:
+    columns = completed(run(tmp_path, BLOCK.format(coefficient=0.3, shake=0, end=1), method, tolerance=1e-9)).columns
     assert columns["block.vx"][-1] - columns["block.vx"][5] == pytest.approx(0.5 * (4 - 0.3 * 9), abs=1e-6)
     assert columns["rub.force"][-1] == pytest.approx(-0.3 * 18, abs=1e-5)
 
@@ -119,7 +159,8 @@ def law(rate: float, s: float) -> tuple[float, float]:
     return force, v / 1e-4 * (1 - a) / (1 + 4 * a * u * v / 1e-4 * 1e-3)
 
 
-def test_pendulum_follows_equations_by_hand(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", RULES)
+def test_pendulum_follows_equations_by_hand(tmp_path: Path, method: str) -> None:
     def motion(angle: float, rate: float, s: float) -> tuple[float, float, float]:
         force, change = law(rate, s)
         load = 20.0
@@ -132,7 +173,7 @@ def test_pendulum_follows_equations_by_hand(tmp_path: Path) -> None:
         turn, change, _ = motion(*y)
         return [y[1], turn, change]
 
-    done = completed(run(tmp_path, PENDULUM, tolerance=1e-10))
+    done = completed(run(tmp_path, PENDULUM, method, tolerance=1e-10))
     columns = done.columns
     exact = solve_ivp(derive, (0, 1.5), [0, 4, 0], t_eval=done.t, rtol=1e-10, atol=1e-11, method="Radau").y
     assert np.abs(columns["pin.angle"] - exact[0]).max() < 1e-6
@@ -151,7 +192,7 @@ def test_rod_of_painleve_is_refused_by_name(tmp_path: Path, coefficient: float, 
         run(tmp_path, text, tolerance=1e-6)
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if name != "recursive"])
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in RULES])
 def test_other_methods_refuse_it(method: str) -> None:
     model = read_model_text(BLOCK.format(coefficient=0.3, shake=0, end=1), "block.yaml")
     with pytest.raises(ModelError, match=r"block\.yaml:10:3: force 'rub'.*--method recursive"):
@@ -159,11 +200,48 @@ def test_other_methods_refuse_it(method: str) -> None:
 
 
 def test_loads_of_a_loop_do_not_depend_on_the_cut(tmp_path: Path) -> None:
-    runs = [completed(run(tmp_path, FOUR_BAR.format(cut=cut, more=""), tolerance=1e-9)) for cut in ("true", "false")]
-    for name in ("A.angle", "at_A.load", "at_C.load"):
-        assert np.abs(runs[0].columns[name] - runs[1].columns[name]).max() < 2e-3 * np.abs(runs[0].columns[name]).max(), name
+    texts = [FOUR_BAR.format(cut=cut, more="") for cut in ("true", "false")]
+    runs = [completed(run(tmp_path, text, method, tolerance=1e-9)) for text in texts for method in RULES]
+    for other in runs[1:]:
+        for name in ("A.angle", "at_A.load", "at_C.load"):
+            assert np.abs(runs[0].columns[name] - other.columns[name]).max() < 2e-3 * np.abs(runs[0].columns[name]).max(), name
 
 
 def test_load_that_redundancy_leaves_open_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"force 'at_A'.*redundant equations"):
         run(tmp_path, FOUR_BAR.format(cut="true", more=", arm: 0.05"))
+
+
+@pytest.mark.parametrize("text", [PENDULUM, SPATIAL, FOUR_BAR.format(cut="true", more=", arm: 0.05")], ids=["tree", "space", "plane"])
+def test_tangent_has_the_change_of_loads(text: str) -> None:
+    model = read_model_text(text, "model.yaml")
+    start = formulate_recursive(build_topology(model), next(iter(model.scenes.values())), ())
+    system = WithStates(formulate_implicit(start, ()), {})
+    for seed in range(3):
+        assert verify_tangent(system, seed, moves=0.1) > 0
+
+
+def test_both_methods_have_the_accelerations_of_a_spatial_loop(tmp_path: Path) -> None:
+    text = SPATIAL.replace("output_step: 0.1", "output_step: 0.02, outputs: [cross.angle_1, first.load, shut.load]")
+    text = re.sub(r"(coefficient|static): ([\d.]+)", lambda found: f"{found[1]}: {0.3 * float(found[2])}", text)
+    runs = [completed(run(tmp_path, text, method, end=0.1, tolerance=1e-8)) for method in RULES]
+    for name in ("cross.angle_1", "first.load", "shut.load"):
+        assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-6, abs=1e-7), name
+
+
+def test_newtons_method_names_the_friction_by_which_the_rod_jams(tmp_path: Path) -> None:
+    completed(run(tmp_path, ROD.format(coefficient=1.3, x=-1), "recursive-newton", tolerance=1e-6))
+    with pytest.raises(FailedRunError, match=r"'rub'.*the load of the joint"):
+        run(tmp_path, ROD.format(coefficient=1.4, x=-1), "recursive-newton", tolerance=1e-6)
+
+
+def test_modes_of_a_block_that_sticks(tmp_path: Path) -> None:
+    """The bristle is a spring of load times coefficient over the deflection, with its damper; the block may rest anywhere."""
+    path = tmp_path / "block.yaml"
+    path.write_text(BLOCK.format(coefficient=1.2, shake=0, end=1), encoding="utf-8")
+    found = find_modes(path)
+    stiffness, damping = 1.2 * 18 / 1e-4, 1.2 * 18 / 2 / 0.01
+    s0 = 8 / (1.2 * 18)  # the share of the limit, under the pull of 8 N
+    (mode,) = found.modes
+    assert mode.eigenvalue == pytest.approx(max(np.roots([2, damping * (1 - s0**2), stiffness]), key=lambda root: root.imag), rel=1e-6)
+    assert list(found.indifferent) == ["slide.displacement"]

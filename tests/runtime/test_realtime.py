@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from time import perf_counter
 
@@ -17,7 +18,7 @@ from cutjoint.run.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate
-from cutjoint.tasks.realtime import run_in_real_time
+from cutjoint.tasks.realtime import StepTimes, run_in_real_time
 from cutjoint_bench.twin.artifact import compile_generic_model
 from tests.conftest import MODELS
 from tests.physics.simulation import completed
@@ -73,6 +74,32 @@ def test_steps_that_are_too_short_miss_their_deadlines() -> None:
     times = run_in_real_time(compile_model(MODELS / "pendulum.yaml"), dt=1e-9, end=1e-6, iterations=4)
     assert times.missed == times.took.size == 1000
     assert times.percentile(50) <= times.percentile(99.9) <= times.took.max()
+
+
+def test_late_wake_ups_and_long_steps_are_told_apart() -> None:
+    took = np.array([0.2, 0.3, 2.5, 0.2, 0.2, 0.2, 0.2])
+    begun = np.array([0.0, 1.0, 2.1, 4.6, 4.8, 5.9, 6.0])  # due at 0 to 6; the sixth step wakes late, the third is too long
+    late = begun + took - np.arange(1, 8)
+    times = StepTimes(period=1.0, took=took, late=late, failure=None)
+    assert times.missed == 3  # the third, the fourth and the sixth
+    assert times.stalls == 2
+    assert times.missed_by_steps == 2
+    assert times.woke == pytest.approx([0, 0, 0.1, 0, 0, 0.9, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("how", "words"), [({"processor": 5000}, "there is no such processor"), ({"priority": 100}, "no right to it")])
+def test_what_the_operating_system_refuses(how: dict[str, int], words: str) -> None:
+    affinity = os.sched_getaffinity(0)
+    with pytest.raises(RunError, match=words):
+        run_in_real_time(compile_model(MODELS / "pendulum.yaml"), end=0.01, **how)
+    assert os.sched_getaffinity(0) == affinity
+
+
+def test_steps_run_on_the_processor_that_is_asked_for() -> None:
+    affinity = os.sched_getaffinity(0)
+    times = run_in_real_time(compile_model(MODELS / "pendulum.yaml"), end=0.05, processor=min(affinity))
+    assert times.took.size == 50
+    assert os.sched_getaffinity(0) == affinity
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.spatial import ConvexHull
 
 from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
 from cutjoint.topology.reading import read_model_text
+from cutjoint.view import meshes
 from tests.conftest import MODELS, needs_cpp
 from tests.view.conftest import call
 from tests.view.files import Gltf
@@ -140,3 +143,23 @@ def test_a_colour_alone_keeps_the_shape(tmp_path: Path) -> None:
     assert drawn["materials"][material]["pbrMetallicRoughness"]["baseColorFactor"] == [1, 0, 0, 1]
     plain = Gltf.read(tmp_path / "plain.glb").document
     assert [a["count"] for a in drawn["accessors"]] == [a["count"] for a in plain["accessors"]]
+
+
+@pytest.mark.parametrize("number", [4, 8, 40, 200])
+def test_a_hull_is_that_of_another_code(number: int) -> None:
+    points = np.random.default_rng(number).normal(size=(number, 3))
+    mesh = meshes.joined(meshes.hull(points, 1e-3))
+    a, b, c = (mesh.points[mesh.faces[:, i]] for i in range(3))
+    known = ConvexHull(points)
+    share = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 / known.volume  # sides look outwards
+    assert share == pytest.approx(1.0, rel=1e-12) if number <= 40 else 0.95 < share <= 1.0
+    if number <= 40:
+        assert len(mesh.faces) == len(known.simplices)
+
+
+def test_a_box_has_six_sides_and_a_flat_body_no_hull() -> None:
+    corners = np.array(list(product((0.0, 2.0), (0.0, 1.0), (-1.0, 1.0))))
+    sides = meshes.hull(corners, 1e-3)
+    assert len(sides) == 6
+    assert {len(side.points) for side in sides} == {4}
+    assert meshes.hull(corners * [1, 1, 1e-5], 1e-3) == []

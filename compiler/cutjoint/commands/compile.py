@@ -16,12 +16,14 @@ from cutjoint.topology.reading import read_model
 
 @table.command("compile")
 def command(
-    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, opened: tuple[str, ...]
-) -> None:
+    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
+    opened: tuple[str, ...],
+) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(
-            model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, opened=opened
+            model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
+            opened=opened,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)

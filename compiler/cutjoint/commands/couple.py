@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands import options, table
 from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
-from cutjoint.coupling.connections import Connections, connect
+from cutjoint.coupling.connections import connect
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
-from cutjoint.coupling.run import Plan, co_simulate
+from cutjoint.coupling.run import Party, Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation, join_or
@@ -27,44 +28,56 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options, require_settings, with_options
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.view.views import require_view, show_run, write_shown
 
 
 @table.command("couple")
 def command(
-    model: Path, fmu: Path, scene: str | None, connections: tuple[str, ...], communication: float | None, limit: float | None,
+    model: Path, fmus: tuple[Path, ...], scene: str | None, connections: tuple[str, ...], communication: float | None, limit: float | None,
     method: str | None, tolerance: float | None, integrator: str | None, events: str | None, dt: float | None, end: float | None,
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
+    view: Path | None,
 ) -> None:  # fmt: skip
-    """Run one scene of MODEL beside FMU, for co-simulation: its outputs drive the inputs of the same names, and it reads outputs."""
-    require_apart({"the model": model, "the FMU": fmu}, tables={"--out": out}, plots=plots)
+    """Run one scene of MODEL beside FMUs for co-simulation: their outputs drive the inputs of the same names, and they read outputs."""
+    read_files = {"the model": model, **{_words_of(fmu, fmus): fmu for fmu in fmus}}
+    require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
+    if view is not None:
+        require_view(view, "--view")
     parameters = options.read_parameters(changes)
     asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened))
-    with open_controller(fmu, CALL_LIMIT if limit is None else limit) as controller:
-        connected = connect(controller, read, chosen, _named(connections))
-        plan = _plan(asked, read, chosen, by, parameters, controller, connected, communication)
+    with ExitStack() as opened_fmus:
+        controllers = [opened_fmus.enter_context(open_controller(fmu, CALL_LIMIT if limit is None else limit)) for fmu in fmus]
+        connected = connect(controllers, read, chosen, _named(connections))
+        parties = [
+            Party(fmu=fmu, connections=ports, step=_step(fmu, communication)) for fmu, ports in zip(controllers, connected, strict=True)
+        ]  # fmt: skip
+        plan = _plan(asked, read, chosen, by, parameters, parties)
         try:
             with options.progress_bar(f"running {chosen.name}") as progress:
                 run = co_simulate(plan, out=out, progress=progress, estimate=error)
         except SimulationError as failure:
             options.err.print(f"{model}: scene '{chosen.name}': {options.describe_error(failure)}", markup=False)
             raise SystemExit(1) from None
-        _report(plan, chosen, run, out, error)
+        _report(plan, read, chosen, run, out, error)
+    if view is not None:
+        shown = show_run(read, replace(chosen, end=plan.end), by, parameters, run)
+        options.console_beside(out).print(f"view: {write_shown(view, shown)}", markup=False)
     if plots is not None:
         console = options.console_beside(out)
         pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
         console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
 
 
+def _words_of(fmu: Path, fmus: Sequence[Path]) -> str:
+    return "the FMU" if len(fmus) == 1 else f"the FMU {fmu}"
+
+
 def _plan(
-    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], fmu: ControllerFmu,
-    connections: Connections, communication: float | None,
+    asked: Options, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], parties: Sequence[Party]
 ) -> Plan:  # fmt: skip
     require_settings(dt=asked.dt, end=asked.end, tolerance=asked.tolerance, iterations=asked.iterations)
-    _require_free(model, parameters, connections, fmu.path)
-    step, end = communication or fmu.step, scene.end if asked.end is None else asked.end
-    if step is None or not step > 0:
-        raise RunError(f"{fmu.path}: the FMU does not say how long its steps are; say --communication-step")
+    _require_free(model, parameters, parties)
     if not scene.outputs:
         raise RunError(f"{scene.span}: scene '{scene.name}' has no outputs; a table needs some")
     with options.progress_bar(f"compiling {model.name}"):
@@ -76,10 +89,17 @@ def _plan(
     if asked.iterations is not None and not steps.is_iterated:
         raise RunError("--iterations: only the trapezoidal rule of the method recursive has them")
     return Plan(
-        simulation=simulation, fmu=fmu, connections=connections, step=step, end=end, output_step=scene.output_step,
+        simulation=simulation, parties=tuple(parties), end=scene.end if asked.end is None else asked.end, output_step=scene.output_step,
         dt=settings.step if asked.dt is None else asked.dt, iterations=asked.iterations, parameters=parameters,
         tolerance=(settings.tolerance if asked.tolerance is None else asked.tolerance) if steps.adaptive else None,
     )  # fmt: skip
+
+
+def _step(fmu: ControllerFmu, communication: float | None) -> float:
+    step = communication or fmu.step
+    if step is None or not step > 0:
+        raise RunError(f"{fmu.path}: the FMU does not say how long its steps are; say --communication-step")
+    return step
 
 
 def _load(model: Model, scene: Scene, method: str, asked: Options) -> Simulation:
@@ -102,34 +122,46 @@ def _named(connections: tuple[str, ...]) -> dict[str, str]:
     return named
 
 
-def _require_free(model: Model, parameters: Mapping[str, float], connections: Connections, path: Path) -> None:
+def _require_free(model: Model, parameters: Mapping[str, float], parties: Sequence[Party]) -> None:
     """Check that the names of --set can be set."""
     known = {p.name: p for p in (*open_parameters(model), *input_parameters(model))}
     for name, value in parameters.items():
         if name not in known:
             raise RunError(f"--set {name}: model '{model.name}' has no such open parameter or input; {nearest(name, known, 'it has')}")
-        if name in connections.driven:
-            raise RunError(f"--set {name}: output '{connections.driven[name].name}' of {path} drives this input; leave out one of the two")
+        for fmu, driven in ((party.fmu, party.connections.driven) for party in parties):
+            if name in driven:
+                raise RunError(f"--set {name}: output '{driven[name].name}' of {fmu.path} drives this input; leave out one of the two")
         require_unit(known[name], value)
 
 
-def _report(plan: Plan, scene: Scene, run: Trajectory, out: Path, error: bool) -> None:
+def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, error: bool) -> None:
     console = options.console_beside(out)
-    console.print(tables.facts(f"scene {scene.name} with {plan.fmu.path.name}, FMI {plan.fmu.version}", list(_facts(plan, run))))
+    beside = ", ".join(f"{party.fmu.path.name}, FMI {party.fmu.version}" for party in plan.parties)
+    console.print(tables.facts(f"scene {scene.name} with {beside}", _facts(plan, model, run)))
     if error:
         console.print(tables.error_facts(run.error))
     write_error(out, run.error if error else None, Implementation.GENERATED)
     console.print(f"results: {out}, {len(run.columns)} columns, {run.t.size} rows", markup=False)
 
 
-def _facts(plan: Plan, run: Trajectory) -> list[tuple[str, str]]:
-    connected = plan.connections
+def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:
     factor = f"{plan.end / run.seconds:.0f} times real time" if run.seconds else "-"
+    driven = {name for party in plan.parties for name in party.connections.driven}
+    left = ", ".join(p.name for p in input_parameters(model) if p.name not in driven)
     return [
-        ("communication", f"{run.steps} steps of {plan.step:g} s"),
-        *([("driven", ", ".join(f"{name} by {port.name}" for name, port in connected.driven.items()))] if connected.driven else []),
-        *([("read", ", ".join(f"{name} as {port.name}" for name, port in connected.read))] if connected.read else []),
-        *([("follow the scene", ", ".join(connected.left))] if connected.left else []),
-        *([("stay at their start", f"{', '.join(connected.held)} of the FMU")] if connected.held else []),
+        *(fact for party in plan.parties for fact in _facts_of(party, plan)),
+        *([("follow the scene", left)] if left else []),
         ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {factor}"),
+    ]  # fmt: skip
+
+
+def _facts_of(party: Party, plan: Plan) -> list[tuple[str, str]]:
+    connected, which = party.connections, f" {party.fmu.path.name}" if len(plan.parties) > 1 else ""
+    from_others = [f"{plan.parties[i].fmu.path.stem}:{source.name} as {sink.name}" for i, source, sink in connected.passed]
+    read = [*(f"{name} as {port.name}" for name, port in connected.read), *from_others]
+    return [
+        (f"communication{which}", f"{int(plan.end / party.step + 1e-6)} steps of {party.step:g} s"),
+        *([("driven", ", ".join(f"{name} by {port.name}" for name, port in connected.driven.items()))] if connected.driven else []),
+        *([("read", ", ".join(read))] if read else []),
+        *([("stay at their start", f"{', '.join(connected.held)} of the FMU{which}")] if connected.held else []),
     ]  # fmt: skip

@@ -10,6 +10,7 @@ from cutjoint.commands import options, table
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
+from cutjoint.model.pushing import with_pushes
 from cutjoint.model.records import Model, Output
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
@@ -22,7 +23,7 @@ from cutjoint.topology.reading import read_model
 def command(
     model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
     asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
-    method: str | None, integrator: str | None, poses: bool, out: Path,
+    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], out: Path,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == table.FMU:
@@ -31,14 +32,14 @@ def command(
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
         checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
         export_fmu(
-            checked, scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
+            with_pushes(checked, pushed), scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
             target=target, poses=poses,
         )  # fmt: skip
         return
     require_fmu(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
-        poses=poses or None,
+        poses=poses or None, push=pushed or None,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     exporter = EXPORTERS.load(peer)

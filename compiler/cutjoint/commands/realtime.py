@@ -15,7 +15,7 @@ from cutjoint.tasks.realtime import run_in_real_time
 @table.command("realtime")
 def command(
     model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
-    out: Path | None,
+    priority: int | None, processor: int | None, out: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
@@ -24,7 +24,9 @@ def command(
         artifact = compile_model(model, scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
-            artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False)
+            artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False, priority=priority,
+            processor=processor,
+        )  # fmt: skip
     for made in time_tables(times):
         options.console_beside(out).print(made)
     if times.failure is not None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from cutjoint.commands import options
 from cutjoint.methods import AUTO
 
-#: The command that an option of another one has become: what was its file is the second argument there.
+#: The command that an option of another one has become: what were its files are the arguments behind the first there.
 _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
 
 
@@ -21,8 +21,11 @@ def in_new_words(words: list[str]) -> list[str]:
     """The words of a call in those of this version; where they differ, a message has them."""
     words = _with_options(words)
     for (command, option), new in _COMMANDS.items():
-        if words[:1] == [command] and (file := _value_of(option, words)) is not None:
-            words = [new, *words[1:2], file, *words[2:]] if words[1:2] and not words[1].startswith("-") else [new, *words[1:], file]
+        files = []
+        while words[:1] == [command] and (file := _value_of(option, words)) is not None:
+            files.append(file)
+        if files:
+            words = [new, *words[1:2], *files, *words[2:]] if words[1:2] and not words[1].startswith("-") else [new, *words[1:], *files]
             options.err.print(f"{command} {option} is now cutjoint {shlex.join(words)}", markup=False)
     return words
 

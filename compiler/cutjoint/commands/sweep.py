@@ -8,12 +8,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
 from cutjoint.commands import options, table
 from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
+from cutjoint.sweeps.indices import find_indices, has_indices
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
@@ -49,6 +52,8 @@ def command(
     with _progress(read) as (advance, note):
         done = perform_study(read, out, scheduler=scheduler, threads=threads, progress=advance, note=note)
     _report(read, done)
+    if has_indices(done):
+        _print_indices(read, done)
     if view is not None:
         _write_page(read, done, view, f"cutjoint sweep {study}", replays)
 
@@ -107,6 +112,18 @@ def _report(study: Study, done: Sweep) -> None:
         for runs in sorted(_alike(done.failures), key=len, reverse=True)[:_REASONS]:
             like = f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} like run {runs[0]}"
             options.out.print(f"  {like}: {done.failures[runs[0]]}", markup=False)
+
+
+def _print_indices(study: Study, done: Sweep) -> None:
+    """The shares of variables in the variance of each objective, the largest first."""
+    for objective in study.objectives:
+        found = find_indices(done, objective.name)
+        title = f"shares in the variance of {objective.name}, {found.points} points"
+        facts = Table("variable", "alone", "95 %", "with others", "95 %", title=title, title_justify="left", box=None)
+        for i in np.argsort(-found.total, kind="stable"):
+            intervals = [f"{low:.3f} to {high:.3f}" for low, high in (found.first_interval[:, i], found.total_interval[:, i])]
+            facts.add_row(found.variables[i], f"{found.first[i]:.3f}", intervals[0], f"{found.total[i]:.3f}", intervals[1])
+        options.out.print(facts)
 
 
 def _alike(failures: Sequence[str | None]) -> list[list[int]]:

@@ -207,6 +207,8 @@ OPTIONS: Mapping[str, Row] = {
         "ones."),
     "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
         "variables."),
+    "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
+        "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
         "cutjoint-bench is needed, or an FMU for those that import one."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
@@ -220,11 +222,14 @@ OPTIONS: Mapping[str, Row] = {
     "target": _one_of("--target", names=_of("cutjoint.export.fmu.archive", "TARGETS"), help="x86-64 processors of an FMU's binaries: all "
         "(baseline), those with AVX2 and FMA (avx2), or both, chosen at load."),
     "cases": click.argument("cases", type=_READ),
-    "fmu": click.argument("fmu", type=_READ),
+    "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="As many as processors otherwise."),
     "sweep.threads": click.option("--threads", type=Setting("threads"), help="Of this machine; as many as processors otherwise."),
-    "connections": click.option("--connect", "connections", metavar="PORT=NAME", multiple=True, help="An input or output of the FMU, and "
-        "the output or input of the model that it belongs to, where names differ."),
+    "priority": click.option("--priority", type=click.IntRange(1, 99), help="Real-time priority of the steps (SCHED_FIFO), for which the "
+        "user needs a right; that of other programs otherwise."),
+    "processor": click.option("--processor", type=click.IntRange(0), help="Number of the processor that steps run on; any otherwise."),
+    "connections": click.option("--connect", "connections", metavar="PORT=NAME", multiple=True, help="An input or output of an FMU, and "
+        "the output or input of the model, or of another FMU as FILE:PORT, that it belongs to, where names differ."),
     "communication": click.option("--communication-step", "communication", type=Setting("dt"), help="Time between exchanges of values; "
         "that of the FMU's default experiment otherwise."),
     "limit": click.option("--call-limit", "limit", type=Setting("dt"), help="Time that a call of the FMU may take; 60 s otherwise."),
@@ -265,6 +270,7 @@ OPTIONS: Mapping[str, Row] = {
         "the plots too."),
     "simulate.view": _page("that replays the run in a browser"),
     "check.view": _page("that moves in each direction that the loops leave free"),
+    "couple.view": _page("of the run"),
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),

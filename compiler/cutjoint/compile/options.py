@@ -18,7 +18,8 @@ class CompileOptions:
     ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
     PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
-    with ``linearise`` derivatives at a state, and with ``poses`` those of all bodies and markers.
+    with ``linearise`` derivatives at a state, and with ``poses`` those of all bodies and markers.  Bodies and markers that are ``pushed``
+    have inputs of a force and a torque (`model.pushing`).
     """
 
     method: str = DEFAULT_METHOD
@@ -31,6 +32,7 @@ class CompileOptions:
     integrator: str | None = None
     linearise: bool = False
     poses: bool = False
+    pushed: Sequence[str] = ()
 
 
 #: The choices where none is made.

@@ -25,6 +25,7 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
+from cutjoint.model.pushing import with_pushes
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
@@ -42,7 +43,8 @@ def compile_model(model: Given, *, scene: str | None = None, opened: Sequence[st
     ``opened``, such as "*.stiffness", become parameters.  The other ``choices`` are those of `CompileOptions`, errors as of
     `compile_scene`."""
     read, chosen = take_model(model, scene, opened)  # model.yaml -> Model
-    return compile_scene(read, chosen, CompileOptions(**choices))
+    options = CompileOptions(**choices)
+    return compile_scene(with_pushes(read, options.pushed), chosen, options)
 
 
 def take_artifact(model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None) -> Artifact:

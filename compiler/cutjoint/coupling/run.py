@@ -1,9 +1,9 @@
-"""The run of a model with a controller: both take steps of communication, and exchange values between them."""
+"""The run of a model with controllers: all take steps of communication, and exchange values between them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from cutjoint.coupling.connections import Connections
-from cutjoint.coupling.controller import Controller, ControllerFmu
+from cutjoint.coupling.controller import Controller, ControllerFmu, Port
 from cutjoint.coupling.process import ControllerError
 from cutjoint.run.accuracy import SHORTER, STRICTER, compare
 from cutjoint.run.errors import RunError
@@ -30,17 +30,24 @@ _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
+class Party:
+    """An FMU with its connections, whose steps of communication are ``step`` long (s)."""
+
+    fmu: ControllerFmu
+    connections: Connections
+    step: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A run of a ``simulation``, which has not begun, with an FMU to ``end``, rows ``output_step`` and communication ``step`` apart (s).
+    """A run of a ``simulation``, which has not begun, with ``parties`` to ``end``, rows ``output_step`` apart (s).
 
     ``dt`` (s) and ``tolerance`` set the integrator's steps, the tolerance alone where the integrator has one.  A step has ``iterations``
     iterations, None for as many as it takes.  ``parameters`` and constant inputs among them are in SI units.
     """
 
     simulation: Simulation
-    fmu: ControllerFmu
-    connections: Connections
-    step: float
+    parties: tuple[Party, ...]
     end: float
     output_step: float
     dt: float
@@ -49,18 +56,23 @@ class Plan:
     parameters: Mapping[str, float]
 
     @property
+    def step(self) -> float:
+        """The shortest step of communication, s."""
+        return min(party.step for party in self.parties)
+
+    @property
     def units(self) -> dict[str, str]:
-        """The units of the columns: the scene's outputs, then the inputs that the FMU drives."""
+        """The units of the columns: the scene's outputs, then the inputs that FMUs drive."""
         known = self.simulation.library.units
-        return {**known["output"], **{name: known["input"][name] for name in self.connections.driven}}
+        return {**known["output"], **{name: known["input"][name] for party in self.parties for name in party.connections.driven}}
 
 
 def co_simulate(plan: Plan, *, out: Path | None = None, progress: Progress | None = None, estimate: bool = True) -> Trajectory:
-    """Run both to the end; the table has the scene's outputs, then the inputs that the FMU drives from that time on.
+    """Run all to the end; the table has the scene's outputs, then the inputs that FMUs drive from that time on.
 
-    Both take a step of communication with what the other gave at its beginning.  The trajectory's steps are those of communication.  With
-    ``estimate`` the run can say how wrong it is, by runs of both with other steps of the integrator; those of communication are the
-    controller's, and stay.
+    Each takes a step of communication with what others gave at its beginning.  The trajectory's steps are the exchanges, its coordinates
+    the method's own.  With ``estimate`` the run can say how wrong it is, by runs with other steps of the integrator; those of communication
+    are the controllers', and stay.
 
     Raises:
         RunError: the start does not settle, or the FMU refuses a call.
@@ -87,10 +99,11 @@ def _estimate(plan: Plan, run: Trajectory) -> ErrorEstimate:
 
 def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
     """A run by the settings of a plan."""
-    begun, rows = perf_counter(), []
+    begun, rows, places = perf_counter(), [], []
     with _table(out, plan.units) as table:
-        for row in _rows(plan):
+        for row, coordinates in _rows(plan):
             rows.append(row)
+            places.append(coordinates)
             if table is not None:
                 write_all(table.file, (",".join(map(_text, row)) + "\n").encode())
             if progress is not None:
@@ -98,8 +111,8 @@ def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
     values = np.array(rows)
     columns = {name: values[:, 1 + i] for i, name in enumerate(plan.units)}
     return Trajectory(
-        t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=_count(plan.end, plan.step), evaluations=0,
-        seconds=perf_counter() - begun, undetermined=(), failure=None, table=out,
+        t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=len(_exchange_times(plan)), evaluations=0,
+        seconds=perf_counter() - begun, undetermined=(), failure=None, table=out, coordinates=np.array(places),
     )  # fmt: skip
 
 
@@ -125,26 +138,27 @@ def _table(out: Path | None, units: Mapping[str, str]) -> Iterator[TableFile | S
     table.finish()
 
 
-def _rows(plan: Plan) -> Iterator[list[float]]:
-    """The rows of a run: time, outputs, driven inputs."""
-    simulation, controller = Simulation(plan.simulation.library), plan.fmu.instantiate()
-    exchange = _Exchange(simulation, controller, plan)
-    try:
-        _begin(plan, simulation, controller, exchange)
-        due = 1
+def _rows(plan: Plan) -> Iterator[tuple[list[float], list[float]]]:
+    """The rows of a run, time, outputs and driven inputs, and the coordinates at these times."""
+    simulation = Simulation(plan.simulation.library)
+    with ExitStack() as opened:
+        ends: list[_End] = []
+        for party in plan.parties:
+            controller = party.fmu.instantiate()
+            opened.callback(controller.close)
+            ends.append(_End(simulation, controller, party, ends))
+        _begin(plan, simulation, ends)
         for time, is_row in _times(plan):
             if time > 0:
                 simulation.advance(time)
-            outputs = simulation.outputs.array.tolist()
-            if due <= _count(plan.end, plan.step) and time >= (due - _ROUNDING) * plan.step:
-                controller.step((due - 1) * plan.step, plan.step)
-                exchange.give()
-                exchange.take()
-                due += 1
+            outputs, coordinates = simulation.outputs.array.tolist(), simulation.coordinates.array.tolist()
+            due = [end for end in ends if end.is_due(time, plan.end)]
+            for end in due:
+                end.step()
+            for end in due:
+                end.exchange()
             if is_row:
-                yield [time, *outputs, *exchange.given]
-    finally:
-        controller.close()
+                yield [time, *outputs, *(value for end in ends for value in end.given)], coordinates
 
 
 def _count(end: float, step: float) -> int:
@@ -154,56 +168,88 @@ def _count(end: float, step: float) -> int:
 
 def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
     """The times of rows and of exchanges, and whether there is a row; times that rounding tells apart are one."""
-    exchanges = {i * plan.step: False for i in range(1, _count(plan.end, plan.step) + 1)}
+    exchanges = dict.fromkeys(_exchange_times(plan), False)
     rows = dict.fromkeys((*(i * plan.output_step for i in range(_count(plan.end, plan.output_step) + 1)), plan.end), True)
     for _, group in groupby(sorted((exchanges | rows).items()), lambda item: round(item[0] / (_ROUNDING * plan.step))):
         found = list(group)
         yield found[0][0], any(is_row for _, is_row in found)
 
 
-def _begin(plan: Plan, simulation: Simulation, controller: Controller, exchange: _Exchange) -> None:
-    """Start both, with values that go together."""
+def _exchange_times(plan: Plan) -> list[float]:
+    """The times of exchanges behind the start."""
+    times = {i * party.step for party in plan.parties for i in range(1, _count(plan.end, party.step) + 1)}
+    return [next(group) for _, group in groupby(sorted(times), lambda time: round(time / (_ROUNDING * plan.step)))]
+
+
+def _begin(plan: Plan, simulation: Simulation, ends: list[_End]) -> None:
+    """Start all, with values that go together."""
     for name, value in plan.parameters.items():
         if name in simulation.parameters:
             simulation.parameters[name] = value
         else:
             simulation.set_input(name, value)
-    controller.begin(plan.end)
+    for end in ends:
+        end.controller.begin(plan.end)
     for _ in range(_EXCHANGES):
         simulation.reset(dt=plan.dt, iterations=plan.iterations, tolerance=plan.tolerance)
-        before = list(exchange.given)
-        exchange.give()
-        exchange.take()
-        if exchange.given == before:
-            controller.start()
+        before = [(end.given, end.passed()) for end in ends]
+        for end in ends:
+            end.exchange()
+        if [(end.given, end.passed()) for end in ends] == before:
+            for end in ends:
+                end.controller.start()
             return
-    raise RunError(f"{plan.fmu.path}: at the start its outputs and those of the model change each other without end; read no accelerations")
+    paths = " and ".join(str(party.fmu.path) for party in plan.parties)
+    raise RunError(f"{paths}: at the start outputs of FMUs and of the model change each other without end; read no accelerations")
 
 
-class _Exchange:
-    """Values of the model to the controller, and back; ``given`` are those that drive the model."""
+class _End:
+    """An FMU's end of the connections; ``given`` are the values by which it drives the model, ``others`` all ends by number."""
 
-    def __init__(self, simulation: Simulation, controller: Controller, plan: Plan) -> None:
-        self._simulation, self._controller = simulation, controller
-        self._path, self._connections, self._step = plan.fmu.path, plan.connections, plan.step
-        self.given: list[float] = []
+    def __init__(self, simulation: Simulation, controller: Controller, party: Party, others: list[_End]) -> None:
+        self.controller, self.given, self._simulation, self._others = controller, list[float](), simulation, others
+        self._path, self._connections, self._step = party.fmu.path, party.connections, party.step
+        self._steps = 0
 
-    def give(self) -> None:
-        """The model's outputs to the controller's inputs."""
-        read = self._connections.read
+    def is_due(self, time: float, end: float) -> bool:
+        """Return whether a step of communication ends at a time."""
+        return self._steps < _count(end, self._step) and time >= (self._steps + 1 - _ROUNDING) * self._step
+
+    def step(self) -> None:
+        """Take the step of communication that ends now."""
+        self.controller.step(self._steps * self._step, self._step)
+        self._steps += 1
+
+    def exchange(self) -> None:
+        """Outputs of the model and of other FMUs to the controller's inputs, its outputs to the model's inputs."""
+        self._give()
+        self._take()
+
+    def passed(self) -> list[float]:
+        """The values, in SI units, that other FMUs have for this one."""
+        return [value for source, port, _ in self._connections.passed for value in self._others[source]._read([port])]
+
+    def _give(self) -> None:
+        values, sizes = self._simulation.outputs, self._connections.sizes
+        read = [(port, values[name] * sizes[name]) for name, port in self._connections.read]
+        read += [(sink, value) for (_, _, sink), value in zip(self._connections.passed, self.passed(), strict=True)]
         if read:
-            values, sizes = self._simulation.outputs, self._connections.sizes
-            self._controller.set([port for _, port in read], [port.from_si(values[name] * sizes[name]) for name, port in read])
+            self.controller.set([port for port, _ in read], [port.from_si(value) for port, value in read])
 
-    def take(self) -> None:
-        """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
-        driven, before = self._connections.driven, self.given
-        ports = list(driven.values())
-        self.given = [port.to_si(value) for port, value in zip(ports, self._controller.get(ports) if ports else [], strict=True)]
-        goes_on = self._simulation.time > 0
-        for (name, port), value, last in zip(driven.items(), self.given, before or self.given, strict=True):
+    def _read(self, ports: list[Port]) -> list[float]:
+        """The values of outputs, in SI units."""
+        values = [port.to_si(value) for port, value in zip(ports, self.controller.get(ports) if ports else [], strict=True)]
+        for port, value in zip(ports, values, strict=True):
             if not isfinite(value):
                 raise ControllerError(f"{self._path}: at {self._simulation.time:.6g} s its output '{port.name}' is {value}")
+        return values
+
+    def _take(self) -> None:
+        """The controller's outputs to the model's inputs, which hold them; guides go there until the next exchange."""
+        driven, before = self._connections.driven, self.given
+        self.given = self._read(list(driven.values()))
+        goes_on = self._simulation.time > 0
+        for name, value, last in zip(driven, self.given, before or self.given, strict=True):
             if goes_on and name in self._connections.steering:
                 self._simulation.set_input(name, last, (value - last) / self._step)
             else:

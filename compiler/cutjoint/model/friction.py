@@ -142,8 +142,8 @@ def refuse_friction(model: Model, names: Collection[str], message: str, hint: st
 
 
 def refuse_method(model: Model, names: Collection[str]) -> ModelError:
-    """The error that equations other than those of the method recursive do not have friction by load."""
+    """The error that natural coordinates do not have friction by load."""
     return refuse_friction(
         model, names, "equations of this kind do not have friction by what a joint carries",
-        "use --method recursive, which simulates it, or switch the force off in the scene: switches: {name: off}",
+        "use --method recursive or recursive-newton, or switch the force off in the scene: switches: {name: off}",
     )  # fmt: skip

@@ -87,8 +87,11 @@ def _facts(times: StepTimes) -> Table:
     for share in _PERCENTILES:
         table.add_row(f"p{share:g}", _beside_the_period(times.percentile(share), times.period))
     table.add_row("largest", _beside_the_period(float(times.took.max()), times.period))
-    latest = f", by {_short(float(times.late.max()))} at most" if times.missed else ""
+    latest = f" in {times.stalls} stalls, by {_short(float(times.late.max()))} at most" if times.missed else ""
     table.add_row("missed deadlines", f"{times.missed}{latest}")
+    if times.missed:
+        table.add_row("", f"{times.missed_by_steps} of them by the steps' own time, the others since steps began late")
+    table.add_row("latest begin", _beside_the_period(float(times.woke.max()), times.period))
     return table
 
 

@@ -10,6 +10,7 @@ from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.pushing import with_pushes
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.errors import RunError
 from cutjoint.run.given import Given, take_model
@@ -20,7 +21,7 @@ from cutjoint.toolchain.build import FLAGS
 
 def load(
     model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    linearise: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS,
+    linearise: bool = False, poses: bool = False, pushed: Sequence[str] = (), flags: Sequence[str] = FLAGS,
 ) -> Simulation:  # fmt: skip
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
@@ -29,7 +30,8 @@ def load(
     `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853 and sdirk4 are as long as tolerances
     allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the patterns
     ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to five times
-    as long to compile, with ``poses`` it has those of all bodies and markers.
+    as long to compile, with ``poses`` it has those of all bodies and markers.  Bodies and markers that are ``pushed`` have inputs of a
+    force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the scene is wrong, or there is no such method or
@@ -38,7 +40,9 @@ def load(
     """
     _require_method(method)
     read, chosen = take_model(model, scene, opened)
-    return load_scene(read, chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags)
+    return load_scene(
+        with_pushes(read, pushed), chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags
+    )  # fmt: skip
 
 
 def load_scene(

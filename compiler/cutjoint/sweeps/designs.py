@@ -18,7 +18,7 @@ from cutjoint.model.mass import can_exist
 from cutjoint.model.records import Binding
 from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import MASSES, following, parameter_values
-from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol
+from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices
 from cutjoint.sweeps.records import Array, Kind, Study, of_kind
 
 # Masses
@@ -93,6 +93,8 @@ def count_runs(design: Design, extents: Sequence[Extent]) -> int:
             return design.latin_hypercube
         case Sobol():
             return design.sobol
+        case SobolIndices():
+            return design.sobol_indices * (len(extents) + 2)
         case Listed():
             return len(design.list)
     return prod(len(extent.levels) for extent in extents)
@@ -104,7 +106,7 @@ def draw(design: Design, extents: Sequence[Extent]) -> Array:
     Raises:
         RunError: SciPy is not installed.
     """
-    if isinstance(design, (LatinHypercube, Sobol)):
+    if isinstance(design, (LatinHypercube, Sobol, SobolIndices)):
         shares = _shares(design, len(extents))
         return np.stack([extent.at(shares[:, i]) for i, extent in enumerate(extents)], axis=1)
     shape = [len(extent.levels) for extent in extents]
@@ -112,8 +114,10 @@ def draw(design: Design, extents: Sequence[Extent]) -> Array:
     return np.stack([np.array(extent.levels)[at] for extent, at in zip(extents, places, strict=True)], axis=1)
 
 
-def _shares(design: LatinHypercube | Sobol, dimensions: int) -> Array:
+def _shares(design: LatinHypercube | Sobol | SobolIndices, dimensions: int) -> Array:
     qmc = _qmc()
+    if isinstance(design, SobolIndices):
+        return _mixed(qmc.Sobol(2 * dimensions, rng=design.seed).random(design.sobol_indices))
     if isinstance(design, LatinHypercube):
         shares: Array = qmc.LatinHypercube(dimensions, rng=design.seed).random(design.latin_hypercube)
         return shares
@@ -123,9 +127,16 @@ def _shares(design: LatinHypercube | Sobol, dimensions: int) -> Array:
     return shares
 
 
+def _mixed(shares: Array) -> Array:
+    """Two sets of points, and for each variable the first set with that variable's values of the second, one below the other."""
+    first, second = np.split(shares, 2, axis=1)
+    mixed = [np.where(np.arange(first.shape[1]) == i, second, first) for i in range(first.shape[1])]
+    return np.concatenate([first, second, *mixed])
+
+
 def _qmc() -> Any:
     try:
         from scipy.stats import qmc
     except ImportError:
-        raise RunError("latin_hypercube and sobol need SciPy: pip install 'cutjoint[sweep]'") from None
+        raise RunError("latin_hypercube, sobol and sobol_indices need SciPy: pip install 'cutjoint[sweep]'") from None
     return qmc

@@ -52,6 +52,19 @@ class Sobol(Part):
     seed: Seed = 0
 
 
+class SobolIndices(Part):
+    """Points from which the share of each variable in an objective's variance follows: twice so many, and as many for each variable."""
+
+    sobol_indices: Count
+    seed: Seed = 0
+
+    @model_validator(mode="after")
+    def _power_of_two(self) -> SobolIndices:
+        if (n := self.sobol_indices) & (n - 1):
+            raise shape_error(f"{n} points are no power of two", f"write {1 << n.bit_length() - 1} or {1 << n.bit_length()}")
+        return self
+
+
 class Csv(Part):
     """Rows of a table: names of variables above columns of numbers (SI units)."""
 
@@ -68,11 +81,12 @@ Design: TypeAlias = Annotated[
     Annotated[Literal["grid"], Tag("<grid>")]
     | Annotated[LatinHypercube, Tag("<latin_hypercube>")]
     | Annotated[Sobol, Tag("<sobol>")]
+    | Annotated[SobolIndices, Tag("<sobol_indices>")]
     | Annotated[Csv, Tag("<csv>")]
     | Annotated[Listed, Tag("<list>")],
     told_by(
-        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "csv", "list")}},
-        "needs grid, {latin_hypercube: runs}, {sobol: runs}, {csv: file} or {list: [...]}",
+        {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "csv", "list")}},
+        "needs grid, {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, {csv: file} or {list: [...]}",
     ),
 ]
 

@@ -29,6 +29,7 @@ from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.designs import Masses
+from cutjoint.sweeps.indices import Indices, find_indices
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text
@@ -87,6 +88,14 @@ class Sweep:
         """The reason of each run's failure, None if it did not fail."""
         found: list[str | None] = self.table["failure"].to_pylist()
         return found
+
+    def find_indices(self, objective: str) -> Indices:
+        """The Sobol' indices of an objective, of a sweep whose design is `sobol_indices`.
+
+        Raises:
+            RunError: the design is another one, or too few runs ended.
+        """
+        return find_indices(self, objective)
 
     def __getitem__(self, name: str) -> Any:
         column = self.table[name]

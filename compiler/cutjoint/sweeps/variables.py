@@ -26,7 +26,7 @@ from cutjoint.model.text import read_number
 from cutjoint.model.units import measure
 from cutjoint.sweeps import designs
 from cutjoint.sweeps.designs import Extent
-from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, Values
+from cutjoint.sweeps.document import MOST_RUNS, Between, Csv, Document, Listed, SobolIndices, Values
 from cutjoint.sweeps.records import Array, Kind, Variable
 
 #: Reads a number as it is written at a place, in SI units; NaN, with a problem noted, where the model cannot have it.
@@ -81,6 +81,8 @@ class Variables:
         self._require_names([v for v, _ in found])
         if not found:
             self._fail(("design",), "there is no variable", "write for example parameters: {stiffness: {from: 1, to: 2}}")
+        if isinstance(design, SobolIndices) and len(found) < 2:
+            self._fail(("design",), "sobol_indices compares variables, and there is one", "write two variables or more, or {sobol: runs}")
         self._end()
         runs = designs.count_runs(design, [extent for _, extent in found])
         if runs > MOST_RUNS:

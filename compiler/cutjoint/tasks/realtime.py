@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +47,29 @@ class StepTimes:
         """The number of steps that ended after the next one was due."""
         return int(np.count_nonzero(self.late > 0))
 
+    @property
+    def stalls(self) -> int:
+        """The number of unbroken rows of such steps: one long wait makes all steps late until the lost time is caught up."""
+        late = self.late > 0
+        return int(np.count_nonzero(late[1:] & ~late[:-1]) + np.count_nonzero(late[:1]))
+
+    @property
+    def woke(self) -> NDArray[np.float64]:
+        """The time (n,), in s, from when each step could begin, being due with the one before ended, to when it began."""
+        begun: NDArray[np.float64] = self.late - self.took + self.period
+        before = np.concatenate([np.zeros(1), np.maximum(self.late[:-1], 0.0)])[: begun.size]
+        woke: NDArray[np.float64] = np.maximum(begun - before, 0.0)
+        return woke
+
+    @property
+    def missed_by_steps(self) -> int:
+        """The number of steps that would have ended late had each begun as soon as it could."""
+        missed, late = 0, 0.0
+        for took in self.took:
+            late = max(late, 0.0) + took - self.period
+            missed += late > 0
+        return missed
+
     def percentile(self, share: float) -> float:
         """The time (s) in which ``share`` per cent of the steps ended."""
         return float(np.percentile(self.took, share, method="higher"))
@@ -63,14 +88,18 @@ class FailedRealTimeError(IncompleteError):
 def run_in_real_time(
     model: Given, *, scene: str | None = None, opened: Sequence[str] = (), dt: float | None = None, end: float | None = None,
     iterations: int | None = None, parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
+    priority: int | None = None, processor: int | None = None,
 ) -> StepTimes:  # fmt: skip
     """Run a model by the trapezoidal rule, as fast as the clock on the wall; what `compile_model` has not made is compiled by it.
 
     ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
     same; only the method recursive has that.  A run that fails is an error with ``check``, else it is returned as far as it came.
+    With a ``priority``, 1 to 99, the operating system lets nothing of less priority run before a step that is due (SCHED_FIFO); steps run
+    on one ``processor``, by number, if one is given.  The memory is locked where that is allowed.
 
     Raises:
-        RunError: a parameter that cannot be set, settings that no run has, or steps that cannot be of fixed cost.
+        RunError: a parameter that cannot be set, settings that no run has, steps that cannot be of fixed cost, or a priority or processor
+            that the operating system refuses.
         SimulatorError: the simulator could not begin, or could not write a file.
         OutputError: a file cannot be written.
         Interrupted, Terminated: a signal has ended the run.
@@ -84,7 +113,8 @@ def run_in_real_time(
         artifact.topology.model, artifact.scene, parameters or {}, task="realtime", method=artifact.method, options=options
     )
     with RunTables(None, out=path_of(out)) as tables:
-        summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
+        with _scheduled(priority, processor):
+            summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
         _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
@@ -93,3 +123,28 @@ def run_in_real_time(
         where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)
     return times
+
+
+@contextmanager
+def _scheduled(priority: int | None, processor: int | None) -> Iterator[None]:
+    """Give what this thread begins meanwhile a priority and a processor."""
+    if (priority is not None or processor is not None) and not hasattr(os, "sched_setscheduler"):
+        raise RunError("--priority and --processor: this operating system has other ways; set them outside")
+    with ExitStack() as before:
+        if processor is not None:
+            before.callback(os.sched_setaffinity, 0, os.sched_getaffinity(0))
+            fault = f"--processor {processor}: there is no such processor, or this process may not use it"
+            _ask(fault, os.sched_setaffinity, 0, {processor})
+        if priority is not None:
+            usual = os.sched_getscheduler(0), os.sched_getparam(0)
+            fault = f"--priority {priority}: this user has no right to it; 'ulimit -r' says the largest, an administrator raises it"
+            _ask(fault, os.sched_setscheduler, 0, os.SCHED_FIFO, os.sched_param(priority))
+            before.callback(os.sched_setscheduler, 0, *usual)
+        yield
+
+
+def _ask(fault: str, request: Callable[..., None], *arguments: object) -> None:
+    try:
+        request(*arguments)
+    except (OSError, ValueError):
+        raise RunError(fault) from None

@@ -18,6 +18,8 @@ from cutjoint.view.sizes import Sizes, attached_points, point_of
 
 #: A centre of mass nearer to a bar than this, in radii of the bar, lies in it.
 _WITHIN = 1.5
+#: A body that so many points hold, such as a chassis, is drawn as their hull.
+_MANY = 6
 _LONG = {JointKind.PRISMATIC, JointKind.CYLINDRICAL, JointKind.POINT_ON_LINE}
 _TURNING = {JointKind.REVOLUTE, JointKind.SCREW, JointKind.UNIVERSAL}
 
@@ -52,7 +54,8 @@ class BodyParts:
 
     def _body(self, body: Body, held: Sequence[Array], colour: Colour) -> Iterator[Part]:
         solid = load_meshes(body, self.numbers) or [mesh for shape in body.shapes if not shape.hole for mesh in self._shape(shape)]
-        bars = list(self._bars(point_of(self.numbers, body.centre_of_mass), held, is_massless=body.is_massless))
+        solid = solid or ([] if len(held) < _MANY else meshes.hull(np.array(held), 2 * self.sizes.bar))
+        bars = [] if solid else list(self._bars(point_of(self.numbers, body.centre_of_mass), held, is_massless=body.is_massless))
         colours = [visual.colour for visual in body.visuals if visual.colour]
         yield Part(mesh=meshes.joined(solid or bars), colour=read_colour(colours[0]) if colours else colour)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import pi, tau
 
 import numpy as np
@@ -77,6 +77,46 @@ def between(start: Array, end: Array, radius: float) -> Mesh:
     """A round bar from one point (3,) to another."""
     way = end - start
     return cylinder(radius, float(np.linalg.norm(way)), 14).moved(rotation_to(way), (start + end) / 2)
+
+
+def hull(points: Array, least: float) -> list[Mesh]:
+    """The convex hull of points (points, 3), none where they lie within ``least`` (m) of a plane; of many those that are far out count."""
+    points = _outermost(points)
+    middle = points.mean(axis=0)
+    if np.ptp((points - middle) @ np.linalg.svd(points - middle)[2][-1]) < least:
+        return []
+    size = np.ptp(points, axis=0).max()
+    i, j, k = np.array(list(combinations(range(len(points)), 3))).T  # all planes through three points
+    normals = np.cross(points[j] - points[i], points[k] - points[i])
+    lengths = np.linalg.norm(normals, axis=1)
+    planes = lengths > 1e-9 * size**2
+    normals, first = normals[planes] / lengths[planes, np.newaxis], points[i[planes]]
+    normals *= np.where(((first - middle) * normals).sum(axis=1) < 0, -1.0, 1.0)[:, np.newaxis]
+    heights = normals @ points.T - (normals * first).sum(axis=1)[:, np.newaxis]
+    sides: dict[tuple[int, ...], Array] = {}
+    for normal, height in zip(normals, heights, strict=True):
+        if height.max() < 1e-9 * size:
+            sides.setdefault(tuple(np.flatnonzero(height > -1e-9 * size).tolist()), normal)
+    return [_polygon(points[list(corners)], normal) for corners, normal in sides.items()]
+
+
+def _outermost(points: Array) -> Array:
+    """At most forty points: those that are the furthest ones in some directions."""
+    if len(points) <= 40:
+        return points
+    turns = np.arange(120) * np.pi * (3 - np.sqrt(5))
+    height = np.linspace(-1, 1, 120)
+    directions = np.stack([np.cos(turns) * np.sqrt(1 - height**2), np.sin(turns) * np.sqrt(1 - height**2), height], axis=1)
+    return np.asarray(points[np.unique((points @ directions.T).argmax(axis=0))[:40]])
+
+
+def _polygon(corners: Array, normal: Array) -> Mesh:
+    """A flat side with corners in any order."""
+    middle = corners.mean(axis=0)
+    right = (corners[0] - middle) / np.linalg.norm(corners[0] - middle)
+    around = np.argsort(np.arctan2((corners - middle) @ np.cross(normal, right), (corners - middle) @ right))
+    faces = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
+    return Mesh(points=corners[around], normals=np.broadcast_to(normal, corners.shape), faces=faces)
 
 
 @cache

@@ -50,7 +50,10 @@ class Camera:
 
 
 #: The page's own script is these files in this order, in one function.
-SCRIPTS = ("trouble", "data", "over", "picture", "time", "names", "bodies", "values", "failure", "motions", "graph", "sliders", "controls")
+SCRIPTS = (
+    "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph", "sliders",
+    "controls",
+)  # fmt: skip
 
 #: The number of last rows of a failed run that are played slowly.
 LAST_ROWS = 40

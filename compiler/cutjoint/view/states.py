@@ -81,7 +81,7 @@ def show_equilibrium(model: Model, scene: Scene, parameters: Mapping[str, float]
     way = Motion(name="design position to equilibrium", facts=(), poses=mover.poses(rows))
     of = bodies_of(model)
     columns = tuple(
-        PlotColumn(name=name, unit=found.units[name], bodies=of[name.rpartition(".")[0]], values=np.array([value]))
+        PlotColumn(name=name, unit=found.units[name], bodies=of.get(name.rpartition(".")[0], ()), values=np.array([value]))
         for name, value in found.values.items()
     )
     return _shown(mover, end, [way], columns)

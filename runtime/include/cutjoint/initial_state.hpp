@@ -45,6 +45,8 @@ class InitialState {
   /// Adds to a failure to start what is known of its cause.
   Failure explain(const Failure& failure) { return explain_by_domains(mechanism_, state_, Real(0), failure); }
 
+  M& mechanism() { return mechanism_; }
+
   /// What the mechanism is loaded with and driven by.
   ModelData<Real>& data() { return data_; }
 

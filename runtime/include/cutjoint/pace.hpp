@@ -6,6 +6,9 @@
 #include <string_view>
 #include <thread>
 #include <vector>
+#if __has_include(<sys/mman.h>)
+#include <sys/mman.h>
+#endif
 
 #include "cutjoint/table.hpp"
 
@@ -13,10 +16,15 @@ namespace cutjoint {
 
 /// Begins each step when it is due, and notes how long it took and how long after its due end it ended; negative where it was in time.
 ///
-/// A step that is late is followed by the next one at once.  All memory is taken before the first step.
+/// A step that is late is followed by the next one at once.  All memory is taken before the first step, and locked where that is allowed.
 class Pace {
  public:
-  Pace(long steps, double dt) : dt_(dt), took_(static_cast<std::size_t>(steps)), late_(took_.size()), begin_(Clock::now()) {}
+  Pace(long steps, double dt) : dt_(dt), took_(static_cast<std::size_t>(steps)), late_(took_.size()) {
+#ifdef MCL_CURRENT
+    static_cast<void>(mlockall(MCL_CURRENT));
+#endif
+    begin_ = Clock::now();
+  }
 
   /// Wait until a step, counted from 0, is due.  A sleep may end late by tens of microseconds: the last part of the way is spent awake.
   void wait(long step) {

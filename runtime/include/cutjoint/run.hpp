@@ -65,7 +65,7 @@ class Run {
         if (file_.value("with_state", false)) summary["state"] = method_.state();
     } catch (const Failure& failure) {
       summary = counts();
-      report(begun_ ? method_.explain(failure) : initial_state_.explain(failure), summary);
+      report(begun_ ? explain(failure) : initial_state_.explain(failure), summary);
       if constexpr (requires { method_.kept(); })
         if (!failure.guards.empty() && !doubtful_since()) summary["kept"] = method_.kept();
     }
@@ -75,6 +75,11 @@ class Run {
   }
 
  private:
+  Failure explain(const Failure& failure) {
+    if constexpr (requires(M& mechanism) { method_.explain(failure, mechanism); }) return method_.explain(failure, initial_state_.mechanism());
+    else return method_.explain(failure);
+  }
+
   Json do_task(Task task) {
     require_task(task);
     if (task == Task::evaluate) {

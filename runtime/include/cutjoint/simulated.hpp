@@ -103,6 +103,14 @@ class Simulated {
   /// The row before is where the motion to the failure begins.
   Failure explain(const Failure& failure) { return explain_by_domains(subject_, simulation_.complete_state(), Real(settings_.dt), failure); }
 
+  /// The mechanism of the start may know a cause too, such as a load of friction that has no value, where the system has its coordinates.
+  template <class M>
+    requires(!std::is_same_v<M, Subject> && std::is_same_v<typename M::real_type, Real>)
+  Failure explain(const Failure& failure, M& mechanism) {
+    if (subject_.description().charts.empty()) return explain(failure);
+    return explain(explain_by_domains(mechanism, simulation_.complete_state(), Real(settings_.dt), failure));
+  }
+
   Real time() const { return simulation_.state().t; }
 
   const std::optional<EnergyBalance<Subject>>& energy() const { return energy_; }

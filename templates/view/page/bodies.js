@@ -15,21 +15,24 @@ function choose(body) {
   }
   listValues();
   const own = columnsOf(body);
-  if (own.length && !own.some((c) => c.name === state.column)) chooseColumn(own[0].name);
+  if (own.length && !own.some((c) => state.chosen.includes(c.name))) chooseColumns([own[0].name]);
   redraw();
 }
 
 const columnsOf = (body) => columns.filter((c) => !body || c.bodies.includes(body));
 
-function bodyAt(x, y) {
+function hitAt(x, y) {
   const ray = new Raycaster();
   ray.setFromCamera(new Vector2((x / picture.clientWidth) * 2 - 1, 1 - (y / picture.clientHeight) * 2), camera);
   const [hit] = ray.intersectObjects(clickable, false);
-  return hit ? bodyOf(hit.object) : '';
+  return hit;
 }
 
 let pressed;
 renderer.domElement.addEventListener('pointerdown', (e) => { pressed = [e.offsetX, e.offsetY]; });
 renderer.domElement.addEventListener('pointerup', (e) => {
-  if (pressed && Math.hypot(e.offsetX - pressed[0], e.offsetY - pressed[1]) < 4) choose(bodyAt(e.offsetX, e.offsetY));
+  if (!pressed || Math.hypot(e.offsetX - pressed[0], e.offsetY - pressed[1]) >= 4) return;
+  const hit = hitAt(e.offsetX, e.offsetY);
+  if (by('measuring').checked) takePoint(hit);
+  else choose(hit ? bodyOf(hit.object) : '');
 });

@@ -7,17 +7,20 @@ by('title').textContent = about.title;
 by('subtitle').textContent = [about.scene, about.note].filter(Boolean).join(', ');
 fill(by('body'), [['', 'all'], ...about.bodies.map((b) => [b, b])], '');
 fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.follow);
-fill(by('column'), columns.map((c) => [c.name, c.name]), state.column);
+fill(by('column'), columns.map((c) => [c.name, c.name]), state.chosen[0]);
+fill(by('abscissa'), [['', 't'], ...columns.map((c) => [c.name, c.name])], '');
 fill(by('speed'), [0.05, 0.1, 0.25, 0.5, 1, 2, 5].map((s) => [String(s), `${s} x`]), '1');
 document.body.classList.toggle('still', !(last > first));
 document.body.classList.toggle('bare', !columns.length && !motions.length && !sliders && !graph);
 by('choice').hidden = columns.length === 0 || t.length < 2;
 by('body').addEventListener('change', (e) => choose(e.target.value));
 by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });
-by('column').addEventListener('change', (e) => chooseColumn(e.target.value));
+by('column').addEventListener('change', (e) => chooseColumns([e.target.value]));
+by('abscissa').addEventListener('change', (e) => { state.over = e.target.value; drawPlot(); });
 by('names').addEventListener('change', redraw);
 by('forces').addEventListener('change', (e) => showArrows(e.target.checked));
-by('home').addEventListener('click', home);
+by('home').addEventListener('click', () => { by('look').value = ''; home(); });
+by('video').hidden = !(last > first) || typeof MediaRecorder === 'undefined';
 by('play').addEventListener('click', () => play(!state.playing));
 by('time').addEventListener('input', (e) => { play(false); setTime(first + Number(e.target.value) * (last - first)); });
 addEventListener('keydown', (e) => {
@@ -49,7 +52,9 @@ window.cutjoint = {
   },
   /** Where the eye is and what it looks at, in the scene's axes (y is up), its angle of view in degrees, and the picture's size in pixels. */
   eye() { return { from: camera.position.toArray(), to: orbit.target.toArray(), angle: camera.fov, size: [picture.clientWidth, picture.clientHeight] }; },
-  motion: chooseMotion, tab: showTab, tell,
+  motion: chooseMotion, tab: showTab, tell, plotted() { return plot?.data; }, table: tableText,
+  /** The places of a body's centre of mass that its trace has, in the scene's axes. */
+  way(body) { return wayOf(body).map((place) => place.toArray()); },
   /** Takes a coordinate to a value as its slider does; all coordinates afterwards. */
   slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
   shown() { return { ...state, row: row() }; },

@@ -20,6 +20,6 @@ function showFailure() {
     play(true);
   });
   const own = failure.bodies.flatMap(columnsOf);
-  if (own.length) chooseColumn(own[0].name);
+  if (own.length) chooseColumns([own[0].name]);
   setTime(last);
 }

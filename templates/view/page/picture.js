@@ -78,7 +78,7 @@ function bodyOf(object) {
 const turned = (vector) => new Vector3(...vector).applyQuaternion(model.children[0].quaternion);
 
 /** Looks at the mechanism so that all of it is seen, at all times where nothing is followed. */
-function home() {
+function home(direction = outlook.direction) {
   const box = new Box3(), { time } = state;
   for (const at of state.follow || !action ? [time] : Array.from({ length: 17 }, (_, i) => first + ((last - first) * i) / 16)) {
     setTime(at);
@@ -86,7 +86,7 @@ function home() {
   }
   setTime(time);
   const centre = box.getCenter(new Vector3()), half = box.getSize(new Vector3()).multiplyScalar(0.5);
-  const back = turned(outlook.direction).normalize(), right = new Vector3(0, 1, 0).cross(back).normalize(), up = back.clone().cross(right);
+  const back = turned(direction).normalize(), level = Math.abs(back.y) < 0.999 ? new Vector3(0, 1, 0) : turned([1, 0, 0]), right = level.cross(back).normalize(), up = back.clone().cross(right);
   const slope = Math.tan((camera.fov * Math.PI) / 360);
   let distance = outlook.extent / 2;
   for (let k = 0; k < 8; k++) {  // each corner is seen

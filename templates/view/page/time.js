@@ -17,6 +17,7 @@ function setTime(time) {
   by('time').value = last > first ? (state.time - first) / (last - first) : 0;
   by('clock').textContent = `${state.time.toFixed(last - first < 1 ? 4 : 2)} s`;
   showValues();
+  if (measure.ends.length === 2) showMeasure();
   if (plot) cursor();
   redraw();
 }

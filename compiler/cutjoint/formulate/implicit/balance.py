@@ -19,7 +19,7 @@ the centre of mass c, and J about c, its columns by the angular part are [-2 m v
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cutjoint.formulate.implicit.motions import Motion, Motions, times
 from cutjoint.formulate.layout import StateLayout
@@ -34,9 +34,10 @@ from cutjoint.program.vary import Variation
 
 @dataclass(frozen=True, kw_only=True)
 class Closed:
-    """A cut joint with residual Phi, and its wrenches -A^T (penalty Phi + lambda) on the bodies."""
+    """A cut joint with residual Phi, the same ``pushed`` by penalty Phi + lambda, and its wrenches -A^T (penalty Phi + lambda)."""
 
     loop: LoopClosure
+    pushed: LoopClosure
     wrenches: Mapping[str, Block]
 
     @property
@@ -50,7 +51,7 @@ def close(k: Kinematics, loop: LoopClosure, penalty: Block) -> Closed:
     b, joint = k.builder, loop.joint
     with b.section("closure", joint.name, "W = -A^T (penalty Phi + lambda)", joint.span.place):
         push = b.name(b.add(b.scale(penalty, loop.residual), loop.multipliers), "push", joint.name, rows=loop.names)
-        return Closed(loop=loop, wrenches=pulls(k, loop, push))
+        return Closed(loop=loop, pushed=replace(loop, multipliers=push), wrenches=pulls(k, loop, push))
 
 
 def jacobian(motions: Motions, loop: LoopClosure) -> list[tuple[Motion, Block, Block]]:
@@ -85,6 +86,13 @@ class SharedForces(BodySystem):
     """A body system that remembers each element's part in the forces: by element, its wrench on each of its bodies."""
 
     wrenches: dict[str, dict[str, Block]] = field(default_factory=dict)
+
+    def copy(self) -> SharedForces:
+        """A body system with these forces, to which others may be added."""
+        return replace(
+            self, Q=dict(self.Q), joint_forces=dict(self.joint_forces), cut_joint_wrenches=dict(self.cut_joint_wrenches),
+            wrenches={element: dict(wrenches) for element, wrenches in self.wrenches.items()},
+        )  # fmt: skip
 
     def add_force(self, i: str, block: Block) -> None:
         """Q_i += block."""

@@ -55,15 +55,16 @@ from cutjoint.formulate.records import (
 )
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.friction import rub, rubbed
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
+from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.samples import sample_function, sample_slots
 from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.dependencies import seeing_forces
-from cutjoint.model.friction import refuse_method
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Assembly, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
@@ -82,23 +83,24 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     forces = add_forces(system, k, model, scene)
-    if system.rubbing:
-        raise refuse_method(model, system.rubbing)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     still = b.zero(1)
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)
     loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     penalty = b.symbol("penalty", 1, BindingTime.ITERATION)
+    closed, Zdd, acting = tuple(close(k, loop, penalty) for loop in loops), given_accelerations(k), system
+    reactions = Reactions(kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=Zdd, acting=system.cut_joint_wrenches)
+    if rubs := rubbed(model, system):
+        acting = system.copy()
+        within = replace(reactions, loops=tuple(each.pushed for each in closed), Q=dict(system.Q), acting=dict(system.cut_joint_wrenches))
+        rub(rubs, system, k, Forces(), within)
+        reactions = rub(rubs, acting, k, forces, replace(reactions, Q=dict(acting.Q), acting=dict(acting.cut_joint_wrenches)))
     system_of = _System(
-        b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, penalty) for loop in loops),
-        gears=gears, pushes=tuple(weighted_push(k, gear, penalty) for gear in gears),
-        Zdd=given_accelerations(k), M=masses, Q=weights_of_masses,
-    )  # fmt: skip
-    reactions = Reactions(
-        kinematics=k, loops=loops, M=masses, Q=system.Q, Zdd=system_of.Zdd, acting=system.cut_joint_wrenches
+        b=b, k=k, start=start, system=system, loops=loops, closed=closed, gears=gears,
+        pushes=tuple(weighted_push(k, gear, penalty) for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
     )  # fmt: skip
     if topology.held:
-        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, system.joint_forces)
+        held = close_held(k, derive_loops(k, topology.held, numbers), reactions.carried, acting.joint_forces)
         reactions = replace(reactions, loops=(*loops, *held))
     reporter = Reporter(
         model=model, kinematics=k, forces=forces, loops=reactions.loops, gears=gears, Zdd=system_of.Zdd, reactions=reactions
@@ -112,7 +114,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         initial_coordinates=_initial_coordinates(b, start), dynamic_residual=dynamic_residual, tangent=system_of.tangent(),
         constraint_residual=system_of.constraint_residual(), apply_jacobian_transposed=system_of.apply_jacobian_transposed(),
         apply_jacobian=system_of.apply_jacobian(), report=report_columns(b, reporter.quantity, outputs),
-        energy=derive_energy(k, reactions, system.joint_forces, gears),
+        energy=derive_energy(k, reactions, acting.joint_forces, gears),
     )  # fmt: skip
     return ImplicitEquations(
         topology=topology, scene=scene, builder=b, parameters=open_parameters(model),

@@ -124,6 +124,8 @@ class Motions:
         speed = b.symbol(f"v:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
         damping, stiffness = (b.mul(b.number(m.share), weight) for weight in (self.weights.damping, self.weights.stiffness))
         changes[speed] = _unit(b, len(chart.speed_names), m.index, damping)
+        acceleration = b.symbol(f"vdot:{chart.joint}", len(chart.speed_names), BindingTime.ITERATION)
+        changes[acceleration] = _unit(b, len(chart.speed_names), m.index, b.number(m.share))
         # only the scalars among a joint's coordinates: whatever depends on a quaternion does so through a rotation
         for i in range(chart.scalars):
             changes[b.element(q, i)] = stiffness if i == m.index else b.zero(1)
@@ -131,7 +133,7 @@ class Motions:
             places = k.motions[follower.body].position
             if follower.slope is not None and follower.index < len(places):
                 changes[places[follower.index]] = b.mul(stiffness, follower.slope)
-        return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}"}), changes, turns)
+        return Variation(b, inputs, frozenset({f"q:{chart.joint}", f"v:{chart.joint}", f"vdot:{chart.joint}"}), changes, turns)
 
 
 def _unit(b: Builder, size: int, index: int, value: Block) -> Block:

@@ -80,7 +80,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   static int derive_minimal(CheckedMinimal* s, double* derivatives) {
     if (const int status = ask(s)) return status;
     if (!derivatives) return no_array;
-    s->minimal.derive(s->sim.complete_state(), derivatives);
+    s->minimal.derive(s->sim.present_state(), derivatives);
     return call_ok;
   }
 

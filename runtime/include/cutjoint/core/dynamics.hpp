@@ -19,7 +19,7 @@ class WithDynamics : public Base {
     if (const int status = Base::ask(s)) return status;
     std::array<double, states + 1> rates;
     std::array<double, f * f + 1> M;
-    s->minimal.derive(s->sim.complete_state(), rates.data());
+    s->minimal.derive(s->sim.present_state(), rates.data());
     if (const Fault fault = s->find_mass(M.data())) return Base::status_of(s, fault);
     if (mass) std::copy_n(M.begin(), f * f, mass);
     for (std::size_t i = 0; force && i < f; ++i) {

@@ -374,6 +374,12 @@ class Simulation {
     return steps_->complete(state_);
   }
 
+  /// The state with the accelerations of the present inputs, where `complete_state` has those of the last step.
+  const StateOf<Subject>& present_state() {
+    heed_changes();
+    return steps_->complete(state_);
+  }
+
   /// Everything that the next steps follow from.
   struct Memory {
     Settings settings;

@@ -1,0 +1,39 @@
+// What the page shows as files: the table, the picture, a video.
+function save(name, content) {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(content);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+}
+
+const stem = () => about.title.replace(/[^\w.-]+/g, '_');
+
+/** The rows that the page has, in the digits that it has. */
+function tableText() {
+  const all = [{ name: 't', values: t, unit: 's' }, ...columns], quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+  const head = all.map((c) => quoted(c.unit ? `${c.name} [${c.unit}]` : c.name)).join(',');
+  return [head, ...Array.from(t, (_, i) => all.map((c) => (Number.isFinite(c.values[i]) ? +c.values[i].toPrecision(7) : '')).join(','))].join('\n') + '\n';
+}
+
+function savePicture() {
+  render();
+  renderer.domElement.toBlob((blob) => save(`${stem()}.png`, blob), 'image/png');
+}
+
+/** Plays the run once, at the speed that is chosen, and saves what was seen. */
+function saveVideo() {
+  const kind = ['video/webm;codecs=vp9', 'video/webm', 'video/mp4'].find((each) => MediaRecorder.isTypeSupported(each));
+  const recorder = new MediaRecorder(renderer.domElement.captureStream(30), { mimeType: kind, videoBitsPerSecond: 8e6 }), parts = [];
+  recorder.addEventListener('dataavailable', (e) => parts.push(e.data));
+  recorder.addEventListener('stop', () => save(`${stem()}.${kind.slice(6, kind.includes('mp4') ? 9 : 10)}`, new Blob(parts, { type: kind })));
+  play(false);
+  setTime(first);
+  recorder.start();
+  play(true);
+  const wait = () => (state.playing ? setTimeout(wait, 50) : setTimeout(() => recorder.stop(), 200));
+  wait();
+}
+
+const SAVING = { table: () => save(`${stem()}.csv`, new Blob([tableText()], { type: 'text/csv' })), picture: savePicture, video: saveVideo };
+by('save').addEventListener('change', (e) => { const how = SAVING[e.target.value]; e.target.value = ''; how?.(); });
