@@ -106,8 +106,8 @@ def _law(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
 
 def _limit(sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
     """The largest force by N of load."""
-    static = given.get("static", sliding)
-    return given.get("radius", sympy.Integer(1)) * (sliding if static == sliding else choice((static, static > sliding), (sliding, sympy.true)))
+    static, radius = given.get("static", sliding), given.get("radius", sympy.Integer(1))
+    return radius * (sliding if static == sliding else choice((static, static > sliding), (sliding, sympy.true)))
 
 
 def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
