@@ -23,7 +23,6 @@ from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_GRID, MAX_TABLE
 from cutjoint.package.locations import library_folder
 from tests.conftest import ROOT
-from tests.physics.test_friction import PENDULUM as RUBBING
 
 from .pendulum import read, varied
 from .test_instances import WING
@@ -109,7 +108,7 @@ def test_the_tables_of_joints_and_forces_are_the_catalogue() -> None:
 
 
 #: A force of every kind, and a load of either form.
-EVERY_FORCE = (*read_model_text(WING, "m.yaml").forces, *read(DRAG, DRAG).forces, *read_model_text(RUBBING, "m.yaml").forces)
+EVERY_FORCE = (*read_model_text(WING, "m.yaml").forces, *read(DRAG, DRAG).forces)
 
 
 def reported(force: Force) -> list[str]:

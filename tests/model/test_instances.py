@@ -7,7 +7,7 @@ import sympy
 
 from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model_text
-from cutjoint.model.records import AxialForce, Body, BodyLoad, Joint, JointKind, Model, PointSpring, Tyre
+from cutjoint.model.records import AxialForce, Body, BodyLoad, Joint, JointFriction, JointKind, Model, PointSpring, Tyre
 
 from .pendulum import check, problems
 
@@ -49,10 +49,10 @@ submodels:
          calspan: {A0: 1, A1: 1, A2: 1, A3: 1, A4: 1, B1: 1, B3: 1, B4: 1, SN: 1, AF1: 1, AF2: 1}}
       rolling:
         {kind: wheel, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, force: [-vx, camber - vy, deflection], moment: [turn, -spin, vy]}
+      rub: {kind: joint_friction, joint: wrist, coefficient: 0.2, static: 0.3, stribeck_speed: 0.1, radius: 0.1}
     reactions:
       pull: {joint: slide, body: body, direction: [1, 2, 2]}
-    markers:
-      end: {body: hand, at: tip}
+    markers: {end: {body: hand, at: tip}}
     outputs: [lift.Fy, end.z]
 instances:
   left: {use: wing, connect: {body: trunk}, with: {length_1: span/2}}
@@ -156,6 +156,15 @@ def test_loads_mirror_with_their_variables(bird: Model) -> None:
     wx, wy, wz = (variable(name) for name in ("wx", "wy", "wz"))
     assert twist.components == (-1 - wx, variable("t") * wy, -3 + wz)
     assert (twist.axes, twist.point) == ("body", None)
+
+
+def test_friction_is_its_own_image(bird: Model) -> None:
+    left, right = pair(bird, "rub")
+    assert isinstance(right, JointFriction)
+    swap = {left.bristle.symbol: right.bristle.symbol}
+    assert right.joint == "right.wrist"
+    assert right.law == left.law.xreplace(swap)
+    assert right.bristle.rate == left.bristle.rate.xreplace(swap)
 
 
 def test_bushings_mirror_in_the_mirrored_frame(bird: Model) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson, solve_ivp
 
+from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model, Scene
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.tasks.states import NoEquilibriumError, find_scene_equilibrium, find_scene_modes
 from tests.conftest import with_heavy
 from tests.physics.simulation import compile_text, completed
 from tests.physics.test_friction import BLOCK, PENDULUM, ROD, run
@@ -189,6 +192,25 @@ def test_shaken_block_rests_as_long_as_it_is_held(end: float, tmp_path: Path) ->
     columns = completed(run(tmp_path, BLOCK.format(coefficient=1, shake='"0.9*sin(20*pi*t)"', end=end), tolerance=1e-10)).columns
     x = columns["block.x"]  # once in each period of the load
     assert abs(x[-1] - x[20]) < 1e-9 * (end - 2)
+
+
+@pytest.mark.parametrize("task", [find_scene_equilibrium, find_scene_modes])
+def test_equilibrium_that_friction_cannot_hold_is_refused(task: Callable[[Model, Scene], object]) -> None:
+    """The block needs 8 N, and 18 N press it on its slide."""
+    held, sliding = (read_model_text(BLOCK.format(coefficient=c, shake=0, end=1), "block.yaml") for c in (0.45, 0.4))
+    task(held, held.scenes["go"])
+    with pytest.raises(NoEquilibriumError, match=r"block\.yaml:10:3: force 'rub': no equilibrium: .*hold 1\.11 times what it can"):
+        task(sliding, sliding.scenes["go"])
+
+
+def test_equilibrium_and_mode_are_those_of_the_bristle() -> None:
+    """The limit of 18 N over the 0.1 mm to it is the stiffness at rest."""
+    model = read_model_text(BLOCK.format(coefficient=1, shake=0, end=1), "block.yaml")
+    found = find_scene_equilibrium(model, model.scenes["go"]).values
+    assert (found["rub.force"], found["rub.load"], found["rub_bristle.value"]) == pytest.approx((-8, 18, 8 / 18), rel=1e-6)
+    modes = find_scene_modes(model, model.scenes["go"])
+    swing = next(m.eigenvalue for m in modes.modes if m.eigenvalue.imag != 0)
+    assert abs(swing) ** 2 == pytest.approx(18 / 1e-4 / 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
