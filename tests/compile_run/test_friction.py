@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.analysis.assembled import assemble_loops
+from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_interpreted, compile_scene
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
@@ -111,3 +113,13 @@ def test_loops_with_friction_stay_exact_and_say_so() -> None:
     assert outcome.model.assemblies == ()
     assert [note.words for note in outcome.left] != []
     assert all("friction needs what its joints carry" in note.words for note in outcome.left)
+
+
+@pytest.mark.parametrize("target", ["pinocchio", "mujoco", "exudyn"])
+def test_exports_refuse_it_by_its_name(target: str, tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.yaml"
+    file.write_text(PENDULUM, encoding="utf-8")
+    done = CliRunner().invoke(main, ["export", str(file), "--to", target, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 1
+    assert "'rub': only cutjoint has friction by what a joint carries; leave it out" in done.output.replace("\n", " ")
+    assert "rub_bristle" not in done.output

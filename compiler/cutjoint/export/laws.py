@@ -13,6 +13,7 @@ from sympy.printing.cxx import CXX17CodePrinter
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.friction import bristle_name
 from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import Binding, FirstOrderState, Force, Model, Scalar, Scene, Signal, Wheel
 from cutjoint.run.run_file import given_inputs, parameter_values
@@ -57,21 +58,24 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements and grounds of wheels, which programs with mechanics alone do
-    not have."""
+    """Raise ModelError for states, signals, laws that read other elements, friction by loads and grounds of wheels, which programs with
+    mechanics alone do not have."""
+    bristles = {bristle_name(f.name) for f in model.forces if f.by_load}
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
-    found = (*model.states, *(e for e in reading if not isinstance(e, FirstOrderState)))
+    found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))
     message = "only cutjoint has states, controllers and laws that read quantities"
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
-        Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_wheel_words(f)}", hint="leave it out")
-        for f in model.forces if f.has_road and f.expressions and f not in found
+        Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
+        for f in model.forces if f.by_load or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
     if problems:
         raise ModelError(problems)
 
 
-def _wheel_words(force: Force) -> str:
+def _words(force: Force) -> str:
+    if force.by_load:
+        return "friction by what a joint carries"
     return "wheels that turn" if isinstance(force, Wheel) else "a ground of a wheel's own"
 
 
