@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <span>
 #include <utility>
 
 #include "cutjoint/core/newton/complex_solver.hpp"
@@ -91,9 +92,9 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
  private:
   using Base::alpha_, Base::at_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::slopes_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
-      Base::tolerances_, Base::trial_, Base::turns_, Base::whole_, Base::x_;
+      Base::tolerances_, Base::turns_, Base::whole_, Base::x_;
 
-  static constexpr double shorter = 0.9, longer = 1.1;
+  static constexpr double shorter = 0.9, longer = 1.1, rest = 0.003;
 
   void keep_stages() {
     std::swap(kept_, slopes_);
@@ -244,7 +245,6 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
 
   /// Speeds and coordinates of the stages' accelerations; false where a ball turns too far for its chart.
   bool follow(Real = Real(0)) {
-    using std::abs;
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       StateOf<S>& point = points_[i - 1];
       point.v = start_.v;
@@ -252,22 +252,33 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       point.vdot = slopes_[i];
       rates_[i] = point.v;
     }
+    for (std::size_t i = 1; i <= Table::stages; ++i) {
+      std::fill(places_[i].begin(), places_[i].end(), Real(0));
+      add_slopes(h_, Table::weights[i], rates_, places_[i]);
+    }
+    bool close = true;
+    for (const Chart& chart : charts()) close = (!chart.ball || turn(static_cast<std::size_t>(chart.v + chart.scalars))) && close;
+    for (std::size_t i = 1; i <= Table::stages; ++i) retract<Real>(charts(), start_.q.data(), places_[i].data(), points_[i - 1].q.data());
+    return close;
+  }
+
+  /// Rates and displacements of a ball, whose speeds begin at a place; whether they are found.
+  bool turn(std::size_t at) {
+    using std::abs;
+    constexpr Chart here{0, 0, 0, true};
     Real change(1);
     for (int pass = 0; pass < 40 && change > 4 * std::numeric_limits<Real>::epsilon(); ++pass) {
-      change = Real(pass == 0);
-      for (std::size_t i = 1; i <= Table::stages; ++i) {
-        std::fill(trial_.begin(), trial_.end(), Real(0));
-        add_slopes(h_, Table::weights[i], rates_, trial_);
-        for (std::size_t j = 0; j < n_; ++j) change = std::max(change, abs(trial_[j] - places_[i][j]) / (Real(1) + abs(trial_[j])));
-        places_[i] = trial_;
-      }
-      if (turns_.empty()) change = Real(0);
-      for (std::size_t i = 1; i <= Table::stages; ++i) {
-        chart_rates<Real>(charts(), places_[i].data(), points_[i - 1].v.data(), rates_[i].data());
-        copy_states(charts(), points_[i - 1].v, rates_[i].begin());
-      }
+      for (std::size_t i = 1; i <= Table::stages; ++i)
+        chart_rates<Real>(std::span(&here, 1), places_[i].data() + at, points_[i - 1].v.data() + at, rates_[i].data() + at);
+      change = Real(0);
+      for (std::size_t i = 1; i <= Table::stages; ++i)
+        for (std::size_t k = at; k < at + 3; ++k) {
+          Real next(0);
+          for (std::size_t j = 1; j <= Table::stages; ++j) next += h_ * Table::weights[i][j].template as<Real>() * rates_[j][k];
+          change = std::max(change, abs(next - places_[i][k]) / (Real(1) + abs(next)));
+          places_[i][k] = next;
+        }
     }
-    for (std::size_t i = 1; i <= Table::stages; ++i) retract<Real>(charts(), start_.q.data(), places_[i].data(), points_[i - 1].q.data());
     return change <= 64 * std::numeric_limits<Real>::epsilon();
   }
 
@@ -276,9 +287,10 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     using std::abs;
     Real largest(0);
     move = Real(0);
-    for (std::size_t i = 1; i <= Table::stages; ++i) {
-      for (std::size_t j = 0; j < n_; ++j) this->note(w * abs(changes_[i][j]) / tolerances_.of(abs(start_.v[j])), j, largest);
-      move = std::max(move, w * cutjoint::largest(changes_[i]));
+    for (std::size_t j = 0; j < n_; ++j) {
+      const Real size = w * std::max({abs(changes_[1][j]), abs(changes_[2][j]), abs(changes_[3][j])});
+      move = std::max(move, size);
+      this->note((size + Real(0) * changes_[1][j]) / tolerances_.of(abs(start_.v[j])), j, largest);
     }
     return largest;
   }

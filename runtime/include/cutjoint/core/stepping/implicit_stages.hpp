@@ -33,7 +33,8 @@ namespace cutjoint::stepping {
 ///
 /// - `attempt`, which tries a step, and `keep_stages`, which keeps what the next one is guessed by,
 /// - what an iteration does: `follow` puts the coordinates and speeds that belong to its accelerations, `correct` changes these, with factors that are made
-///   anew or not, `size_of_change` is how much, 1 being what an error may be; factors serve steps up to `shorter` and `longer` than theirs,
+///   anew or not, `size_of_change` is how much, 1 being what an error may be, of which it leaves the share `rest`; factors serve steps up to `shorter` and
+///   `longer` than theirs,
 /// - `leaves_early`, whether an attempt leaves its regime before all is found.
 ///
 /// `Table` has the number of stages, `order`, the factor `gamma` of the real tangent, and the weights `error` of the slopes at the step's start and of the
@@ -329,7 +330,7 @@ class ImplicitStages : public Workspace<S, Solver> {
       smallest = std::min(smallest, change);
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
-      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(0.001))) {
+      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(Own::rest))) {
         found = own.follow(w);
         return {};
       }
