@@ -94,6 +94,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::slopes_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
       Base::tolerances_, Base::turns_, Base::whole_, Base::x_;
 
+  static constexpr long at_once = Table::stages;
   static constexpr double shorter = 0.9, longer = 1.1, rest = 0.003;
 
   void keep_stages() {

@@ -78,6 +78,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       Base::iterations_, Base::lambda_, Base::last_h_, Base::m_, Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::share_, Base::slopes_,
       Base::slow_, Base::start_, Base::system_, Base::time_, Base::tolerances_, Base::trial_, Base::turns_, Base::whole_, Base::x_;
 
+  static constexpr long at_once = 1;
   static constexpr double shorter = 0.8, longer = 1.25, rest = 0.001;
 
   void keep_stages() {

@@ -34,7 +34,7 @@ namespace cutjoint::stepping {
 /// - `attempt`, which tries a step, and `keep_stages`, which keeps what the next one is guessed by,
 /// - what an iteration does: `follow` puts the coordinates and speeds that belong to its accelerations, `correct` changes these, with factors that are made
 ///   anew or not, `size_of_change` is how much, 1 being what an error may be, of which it leaves the share `rest`; factors serve steps up to `shorter` and
-///   `longer` than theirs,
+///   `longer` than theirs, and balances are looked at `at_once`,
 /// - `leaves_early`, whether an attempt leaves its regime before all is found.
 ///
 /// `Table` has the number of stages, `order`, the factor `gamma` of the real tangent, and the weights `error` of the slopes at the step's start and of the
@@ -322,7 +322,7 @@ class ImplicitStages : public Workspace<S, Solver> {
     slow_ = false;
     for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(w); ++iteration) {
       if (const Fault fault = own.correct(renew, w)) return fault;
-      ++iterations_;
+      iterations_ += Own::at_once;
       const Real change = own.size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
       if (!this->finite(change) || change > Real(1e3) * smallest) return {};
       share_ = std::clamp(share, Real(0.01), Real(0.99));
