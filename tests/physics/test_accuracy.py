@@ -90,7 +90,7 @@ def true_errors(run: Trajectory) -> dict[str, float]:
     ],
 )  # fmt: skip
 def test_estimates_are_near_the_true_error(method: str, settings: dict[str, float]) -> None:
-    """Errors of radau5, the rule of recursive-newton without settings, fall with the power 5/4 of its tolerance: estimates take it to be 1."""
+    """Errors of radau5, the rule of recursive-newton without settings, fall with the power 5/4 of its tolerance; estimates take 1."""
     most = 5 if method != "recursive-newton" or settings else 5 * 10**0.25
     run = completed(simulate(oscillator(method), **settings))
     assert run.error.converged

@@ -48,8 +48,9 @@ def check_orders(errors: Sequence[float], integrator: str) -> None:
 
 
 def check_proportional(error: Callable[..., float], integrator: str, tolerances: Sequence[float], within: float) -> None:
-    """Errors over tolerance stay within a factor, over decades of tolerance: the sign of an order that is kept everywhere.  Those of radau5, whose estimate
-    is of order 3 and whose steps are of order 5, fall with the power 5/4."""
+    """Errors over tolerance stay within a factor, over decades of tolerance: the sign of an order that is kept everywhere.
+
+    Steps of radau5 have order 5 and an estimate of order 3: its errors fall with the power 5/4."""
     power = 1.25 if integrator == "radau5" else 1.0
     ratios = [error(integrator=integrator, tolerance=tolerance) / tolerance**power for tolerance in tolerances]
     assert np.max(ratios) < within * np.min(ratios), ratios  # of nan too, which max passes over

@@ -333,7 +333,7 @@ def _first_within(
 
 
 def searches(variant: ReducedModel) -> tuple[Callable[..., Candidate], ...]:
-    """The searches for steps of a reduced model: equal ones, and those of each integrator that holds their error, where its scene names none."""
+    """The searches for steps of a reduced model: equal ones, and where its scene names none those of each integrator with errors."""
     return find_step, *(partial(find_tolerated, integrator) for integrator in _adaptive_integrators(variant))
 
 

@@ -1,4 +1,4 @@
-"""Integrators of a method that choose their steps beside each other: evaluations, factorisations and errors at equal tolerances, as Markdown.
+"""Integrators of a method that choose their steps beside each other: evaluations, factorisations, errors at equal tolerances, as Markdown.
 
 Counts, not times: they are the same on any machine.  Models are interpreted, events located.  Errors are the largest of places and angles
 (m, rad) beside dormand-prince of the method recursive at a tolerance of 1e-13, or at the smallest with which the run comes to its end.
@@ -77,7 +77,7 @@ def integrators(method: str) -> tuple[str, ...]:
 @click.command()
 @click.argument("names", nargs=-1)
 @click.option("--models", default=Path("models"), type=click.Path(path_type=Path), show_default=True, help="The folder of the models.")
-@click.option("--method", default=DEFAULT_METHOD, type=click.Choice(list(TOLERANCES)), show_default=True, help="The method of the integrators.")
+@click.option("--method", default=DEFAULT_METHOD, type=click.Choice(list(TOLERANCES)), show_default=True, help="That of the integrators.")
 def main(names: tuple[str, ...], models: Path, method: str) -> None:
     """Print the rows of models NAMES, by default of all."""
     counts = "evaluations | factorisations" if METHODS[method].has_system else "evaluations"
