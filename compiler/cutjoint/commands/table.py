@@ -169,8 +169,8 @@ OPTIONS: Mapping[str, Row] = {
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
         f"twin a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=click.Choice(list(INTEGRATORS)), help="rk4, "
-        "dormand-prince and dop853 take the method recursive, radau5, sdirk4 and generalised-alpha recursive-newton; by default the scene's, "
-        "else trapezoidal where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
+        "dormand-prince and dop853 take the method recursive, radau5, sdirk4 and generalised-alpha recursive-newton; by default the "
+        "scene's, else trapezoidal where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
         "runs side by side, where the scene has another rule, or none and no step."),
     "couple.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; by default the scene's, else that of simulate."),

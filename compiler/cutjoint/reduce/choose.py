@@ -333,7 +333,7 @@ def _first_within(
 
 
 def searches(variant: ReducedModel) -> tuple[Callable[..., Candidate], ...]:
-    """The searches for steps of a reduced model: equal ones, and where its scene names none those of each integrator with errors."""
+    """The searches for steps of a reduced model: equal ones, and of a scene without an integrator those of each that holds errors."""
     return find_step, *(partial(find_tolerated, integrator) for integrator in _adaptive_integrators(variant))
 
 
