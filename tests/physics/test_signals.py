@@ -168,6 +168,15 @@ def test_integrators_keep_their_order(method: str, integrator: str, order: int) 
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.35)
 
 
+def test_radau5_keeps_its_order() -> None:
+    """Errors fall with the fifth power of the number of steps, which follows the tolerance."""
+    model = motor()
+    artifact = compile_scene(model, model.scenes["run"], CompileOptions(method="recursive-newton"))
+    runs = [simulate(artifact, integrator="radau5", error=False, tolerance=tolerance) for tolerance in (1e-4, 1e-7)]
+    errors = [error(run, exact(model)) for run in runs]
+    assert np.log(errors[0] / errors[1]) / np.log(runs[1].steps / runs[0].steps) == pytest.approx(5, abs=0.4)
+
+
 @needs_cpp
 @pytest.mark.parametrize("method", list(METHODS))
 def test_generated_code_has_the_motion_of_the_interpreter(method: str) -> None:
