@@ -51,7 +51,7 @@ def test_solutions_by_pivots(lines: list[list[str]]) -> None:
 
 
 def test_complex_solutions(lines: list[list[str]]) -> None:
-    """Entries stand in the same places; a pivot is the diagonal's from a thousandth of its column on, so that entries may grow a thousandfold."""
+    """Entries stand in the same places; pivots are those of the diagonal from a thousandth of their column on: entries may grow so much."""
     compared = [words[1:] for words in lines if words[0] == "complex"]
     assert {broken for broken, _, _ in compared} == {"0", "1"}
     for broken, singular, left in compared:

@@ -67,8 +67,8 @@ def jacobian(rate: Rate, y: Array) -> Array:
     return found
 
 
-#: RODAS4, order 4(3), L-stable and stiffly accurate, for autonomous equations.  Source: Hairer, Wanner, Solving Ordinary Differential Equations
-#: II (1996), section IV.7, and their program.  The last stage stands where the sum of those before is, and is the estimate.
+#: RODAS4, order 4(3), L-stable and stiffly accurate, for autonomous equations.  Source: Hairer, Wanner, Solving Ordinary Differential
+#: Equations II (1996), section IV.7, and their program.  The last stage stands where the sum of those before is, and is the estimate.
 GAMMA = 0.25
 _FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
 A = (
