@@ -231,7 +231,7 @@ METHODS: Mapping[str, Method] = _catalogue(
 _EXPLICIT_PENALTY = 1e6
 
 #: The trapezoidal rule; explicit Runge-Kutta methods with steps of equal length and with steps as long as the tolerance allows; implicit
-#: ones of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast.
+#: ones of order 5, of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal", "solved"), twin=True, events=Events.CROSSED,
@@ -248,6 +248,9 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="dop853", methods=("recursive",), closures=("penalty", "proximal", "solved"), closure="solved", adaptive=True,
         settings=("absolute_tolerance",), largest_penalty=_EXPLICIT_PENALTY,
+    ),
+    Integrator(
+        name="radau5", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
     ),
     Integrator(
         name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)

@@ -3,7 +3,7 @@
 #include "cutjoint/extension.hpp"
 #include "newton.hpp"
 
-#include "cutjoint/core/sdirk_steps.hpp"
+#include "cutjoint/core/implicit_steps.hpp"
 #include "cutjoint/core/split_steps.hpp"
 #include "cutjoint/core/stepping/newton_rule.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
@@ -26,7 +26,7 @@ using S = AnySystem<Precision>;
 
 const Abilities abilities{
     .tasks = {Task::simulate, Task::realtime, Task::equilibrium, Task::evaluate, Task::factor},
-    .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::generalised_alpha},
+    .integrators = {Integrator::trapezoidal, Integrator::sdirk4, Integrator::sdirk4_fixed, Integrator::radau5, Integrator::generalised_alpha},
     .solvers = true,
     .added = is_added<S>,
 };
@@ -42,6 +42,8 @@ Json cutjoint::perform(const Json& file, AnyMechanism<double>& start, AnySystem<
       return run_by<Simulated<SdirkSteps<S, S, true, CompiledSolver>>>(start, system, settings, file);
     case Integrator::sdirk4_fixed:
       return run_by<Simulated<SdirkSteps<S, S, false, CompiledSolver>>>(start, system, settings, file);
+    case Integrator::radau5:
+      return run_by<Simulated<RadauSteps<S, S, CompiledSolver>>>(start, system, settings, file);
     default:
       if (settings.events) return run_by<Simulated<SplitSteps<stepping::NewtonRule<S, CompiledSolver>>>>(start, system, settings, file);
       switch (system.description().method) {

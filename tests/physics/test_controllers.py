@@ -79,6 +79,7 @@ def run(model: Model, method: str = "recursive", **settings: object) -> Trajecto
         ("recursive", "trapezoidal", 1e-2, 1e-13, by_trapezoids(1e-2), 1e-12),
         ("recursive-newton", "sdirk4-fixed", 1e-3, None, math.exp(-A * T), 1e-12),
         ("recursive-newton", "sdirk4", None, 1e-13, math.exp(-A * T), 1e-11),
+        ("recursive-newton", "radau5", None, 1e-13, math.exp(-A * T), 1e-11),
         ("recursive-newton", "trapezoidal", 1e-2, None, by_trapezoids(1e-2), 1e-12),
         ("augmented", "trapezoidal", 1e-2, None, by_trapezoids(1e-2), 1e-12),
         ("classical", "trapezoidal", 1e-2, None, by_trapezoids(1e-2), 1e-12),

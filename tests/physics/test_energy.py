@@ -101,7 +101,9 @@ def test_the_defect_falls_with_the_order(method: str, integrator: str, coarse: f
     assert first.exchanged == pytest.approx(second.exchanged, rel=1e-2)
 
 
-@pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "sdirk4")])
+@pytest.mark.parametrize(("method", "integrator"), [
+    ("recursive", "dormand-prince"), ("recursive-newton", "sdirk4"), ("recursive-newton", "radau5"),
+])  # fmt: skip
 def test_the_defect_falls_with_the_tolerance(method: str, integrator: str) -> None:
     loose, tight = (balance(simulate(driven(method), integrator=integrator, tolerance=x)) for x in (1e-5, 1e-7))
     assert loose.share < 1e-3

@@ -21,7 +21,7 @@ from tests.physics.simulation import compile_model, compile_scene, completed, si
 
 #: Integrators with steps of equal length, as long as the tolerance allows, and the method that has both.
 EQUAL = {"rk4": "recursive", "sdirk4-fixed": "recursive-newton"}
-ADAPTIVE = {"dormand-prince": "recursive", "dop853": "recursive", "sdirk4": "recursive-newton"}
+ADAPTIVE = {"dormand-prince": "recursive", "dop853": "recursive", "sdirk4": "recursive-newton", "radau5": "recursive-newton"}
 
 #: Rules of order 2, whose steps end at events if that is asked for.
 RULES = (("trapezoidal", "recursive"), ("trapezoidal", "recursive-newton"), ("generalised-alpha", "recursive-newton"))
@@ -48,8 +48,11 @@ def check_orders(errors: Sequence[float], integrator: str) -> None:
 
 
 def check_proportional(error: Callable[..., float], integrator: str, tolerances: Sequence[float], within: float) -> None:
-    """Errors over tolerance stay within a factor, over decades of tolerance: the sign of an order that is kept everywhere."""
-    ratios = [error(integrator=integrator, tolerance=tolerance) / tolerance for tolerance in tolerances]
+    """Errors over tolerance stay within a factor, over decades of tolerance: the sign of an order that is kept everywhere.
+
+    Steps of radau5 have order 5 and an estimate of order 3: its errors fall with the power 5/4."""
+    power = 1.25 if integrator == "radau5" else 1.0
+    ratios = [error(integrator=integrator, tolerance=tolerance) / tolerance**power for tolerance in tolerances]
     assert np.max(ratios) < within * np.min(ratios), ratios  # of nan too, which max passes over
 
 
@@ -78,7 +81,7 @@ def test_order_across_contacts_that_are_made_and_lost(integrator: str, damping: 
 @pytest.mark.parametrize("damping", [0.0, 10.0])
 @pytest.mark.parametrize("integrator", ADAPTIVE)
 def test_errors_follow_the_tolerance_across_contacts(integrator: str, damping: float, tmp_path: Path) -> None:
-    tolerances = (1e-4, 1e-6, 1e-8, 1e-10) if integrator == "sdirk4" else (1e-6, 1e-8, 1e-10, 1e-12)
+    tolerances = (1e-4, 1e-6, 1e-8, 1e-10) if ADAPTIVE[integrator] == "recursive-newton" else (1e-6, 1e-8, 1e-10, 1e-12)
     check_proportional(bouncing_error(tmp_path, damping, ADAPTIVE[integrator]), integrator, tolerances, 4.0)
 
 
@@ -160,7 +163,7 @@ def test_order_across_the_knots_of_a_table(integrator: str, tmp_path: Path) -> N
         first, last = errors_of(error, integrator, (5e-3, 5e-3 / 16))
         assert np.log2(first / last) / 4 == pytest.approx(4, abs=0.2)
     else:
-        check_proportional(error, integrator, (1e-7, 1e-8, 1e-9, 1e-10), 6.0)
+        check_proportional(error, integrator, (1e-5, 1e-6, 1e-7, 1e-8) if integrator == "radau5" else (1e-7, 1e-8, 1e-9, 1e-10), 6.0)
 
 
 @pytest.mark.parametrize("integrator", [*EQUAL, *ADAPTIVE])
@@ -185,6 +188,7 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
     [
         ("recursive", {"integrator": "rk4", "dt": 0.1}), ("recursive", {"integrator": "dormand-prince"}),
         ("recursive-newton", {"integrator": "sdirk4-fixed", "dt": 0.1, "tolerance": 1e-10}), ("recursive-newton", {"integrator": "sdirk4"}),
+        ("recursive-newton", {"integrator": "radau5"}),
         *((method, {"integrator": integrator, "dt": 0.1, "tolerance": 1e-12, "events": "located"}) for integrator, method in RULES),
     ],
     ids=lambda x: x if isinstance(x, str) else x["integrator"],
@@ -198,7 +202,7 @@ def test_steps_end_where_a_function_of_time_jumps(method: str, how: dict[str, An
     assert run["mass.x"] == pytest.approx(places, abs=1e-12)
 
 
-@pytest.mark.parametrize("integrator", ["sdirk4", "sdirk4-fixed"])
+@pytest.mark.parametrize("integrator", ["sdirk4", "sdirk4-fixed", "radau5"])
 def test_a_stiff_contact_within_a_step(integrator: str, tmp_path: Path) -> None:
     """A mass falls on a stop and comes to rest there: the damper takes its speed in a ten-thousandth of 10 ms, the spring takes 10 ms."""
     stiffness, damping = 1e8, 1e6

@@ -139,7 +139,7 @@ def error(run: Trajectory, expected: dict[str, np.ndarray]) -> float:
 SECOND = 2e-4
 RUNS = {
     "recursive": {"trapezoidal": SECOND, "rk4": 1e-8, "dormand-prince": 1e-6, "dop853": 1e-6},
-    "recursive-newton": {"trapezoidal": SECOND, "sdirk4": 1e-6, "sdirk4-fixed": 1e-7, "generalised-alpha": SECOND},
+    "recursive-newton": {"trapezoidal": SECOND, "sdirk4": 1e-6, "sdirk4-fixed": 1e-7, "radau5": 1e-6, "generalised-alpha": SECOND},
     "augmented": {"trapezoidal": SECOND},
     "classical": {"trapezoidal": SECOND},
 }
@@ -149,7 +149,7 @@ RUNS = {
 @pytest.mark.parametrize("make", [motor, carts])
 def test_methods_and_integrators(make: object, method: str, integrator: str) -> None:
     model = make()  # type: ignore[operator]
-    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "dop853", "sdirk4") else {}
+    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "dop853", "sdirk4", "radau5") else {}
     run = simulate(compile_scene(model, model.scenes["run"], CompileOptions(method=method)), integrator=integrator, error=False, **options)
     assert error(run, exact(model)) < RUNS[method][integrator]
 
@@ -166,6 +166,15 @@ def test_integrators_keep_their_order(method: str, integrator: str, order: int) 
         run = simulate(compile_scene(model, scene, CompileOptions(method=method)), integrator=integrator, error=False)
         errors.append(error(run, exact(model)))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.35)
+
+
+def test_radau5_keeps_its_order() -> None:
+    """Errors fall with the fifth power of the number of steps, which follows the tolerance."""
+    model = motor()
+    artifact = compile_scene(model, model.scenes["run"], CompileOptions(method="recursive-newton"))
+    runs = [simulate(artifact, integrator="radau5", error=False, tolerance=tolerance) for tolerance in (1e-4, 1e-7)]
+    errors = [error(run, exact(model)) for run in runs]
+    assert np.log(errors[0] / errors[1]) / np.log(runs[1].steps / runs[0].steps) == pytest.approx(5, abs=0.4)
 
 
 @needs_cpp

@@ -115,7 +115,7 @@ CROSSED = 2.1 * 2.5e-4
 
 RUNS = {
     "recursive": {"trapezoidal": CROSSED, "rk4": 1e-9, "dormand-prince": 1e-7, "dop853": 1e-7},
-    "recursive-newton": {"trapezoidal": CROSSED, "sdirk4": 1e-7, "sdirk4-fixed": 1e-7, "generalised-alpha": CROSSED},
+    "recursive-newton": {"trapezoidal": CROSSED, "sdirk4": 1e-7, "sdirk4-fixed": 1e-7, "radau5": 1e-7, "generalised-alpha": CROSSED},
     "augmented": {"trapezoidal": CROSSED},
     "classical": {"trapezoidal": CROSSED},
 }
@@ -123,7 +123,7 @@ RUNS = {
 
 @pytest.mark.parametrize(("method", "integrator"), [(method, integrator) for method, rules in RUNS.items() for integrator in rules])
 def test_methods_and_integrators_take_states_along(method: str, integrator: str) -> None:
-    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "dop853", "sdirk4") else {}
+    options = {"tolerance": 1e-9} if integrator in ("dormand-prince", "dop853", "sdirk4", "radau5") else {}
     artifact = compile_scene(lagging(), lagging().scenes["run"], CompileOptions(method=method))
     require_exact(simulate(artifact, integrator=integrator, error=False, **options), RUNS[method][integrator])
 

@@ -11,7 +11,7 @@ from cutjoint.compile.pipeline import compile_interpreted, schedule_method
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene
-from cutjoint.reduce.choose import Candidate, find_step, find_tolerated
+from cutjoint.reduce.choose import Candidate, find_step, find_tolerated, searches
 from cutjoint.reduce.measure import Truth, distance, find_truth
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, run_at
@@ -88,8 +88,7 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     model, scene = turn()
     free = replace(scene, numerics=Numerics(), accuracy=1e-5)
     (full, *_) = reduction_sequence(model, free, "recursive")
-    found = find_tolerated(full, free, {}, find_truth(model, free, {}), trials_of(full))
-    assert found is not None
+    found = find_tolerated("dormand-prince", full, free, {}, find_truth(model, free, {}), trials_of(full))
     assert (found.integrator, found.failure) == ("dormand-prince", "")
     assert found.error <= 0.8e-5
     artifact, goal = compile_interpreted(model, free), 0.8e-5
@@ -98,4 +97,4 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     assert errors[0] < 1.1 * goal
     assert errors[1] > 0.9 * goal
     (named, *_) = reduction_sequence(model, replace(scene, numerics=Numerics(integrator="trapezoidal")), "recursive")
-    assert find_tolerated(named, free, {}, find_truth(model, free, {}), trials_of(named)) is None
+    assert (len(searches(full)), searches(named)) == (3, (find_step,))

@@ -2,9 +2,11 @@
 #include "cutjoint/core/dense.hpp"
 
 #include <Eigen/Dense>
+#include <complex>
 #include <cstdio>
 #include <vector>
 
+#include "cutjoint/core/newton/complex_solver.hpp"
 #include "cutjoint/core/newton/dense_solver.hpp"
 
 using Matrix = Eigen::MatrixXd;
@@ -63,6 +65,26 @@ struct System {
   Description description_;
 };
 
+/// A complex matrix with the places of a real one and its values as real parts.
+void compare_complex(const System& system, const Matrix& A, const std::vector<double>& re) {
+  Eigen::MatrixXcd both = A.cast<std::complex<double>>();
+  std::vector<double> im;
+  const auto& [size, first, row] = system.description().pattern;
+  for (int j = 0; j < size; ++j)
+    for (int k = first[static_cast<std::size_t>(j)]; k < first[static_cast<std::size_t>(j) + 1]; ++k) {
+      im.push_back(Vector::Random(1)(0));
+      both(row[static_cast<std::size_t>(k)], j) += std::complex<double>(0.0, im.back());
+    }
+  cutjoint::ComplexSolver<System> solver(system);
+  const Eigen::VectorXcd b = Eigen::VectorXcd::Random(size);
+  Vector x = b.real(), y = b.imag();
+  const bool broken = static_cast<bool>(solver.factor(re.data(), im.data()));
+  if (!broken) solver.solve(x.data(), y.data());
+  const Eigen::VectorXcd z = x.cast<std::complex<double>>() + std::complex<double>(0.0, 1.0) * y.cast<std::complex<double>>();
+  const Eigen::FullPivLU<Eigen::MatrixXcd> known(both);
+  std::printf("complex %d %d %.3e\n", broken, !known.isInvertible(), broken ? 0.0 : (both * z - b).norm() / (both.norm() * z.norm()));
+}
+
 /// `zeros` is the share of the entries that are left out, those of the diagonal first.
 void compare_solutions(Eigen::Index n, double zeros) {
   Matrix A = Matrix::Random(n, n);
@@ -86,6 +108,7 @@ void compare_solutions(Eigen::Index n, double zeros) {
   if (!broken) solver.solve(x.data());
   const Eigen::FullPivLU<Matrix> known(A);
   std::printf("solution %d %d %.3e\n", broken, !known.isInvertible(), broken ? 0.0 : (A * x - b).norm() / (A.norm() * x.norm()));
+  compare_complex(system, A, values);
 }
 
 }  // namespace

@@ -48,3 +48,12 @@ def test_solutions_by_pivots(lines: list[list[str]]) -> None:
     for broken, singular, left in compared:
         assert broken == singular
         assert float(left) < 1e-15
+
+
+def test_complex_solutions(lines: list[list[str]]) -> None:
+    """Entries stand in the same places; pivots are those of the diagonal from a thousandth of their column on: entries may grow so much."""
+    compared = [words[1:] for words in lines if words[0] == "complex"]
+    assert {broken for broken, _, _ in compared} == {"0", "1"}
+    for broken, singular, left in compared:
+        assert broken == singular
+        assert float(left) < 1e-13

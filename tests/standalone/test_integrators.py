@@ -21,7 +21,7 @@ pytestmark = needs_cpp
 PRESS = MODELS / "press.yaml"
 #: Methods and integrators with steps of a given length, and with ones of their own.
 EQUAL = (("recursive", "rk4"), ("recursive-newton", "sdirk4-fixed"))
-ADAPTIVE = (("recursive", "dormand-prince"), ("recursive", "dop853"), ("recursive-newton", "sdirk4"))
+ADAPTIVE = (("recursive", "dormand-prince"), ("recursive", "dop853"), ("recursive-newton", "sdirk4"), ("recursive-newton", "radau5"))
 RULES = EQUAL + ADAPTIVE
 
 

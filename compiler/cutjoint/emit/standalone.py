@@ -73,7 +73,7 @@ class Steps:
     adaptive: bool = False
 
 
-_EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/sdirk_steps.hpp"
+_EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/implicit_steps.hpp"
 
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
@@ -104,6 +104,7 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         ),
         "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
         "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
+        "radau5": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System>", finds_events=True, adaptive=True),
     },
 }  # fmt: skip
 

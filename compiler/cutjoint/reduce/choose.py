@@ -19,7 +19,7 @@ from math import ceil, inf, log
 from pathlib import Path
 
 from cutjoint.compile.prepared import made_with
-from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.reduce.measure import Truth, distance, find_truth, fraction, time_run
@@ -28,7 +28,7 @@ from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, comm
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
-from cutjoint.run.settings import Options, accuracy_of, find_integrator
+from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.errors import ToolchainError
@@ -258,11 +258,11 @@ def _search(
     found: list[tuple[Candidate, Trials | None]] = []
     for variant in variants:
         trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        for find in (find_step, find_tolerated):
+        for find in searches(variant):
             candidate = find(variant, scene, parameters, truth, trials, fastest=fastest or _fastest(found))
-            if candidate is not None and not candidate.failure:
+            if not candidate.failure:
                 trials.begin_compiling()
-            found += [] if candidate is None else [(candidate, None if candidate.failure else trials)]
+            found.append((candidate, None if candidate.failure else trials))
     return found
 
 
@@ -287,17 +287,13 @@ def find_step(
 
 
 def find_tolerated(
-    variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
+    integrator: str, variant: ReducedModel, scene: Scene, parameters: Mapping[str, float], truth: Truth, trials: Trials, *,
     ratio: float = TOLERANCE_RATIO, fastest: Candidate | None = None,
-) -> Candidate | None:  # fmt: skip
-    """The largest tolerance of the method's own integrator that keeps the scene's accuracy; None of a method without one, and of a scene
-    that names its integrator.
+) -> Candidate:  # fmt: skip
+    """The largest tolerance of an integrator that keeps the scene's accuracy.
 
     It gives up as `find_step` does, where a hundredth of the tolerance has not brought the error down.
     """
-    integrator = _own_integrator(variant)
-    if integrator is None:
-        return None
     best = Candidate(
         variant=variant.name, method=variant.method, dt=0.0, error=inf, seconds=inf, failure="no tolerance keeps the accuracy",
         integrator=integrator, tolerance=LARGEST_TOLERANCE,
@@ -336,12 +332,17 @@ def _first_within(
     return best
 
 
-def _own_integrator(variant: ReducedModel) -> str | None:
-    """The integrator of a method that holds the error of steps, where its scene leaves the choice."""
+def searches(variant: ReducedModel) -> tuple[Callable[..., Candidate], ...]:
+    """The searches for steps of a reduced model: equal ones, and of a scene without an integrator those of each that holds errors."""
+    return find_step, *(partial(find_tolerated, integrator) for integrator in _adaptive_integrators(variant))
+
+
+def _adaptive_integrators(variant: ReducedModel) -> tuple[str, ...]:
     numerics, method = variant.scene.numerics, METHODS[variant.method]
-    free = replace(numerics, dt=None, methods={})
-    name = find_integrator(free, method, Implementation.GENERATED, Options()).name
-    return name if numerics.integrator is None and INTEGRATORS[name].adaptive else None
+    if numerics.integrator is not None:
+        return ()
+    closure = method.closure(numerics.closure).name
+    return names_of(INTEGRATORS, lambda i: i.adaptive and closure in i.closures and i.takes(method, Implementation.GENERATED))
 
 
 def timed(found: Candidate, artifact: Artifact | None, parameters: Mapping[str, float]) -> Candidate:

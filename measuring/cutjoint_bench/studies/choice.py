@@ -25,7 +25,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.version import __version__
-from cutjoint.reduce.choose import Candidate, choose, find_step, find_tolerated, timed
+from cutjoint.reduce.choose import Candidate, choose, searches, timed
 from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, at_step
@@ -113,8 +113,8 @@ class Comparison:
 
     def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
         trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        found = [find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest) for find in (find_step, find_tolerated)]
-        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c in found if c is not None]}
+        found = [find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest) for find in searches(variant)]
+        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c in found]}
 
     def _variants(self, method: str) -> list[ReducedModel]:
         try:

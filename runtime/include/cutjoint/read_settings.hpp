@@ -36,6 +36,7 @@ inline constexpr std::array integrators{
     Meaning<Integrator>{"dop853", Integrator::dop853},
     Meaning<Integrator>{"sdirk4", Integrator::sdirk4},
     Meaning<Integrator>{"sdirk4-fixed", Integrator::sdirk4_fixed},
+    Meaning<Integrator>{"radau5", Integrator::radau5},
     Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
 };
 
@@ -113,8 +114,8 @@ class SettingsReader {
   void require_agreement(const RunSettings& s) const {
     const Integrator integrator = s.integrator;
     const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince || integrator == Integrator::dop853;
-    const bool is_diagonal = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed;
-    if ((is_explicit || is_diagonal) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
+    const bool is_implicit = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed || integrator == Integrator::radau5;
+    if ((is_explicit || is_implicit) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
     if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");
     const bool can_be_projected = integrator == Integrator::trapezoidal || integrator == Integrator::added || is_explicit;

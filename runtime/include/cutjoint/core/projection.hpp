@@ -47,14 +47,14 @@ class Projection {
 
   /// Close the rate of Phi, which is linear in the speeds.  A fault names the equation that stays open.
   Fault velocities(StateOf<M>& state, long number = 0) {
+    is_measured_ = false;
     return Instances::any(close_speeds(state, Instances::all_if(true))) ? fault(0, number) : Fault{};
   }
 
   /// Both, at the time of a state.
   Fault close(StateOf<M>& state) {
     mechanism_.begin_step(state.t, Real(1));
-    if (const Fault fault = positions(state)) return fault;
-    return velocities(state);
+    return Instances::any(close(state, Instances::all_if(true))) ? fault(0, 0) : Fault{};
   }
 
   /// Positions, then speeds, of the instances in `going`; returns those that stay open.
@@ -90,6 +90,7 @@ class Projection {
   static constexpr std::size_t most_tries = 24;
 
   Mask close_positions(StateOf<M>& state, Mask going) {
+    is_measured_ = false;
     return close(state, going, state.q, gap_, Cause::loops_open,
                  [&] { retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data()); });
   }
@@ -105,7 +106,9 @@ class Projection {
   Mask close(StateOf<M>& state, Mask going, Moved& moved, const Equations<M>& open, Cause cause, Move move) {
     iterations_ = 0;
     if (gap_.empty() || !Instances::any(going)) return Instances::all_if(false);
-    Real left = measure(state, open);
+    if (!is_measured_) measure(state, open);
+    Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
+    is_measured_ = true;
     const Real size = Real(1) + largest(moved);
     Mask active = Instances::without(going, left <= rounding() * size), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
@@ -115,6 +118,7 @@ class Projection {
       const Real next = measure(state, open);
       const Mask fallen = Instances::both(active, next < left), odd = Instances::without(active, Instances::is_number(next));
       for (std::size_t i = 0; i < moved.size(); ++i) Instances::take(Instances::without(Instances::all_if(true), fallen), before_[i], moved[i]);
+      is_measured_ = !Instances::any(Instances::without(Instances::all_if(true), fallen));
       if (Instances::any(odd)) give_up(state, odd);
       lost = Instances::either(lost, odd);
       active = Instances::without(active, odd);
@@ -122,7 +126,10 @@ class Projection {
       weak = Instances::without(active, next < left / Real(10));
       Instances::take(Instances::without(active, left < next), next, left);
       active = Instances::without(active, slow);
-      if (Instances::any(Instances::both(active, weak))) measure(state, open);
+      if (Instances::any(Instances::both(active, weak))) {
+        measure(state, open);
+        is_measured_ = true;
+      }
       active = Instances::without(active, left <= rounding() * size);
     }
     const Mask close = Instances::either(left <= allowed(size), Instances::both(singular, left <= Real(1e-6) * size));
@@ -246,6 +253,7 @@ class Projection {
   Equations<M> right_, rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
+  bool is_measured_ = false;  ///< whether gap_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
   std::array<Fault, Instances::number> faults_{};
   std::size_t number_of_tries_;
   Array<M, std::min(most_tries, static_sizes<M>().equations), Try> tries_;

@@ -176,18 +176,17 @@ class Relative {
   }
 
   void add_pass() {
-    before_ = state_.vdot;
+    if constexpr (Sized<M>) before_ = state_.vdot;
+    else before_.swap(state_.vdot);
     mechanism_.evaluate(state_.q.data(), state_.v.data(), state_.lambda.data(), state_.vdot.data(), correction_.data());
     ++experience_.evaluations;
     for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] += correction_[i];
   }
 
-  Real largest_change() const {
-    using std::abs;
-    Real result(0);
-    for (std::size_t i = 0; i < before_.size(); ++i)
-      if (const Real x = abs(state_.vdot[i] - before_[i]); x > result || x != x) result = x;
-    return result;
+  /// By the last pass, whose accelerations before it are gone then.
+  Real largest_change() {
+    for (std::size_t i = 0; i < before_.size(); ++i) before_[i] -= state_.vdot[i];
+    return largest(before_);
   }
 
   /// Rates of the coordinates: of a quaternion e, (0, omega)/2 e with the angular velocity on the left.

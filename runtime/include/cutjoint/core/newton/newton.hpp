@@ -215,6 +215,10 @@ class Newton : public Workspace<S, Solver> {
   /// Whether the last iteration changed the accelerations by little already, or the coordinates, in a short step, by rounding.
   bool is_near() const { return change_ <= std::max(Real(1e-3) * size_, rounding_ / k_); }
 
+  /// The share by which the factors in use differ from those of the state, as iterations have shown, and what these may leave of accelerations.
+  Real age() const { return std::min(contraction_, Real(1)); }
+  Real left() const { return Real(settings_.tolerance) * size_; }
+
   /// Forget the factors of a step, since others of a state come.
   void get_ready(const StateOf<S>& state, Real motion) {
     time_ = state.t;

@@ -22,7 +22,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   using typename Base::Real;
 
   RecursiveNewton(S& system, Solver& solver, const NewtonSettings& settings)
-      : Base(system, solver, settings), push_(m_), penalised_(n_) {}
+      : Base(system, solver, settings), push_(m_), penalised_(n_), unclosed_(n_), gap_(m_) {}
 
  private:
   friend Base;
@@ -53,13 +53,30 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   /// A hundredth of what the iteration leaves of the accelerations.
   Real negligible(const Speeds<S>& values) const { return Real(1e-2) * Real(settings_.tolerance) * (Real(1) + largest(values)); }
 
-  /// Where the reused factors leave a gap, those of a new tangent close it.
+  /// Where the reused factors leave a gap, those of a new tangent close it.  So do they where their age shows: a gap of the rates is closed in the metric of
+  /// the tangent, and what its age changes in that has the same direction in all steps.
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+    unclosed_ = values;
+    gap_ = gap;
     if (const Fault fault = project_surely(state, values, gap)) return fault;
-    if (closing_.closed() || pose_ == state.q) return {};
+    if (pose_ == state.q || (closing_.closed() && !shows_age(state, values))) return {};
+    if (closing_.closed()) {
+      values = unclosed_;
+      gap = gap_;
+    }
     this->turn();
     if (const Fault fault = this->renew(state)) return fault;
     return project_surely(state, values, gap);
+  }
+
+  /// Whether the tangent's age changes a projection of the rates by more than a hundred times what iterations may leave of them.  With less, a tolerance
+  /// that is as loose as the default would take a tangent in every third step of the vehicle, for a change that is far below the rule's error.
+  bool shows_age(const StateOf<S>& state, const Speeds<S>& values) const {
+    using std::abs;
+    if (&values != &state.v) return false;
+    Real move(0);
+    for (std::size_t i = 0; i < n_; ++i) move = std::max(move, abs(values[i] - unclosed_[i]));
+    return this->age() * move > 100 * this->left() * this->speed_;
   }
 
   /// Where a projection leaves most of a gap, equations nearly depend on each other.  Their directions turn quickly with the pose, their
@@ -93,7 +110,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   int updates_ = 0;  ///< iterations of a step that corrected the multipliers
   Equations<S> push_;
-  Speeds<S> penalised_;
+  Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose gap is `gap_`
+  Equations<S> gap_;
 };
 
 }  // namespace cutjoint

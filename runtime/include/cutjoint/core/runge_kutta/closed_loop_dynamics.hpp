@@ -68,9 +68,7 @@ class ClosedLoopDynamics : public Relative<M> {
     Relative<M>::project(t, y);
     if (state_.lambda.empty()) return {};
     this->take(t, y);
-    mechanism_.begin_step(t, Real(1));
-    if (const Fault fault = projection_.positions(state_)) return fault;
-    if (const Fault fault = projection_.velocities(state_)) return fault;
+    if (const Fault fault = projection_.close(state_)) return fault;
     this->put(state_, y);
     return {};
   }

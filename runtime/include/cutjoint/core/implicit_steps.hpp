@@ -1,4 +1,4 @@
-// Steps of a simulation by the diagonally implicit method.
+// Steps of a simulation by an implicit method.
 #pragma once
 
 #include "cutjoint/core/arrays.hpp"
@@ -7,6 +7,7 @@
 #include "cutjoint/core/newton/dense_solver.hpp"
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/core/radau/stages.hpp"
 #include "cutjoint/core/sdirk/stages.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/state.hpp"
@@ -16,10 +17,10 @@
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by the stages of sdirk/stages.hpp, over a system in the coordinates of the mechanism M that starts:
+/// The integrator of a simulation (simulation.hpp) by the `Stages` of sdirk/stages.hpp or radau/stages.hpp, over a system in the coordinates of the mechanism M that starts:
 /// steps as long as errors allow, or of the settings' length.  They end where formulas change.
-template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
-class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_length, LinearSolver>, S> {
+template <class M, template <class, class> class Stages, class S, bool of_own_length, class LinearSolver>
+class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages, S, of_own_length, LinearSolver>, S> {
  public:
   using Subject = S;
   using Real = typename S::real_type;
@@ -28,8 +29,8 @@ class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_le
 
   static constexpr bool adaptive = of_own_length, knows_residuals = true;
 
-  SdirkSteps(S& system, const Settings& settings, const Road<Real>* roads)
-      : stepping::SteppedIntegrator<SdirkSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
+  ImplicitSteps(S& system, const Settings& settings, const Road<Real>* roads)
+      : stepping::SteppedIntegrator<ImplicitSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
         stages_(system, solver_, other_, switches_of(system, settings.events), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
@@ -77,7 +78,7 @@ class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_le
     return solver_.smallest_pivot(stages_.tangent().data());
   }
 
-  using Scheme = stepping::ImplicitScheme<sdirk::Stages<S, Solver>>;
+  using Scheme = stepping::ImplicitScheme<Stages<S, Solver>>;
   using Stepper = stepping::Stepper<Scheme>;
   using Memory = typename Stepper::Memory;
 
@@ -85,7 +86,7 @@ class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_le
   void restore(const StateOf<S>&, const Memory& memory) { stepper_.restore(memory); }
 
  private:
-  friend stepping::SteppedIntegrator<SdirkSteps, S>;
+  friend stepping::SteppedIntegrator<ImplicitSteps, S>;
 
   void keep(StateOf<S>& state) const {
     state.vdot = stages_.present().vdot;
@@ -93,10 +94,16 @@ class SdirkSteps : public stepping::SteppedIntegrator<SdirkSteps<M, S, of_own_le
   }
 
   Solver solver_, other_;
-  sdirk::Stages<S, Solver> stages_;
+  Stages<S, Solver> stages_;
   Stepper stepper_;
   typename Stepper::Vector y_;
   StateOf<S> row_;
 };
+
+template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
+using SdirkSteps = ImplicitSteps<M, sdirk::Stages, S, of_own_length, LinearSolver>;
+
+template <class M, class S, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
+using RadauSteps = ImplicitSteps<M, radau::Stages, S, true, LinearSolver>;
 
 }  // namespace cutjoint

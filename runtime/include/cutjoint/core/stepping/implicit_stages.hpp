@@ -1,0 +1,367 @@
+// What implicit Runge-Kutta methods have in common: the state that their steps go on from, its regime, loops and errors.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/coefficients.hpp"
+#include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/newton/closing.hpp"
+#include "cutjoint/core/newton/recursive_newton.hpp"
+#include "cutjoint/core/newton/system.hpp"
+#include "cutjoint/core/newton/workspace.hpp"
+#include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/road.hpp"
+#include "cutjoint/core/state.hpp"
+#include "cutjoint/core/stepping/step_control.hpp"
+#include "cutjoint/core/stepping/switch_cells.hpp"
+
+namespace cutjoint::stepping {
+
+/// Stages of an implicit method over (delta, v), delta being the displacement from the step's start in the chart of `retract`: so the order holds on balls
+/// too.  The unknown of a stage is its acceleration.  Loops are equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0: a differential
+/// equation, whose order does not suffer.  What steps leave of Phi and Phid is projected away.
+///
+/// `Own` has
+///
+/// - `attempt`, which tries a step, and `keep_stages`, which keeps what the next one is guessed by,
+/// - what an iteration does: `follow` puts the coordinates and speeds that belong to its accelerations, `correct` changes these, with factors that are made
+///   anew or not, `size_of_change` is how much, 1 being what an error may be, of which it leaves the share `rest`; factors serve steps up to `shorter` and
+///   `longer` than theirs, and balances are looked at `at_once`,
+/// - `leaves_early`, whether an attempt leaves its regime before all is found.
+///
+/// `Table` has the number of stages, `order`, the factor `gamma` of the real tangent, and the weights `error` of the slopes at the step's start and of the
+/// stages in the estimate.
+template <class Own, class S, class Solver, class Table>
+class ImplicitStages : public Workspace<S, Solver> {
+  using Base = Workspace<S, Solver>;
+
+ public:
+  using typename Base::Real;
+  using Subject = S;
+
+  static constexpr int order = Table::order;
+  static constexpr bool estimates = true;  ///< an error
+
+  /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
+  /// `roads` those of its tyres.
+  ImplicitStages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
+      : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
+        closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_),
+        forces_(repeat<Table::stages + 1>(push_)) {}
+
+  std::size_t size() const { return pose_.size() + n_; }
+  using Base::charts;
+
+  /// Take over a start, whose accelerations and multipliers are found.
+  Fault begin(const StateOf<S>& start) {
+    start_ = start;
+    if (const Fault fault = single_.begin(start_, Real(1))) return fault;
+    take_over();
+    return {};
+  }
+
+  /// Take over a state that has accelerations and multipliers, with weights of the equations of its own.
+  void resume(const StateOf<S>& state) {
+    start_ = state;
+    single_.resume(start_);
+    take_over();
+  }
+
+  /// Put accelerations and multipliers into a state; what that takes is no part of a step.
+  Fault complete(StateOf<S>& state) { return single_.begin(state, Real(1)); }
+
+  /// Go on from a state as it is, which is taken over.
+  Fault go_on(StateOf<S>& state) {
+    const Fault fault = single_.go_on(state);
+    if (fault) return fault;
+    start_ = state;
+    take_over();
+    return {};
+  }
+
+  /// Close the loops of a state away from any step, by moving the masses least.
+  Fault assemble(StateOf<S>& state) { return single_.assemble(state); }
+
+  /// Set the largest error of a step; Newton's iteration ends where it leaves a hundredth of that.
+  void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
+
+  /// The size of the attempted step's error, 1 being what is allowed; infinite where it is no number.
+  Real error(Real h) {
+    using std::abs;
+    if (estimate(h)) return std::numeric_limits<Real>::infinity();
+    Real largest(0);
+    for (const Chart& chart : charts())
+      for (int i = 0; i < chart.scalars + (chart.ball ? 3 : 0); ++i) {
+        const auto q = static_cast<std::size_t>(chart.q + i), v = static_cast<std::size_t>(chart.v + i);
+        const Real place = i < chart.scalars ? std::max(abs(start_.q[q]), abs(at_.q[q])) : Real(1);
+        note(abs(way_[v]) / tolerances_.of(place), v, largest);
+        note(abs(x_[v]) / tolerances_.of(std::max(abs(start_.v[v]), abs(at_.v[v]))), v, largest);
+      }
+    for (std::size_t i = first_state(charts()); i < n_; ++i) note(abs(x_[i]) / tolerances_.of(std::max(abs(start_.v[i]), abs(at_.v[i]))), i, largest);
+    return largest == largest ? largest : std::numeric_limits<Real>::infinity();
+  }
+
+  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  Fault accept(Real h, StateOf<S>& before) {
+    at_.t = start_.t + h;
+    if (const Fault fault = project(at_)) return fault;
+    last_h_ = h;
+    static_cast<Own&>(*this).keep_stages();
+    std::swap(before, start_);
+    std::swap(start_, at_);
+    keep_start();
+    return {};
+  }
+
+  const StateOf<S>& present() const { return start_; }
+
+  /// Accelerations and multipliers of a state, where guides need them: those of the stages only come near to them.
+  void accelerate(StateOf<S>& state) {
+    if (!system_.description().driven) return;
+    row_ = state;
+    if (!single_.begin(row_, Real(1))) state = row_;  // a singular pose has none
+  }
+
+  /// The displacement by the last step before its end was projected, in the chart of its start.
+  const Speeds<S>& moved() const { return delta_; }
+
+  /// Coordinates and speeds of another state, which closes the loops, become those of the present one; `restart` has to follow.
+  void go_to(const StateOf<S>& state) {
+    start_.t = state.t;
+    start_.q = state.q;
+    start_.v = state.v;
+  }
+
+  /// Accelerations and multipliers of the present state, which forces that jump change; factors and what stages are guessed by are forgotten.
+  Fault restart() {
+    const long evaluations = single_.evaluations(), factorisations = single_.factorisations();
+    if (const Fault fault = single_.begin(start_, Real(1))) return fault;
+    evaluations_ += single_.evaluations() - evaluations;
+    factorisations_ += single_.factorisations() - factorisations;
+    last_h_ = Real(0);
+    factored_ = slow_ = false;
+    keep_start();
+    return {};
+  }
+
+  /// Inputs have jumped: where forces may have changed their formulas, accelerations and regime are those of the present state.
+  void restart_after_input_jump() {
+    if (cells_.empty()) return;
+    adopt();
+    row_ = start_;
+    if (single_.begin(row_, Real(1))) return;  // a singular pose keeps what it has
+    start_ = row_;
+    last_h_ = Real(0);
+    keep_start();
+  }
+
+  /// Go over to the regime of the present state.
+  void adopt() {
+    if (cells_.empty()) return;
+    switch_at(start_);
+    cells_.adopt();
+  }
+
+  /// Seek the switches that a state has out of the regime; whether there are any.
+  bool seek(const StateOf<S>& state) {
+    if (cells_.empty()) return false;
+    switch_at(state);
+    return cells_.seek();
+  }
+
+  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  std::size_t found(const StateOf<S>& state) {
+    if (cells_.empty()) return 0;
+    switch_at(state);
+    return cells_.found();
+  }
+
+  SwitchCells<S>& cells() { return cells_; }
+
+  /// Close the loops of a state, positions first, then speeds.
+  Fault project(StateOf<S>& state) {
+    residuals_ = {};
+    if (m_ == 0) return {};
+    if (!has_factors_) return single_.assemble(state);
+    time_ = state.t;
+    system_.begin_step(state.t, Real(1));
+    return this->close_with(state, pose_, alpha_, closing_, way_, moved_, residuals_);
+  }
+
+  /// The residuals of the equations after it.
+  const Residuals& residuals() const { return residuals_; }
+
+  long iterations() const { return iterations_; }
+
+  /// The values of the last tangent.
+  const Entries<S>& tangent() const { return tangent_; }
+
+  // With what restarts take.
+  long evaluations() const { return Base::evaluations() + evaluations_; }
+  long factorisations() const { return Base::factorisations() + factorisations_; }
+
+  /// Why the last attempt, whose stages were `found` or not, is not taken in a shorter step; `size` is that of its error.
+  Fault give_up(bool found, bool adaptive, long number, Real size) const {
+    const Cause cause = found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
+    Fault fault = this->fault_in_row(cause, static_cast<int>(worst_), size);
+    fault.t = static_cast<double>(start_.t);
+    fault.step = number;
+    return fault;
+  }
+
+  /// Memory of the next steps, that of the regime and the solvers included; flags are as long as numbers, so that equal ones have equal bytes.
+  struct Memory {
+    StateOf<S> start;
+    Coordinates<S> pose;
+    Entries<S> tangent;
+    Real alpha, factored_w, last_h, share;
+    long has_factors, factored, slow;
+    typename SwitchCells<S>::Memory cells;
+    typename Solver::Memory solver, other;
+    typename RecursiveNewton<S, Solver>::Memory single;
+  };
+
+  Memory memory() const {
+    return {start_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, cells_.memory(), solver_.memory(), other_.memory(),
+            single_.memory()};
+  }
+
+  void restore(const Memory& memory) {
+    start_ = memory.start;
+    pose_ = memory.pose;
+    tangent_ = memory.tangent;
+    alpha_ = memory.alpha;
+    factored_w_ = memory.factored_w;
+    last_h_ = memory.last_h;
+    share_ = memory.share;
+    has_factors_ = memory.has_factors;
+    factored_ = memory.factored;
+    slow_ = memory.slow;
+    cells_.restore(memory.cells);
+    single_.restore(memory.single);
+    if (has_factors_) solver_.restore(memory.solver, tangent_.data());
+    other_.restore(memory.other, single_.tangent().data());
+    keep_start();
+  }
+
+ protected:
+  using Base::f_, Base::lambda_, Base::m_, Base::n_, Base::phi_, Base::phid_, Base::phidd_, Base::solver_, Base::system_, Base::tangent_, Base::time_, Base::x_;
+
+  template <std::size_t count, class Numbers>
+  static std::array<Numbers, count> repeat(const Numbers& numbers) {
+    std::array<Numbers, count> all;
+    all.fill(numbers);
+    return all;
+  }
+
+  void take_over() {
+    alpha_ = single_.step_weights().constraint;
+    last_h_ = Real(0);
+    has_factors_ = factored_ = slow_ = false;
+    keep_start();
+    adopt();
+  }
+
+  void keep_start() {
+    slopes_[0] = start_.vdot;
+    rates_[0] = start_.v;
+    forces_[0] = start_.lambda;
+  }
+
+  void switch_at(const StateOf<S>& state) {
+    system_.begin_step(state.t, Real(1));
+    look_at(state);
+  }
+
+  void look_at(const StateOf<S>& state) {
+    if constexpr (SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
+  }
+
+  void note(Real size, std::size_t speed, Real& largest) {
+    if (size <= largest || largest != largest) return;
+    largest = size;
+    worst_ = speed;
+  }
+
+  /// The difference (d, e) of the two orders in delta and v, into way_ and x_, without what is fast beside a step, which it overstates
+  /// (Hairer, Wanner, section IV.8): (d', e') with e' = A^-1 (M e - w K d) and d' = d + w e', A being the tangent.  The balance of accelerations
+  /// vdot + e/w at displacements -d is (M e - w K d)/w, but for what is of second order.
+  Fault estimate(Real h) {
+    const Real w = Table::gamma.template as<Real>() * h;
+    std::fill(way_.begin(), way_.end(), Real(0));
+    add_slopes(h, Table::error, rates_, way_);
+    probe_ = at_;
+    add_slopes(h / w, Table::error, slopes_, probe_.vdot);
+    for (std::size_t i = 0; i < n_; ++i) trial_[i] = -way_[i];
+    retract<Real>(charts(), at_.q.data(), trial_.data(), probe_.q.data());
+    this->dynamic_residual(probe_, Real(0));
+    for (std::size_t i = 0; i < n_; ++i) x_[i] = w * f_[i];
+    if (const Fault fault = this->solve()) return fault;
+    for (std::size_t i = 0; i < n_; ++i) way_[i] += w * x_[i];
+    return {};
+  }
+
+  /// Newton's iteration for a stage or all; whether these are `found`.  The first change is judged by the share that a stage before left of one, less and less
+  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
+  Fault iterate(Real h, bool& found) {
+    Own& own = static_cast<Own&>(*this);
+    using std::pow;
+    const Real w = Table::gamma.template as<Real>() * h;
+    const Real infinity = std::numeric_limits<Real>::infinity();
+    Real last = infinity, smallest = infinity, move(0);
+    bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(Own::longer) && w > factored_w_ * Real(Own::shorter));
+    slow_ = false;
+    for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(w); ++iteration) {
+      if (const Fault fault = own.correct(renew, w)) return fault;
+      iterations_ += Own::at_once;
+      const Real change = own.size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
+      if (!this->finite(change) || change > Real(1e3) * smallest) return {};
+      share_ = std::clamp(share, Real(0.01), Real(0.99));
+      idle = change < smallest / 2 ? 0 : idle + 1;
+      smallest = std::min(smallest, change);
+      const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
+      const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
+      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(Own::rest))) {
+        found = own.follow(w);
+        return {};
+      }
+      renew = iteration > 1 && share > Real(0.3);
+      if (renew && own.leaves_early(h)) return {};
+      slow_ = slow_ || renew;
+      last = change;
+    }
+    return {};
+  }
+
+  static constexpr int most_iterations = 25;
+
+  Solver& other_;
+  RecursiveNewton<S, Solver> single_;
+  Closing<S> closing_;
+  SwitchCells<S> cells_;
+  Turns<S> turns_;
+  StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage and at last the end, and beside it
+  Coordinates<S> pose_, moved_;          ///< that of the factors
+  Equations<S> push_;
+  Speeds<S> way_, delta_, trial_;
+  std::array<Speeds<S>, Table::stages + 1> rates_, slopes_;  ///< at the start and of the stages: delta' and accelerations
+  std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
+  Residuals residuals_;
+  Tolerances<Real> tolerances_;
+  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
+  bool has_factors_ = false;  ///< of a stage since the start
+  bool factored_ = false, slow_ = false, whole_ = false;  ///< the first: whether these serve
+  std::size_t worst_ = 0;
+  long iterations_ = 0, evaluations_ = 0, factorisations_ = 0;
+};
+
+}  // namespace cutjoint::stepping
