@@ -24,6 +24,7 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
+from cutjoint.model.functions import require_code
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
@@ -65,6 +66,7 @@ def compile_scene(
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
     require_choice(options.method, options.precision, options.additions)
+    require_code(model)
     # Model -> Source
     begin = perf_counter()
     if generated is None:
@@ -107,6 +109,9 @@ def compile_interpreted(
         ToolchainError: the C++ side, which is built where it is not there, failed.
     """
     require_choice(method)
+    if model.functions:
+        place = model.functions[0]
+        raise RunError(f"{place.span}: function '{place.name}': only generated code calls functions of the user; use --implementation generated")
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs

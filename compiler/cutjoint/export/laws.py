@@ -57,7 +57,7 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements and grounds of wheels, which programs with mechanics alone do
+    """Raise ModelError for states, signals, laws that read other elements, grounds of wheels and functions of the user, which programs with mechanics alone do
     not have."""
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*model.states, *(e for e in reading if not isinstance(e, FirstOrderState)))
@@ -66,6 +66,10 @@ def require_mechanics_alone(model: Model) -> None:
     problems += [
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_wheel_words(f)}", hint="leave it out")
         for f in model.forces if f.has_road and f.expressions and f not in found
+    ]  # fmt: skip
+    problems += [
+        Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of the user", hint="write it as an expression")
+        for f in model.functions
     ]  # fmt: skip
     if problems:
         raise ModelError(problems)
