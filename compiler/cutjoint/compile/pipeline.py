@@ -28,6 +28,7 @@ from cutjoint.model.functions import require_code
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
+from cutjoint.run.errors import RunError
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure
@@ -109,9 +110,9 @@ def compile_interpreted(
         ToolchainError: the C++ side, which is built where it is not there, failed.
     """
     require_choice(method)
-    if model.functions:
-        place = model.functions[0]
-        raise RunError(f"{place.span}: function '{place.name}': only generated code calls functions of the user; use --implementation generated")
+    for function in model.functions:
+        words = "only generated code calls functions of the user, and this is interpreted"
+        raise RunError(f"{function.span}: function '{function.name}': {words}; use --implementation generated, where there is a choice")
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs

@@ -57,8 +57,8 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, grounds of wheels and functions of the user, which programs with mechanics alone do
-    not have."""
+    """Raise ModelError for states, signals, laws that read other elements, grounds of wheels and functions of the user, which programs with
+    mechanics alone do not have."""
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*model.states, *(e for e in reading if not isinstance(e, FirstOrderState)))
     message = "only cutjoint has states, controllers and laws that read quantities"
@@ -68,9 +68,9 @@ def require_mechanics_alone(model: Model) -> None:
         for f in model.forces if f.has_road and f.expressions and f not in found
     ]  # fmt: skip
     problems += [
-        Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of the user", hint="write it as an expression")
+        Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")
         for f in model.functions
-    ]  # fmt: skip
+    ]
     if problems:
         raise ModelError(problems)
 

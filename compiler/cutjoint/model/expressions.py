@@ -269,7 +269,7 @@ class _Parser:
             hint = "a controller delays what it samples: {every: ..., delay: ..., signals: ...}"
             raise ExpressionError("there is no continuous delay", hint)
         supplied = self.names.functions if isinstance(self.names, Names) else {}
-        if name in supplied and name not in FUNCTIONS:
+        if name in supplied:
             return call_supplied(supplied[name], [self.term(arg, depth + 1) for arg in args])
         if name not in FUNCTIONS:
             raise ExpressionError(f"unknown function '{name}'", nearest(name, [*FUNCTIONS, *supplied], "functions"))

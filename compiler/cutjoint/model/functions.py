@@ -16,8 +16,8 @@ from sympy.core.symbol import Str
 
 from cutjoint.model import document
 from cutjoint.model.errors import ModelError, Problem, Problems
-from cutjoint.model.operations import FUNCTIONS, ExpressionError, Term
-from cutjoint.model.records import Model, Scalar, SuppliedFunction
+from cutjoint.model.operations import ExpressionError, Term
+from cutjoint.model.records import Model, Scalar, Span, SuppliedFunction
 from cutjoint.model.source import Source
 from cutjoint.package.errors import EquationsError, missing_partials
 from cutjoint.package.locations import AnyPath
@@ -29,7 +29,10 @@ _VALUE = -1  #: stands for the value where a number of an argument stands for a 
 
 
 class SuppliedCall(sympy.Expr):  # type: ignore[misc]
-    """The value of a supplied function, or its partial derivative by an argument: name, argument, whether it has partials, arguments."""
+    """The value of a supplied function, or its partial derivative by an argument: name, argument, whether it has partials, arguments.
+
+    Derivatives may be taken of one that has none: programs of which they are no part, such as those of the method recursive, go without.
+    """
 
     is_commutative = True
     is_extended_real = True
@@ -55,9 +58,9 @@ class SuppliedCall(sympy.Expr):  # type: ignore[misc]
         slopes = [argument.diff(x) for argument in self.arguments]
         if all(slope == 0 for slope in slopes):
             return sympy.Integer(0)
-        if not has_partials or by != _VALUE:
-            raise EquationsError(missing_partials(str(name), second=by != _VALUE))
-        return sympy.Add(*(SuppliedCall(name, j, 1, *self.arguments) * slope for j, slope in enumerate(slopes) if slope != 0))
+        if by != _VALUE:
+            raise EquationsError(missing_partials(str(name), second=True))
+        return sympy.Add(*(SuppliedCall(name, j, has_partials, *self.arguments) * slope for j, slope in enumerate(slopes) if slope != 0))
 
     def _text(self, printer: Any) -> str:
         name, by = self.args[:2]
@@ -74,14 +77,13 @@ class SuppliedCall(sympy.Expr):  # type: ignore[misc]
 
 
 def read_functions(source: Source, problems: Problems, model: document.Document) -> dict[str, SuppliedFunction]:
-    """The functions that a model declares, by name; a name of a function that all expressions have, and an argument twice, are noted."""
+    """The functions that a model declares, by name; an argument that stands twice is noted."""
     found = {}
     for name, part in model.functions.items():
-        span, label = source.key_span(("functions", name)), f"function '{name}'"
-        if name in FUNCTIONS or name in ("delay", "pi"):
-            problems.add(span, label, "the name is that of a function or number of all expressions", "call it by another name")
         if len(set(part.arguments)) < len(part.arguments):
-            problems.add(source.value_span(("functions", name, "arguments")), label, "two arguments have one name", "rename one of them")
+            place = source.value_span(("functions", name, "arguments"))
+            problems.add(place, f"function '{name}'", "two arguments have one name", "rename one of them")
+        span = source.key_span(("functions", name))
         found[name] = SuppliedFunction(name=name, arguments=part.arguments, partials=part.partials, span=span)
     return found
 
@@ -109,17 +111,17 @@ def supply(model: Model, path: AnyPath) -> Model:
         ModelError: the file cannot be read, the model declares no functions, or one of them is not in it.
     """
     if not model.functions:
-        raise ModelError((Problem(model.span, "model", f"the model declares no functions, and {path} has code of some",
-                                  "declare them under 'functions', or leave the file out"),))  # fmt: skip
+        raise _error(model.span, "model", f"it declares no functions, and {path} is to have their code", "leave the file out")
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "is not UTF-8"
-        raise ModelError((Problem(model.span, "model", f"{path}, the code of its functions: {why}"),)) from None
+        raise _error(model.span, "model", f"{path}, the code of its functions: {why}", "name a C++ file") from None
     missing = [f for f in model.functions if not re.search(rf"\b{PREFIX}{f.name}\b", text)]
     if missing:
         raise ModelError(tuple(
-            Problem(f.span, f"function '{f.name}'", f"{path} has no {PREFIX}{f.name}", f"write {signature_of(f)}") for f in missing
+            Problem(span=f.span, element=f"function '{f.name}'", message=f"{path} has no {PREFIX}{f.name}", hint=f"write {signature_of(f)}")
+            for f in missing
         ))  # fmt: skip
     return replace(model, code=text)
 
@@ -132,7 +134,11 @@ def require_code(model: Model) -> None:
     """
     if model.functions and not model.code:
         hint = "name a C++ file that has it by --functions, in Python by read_model(path, functions=...)"
-        raise ModelError(tuple(Problem(f.span, f"function '{f.name}'", "its code is missing", hint) for f in model.functions))
+        raise _error(model.functions[0].span, f"function '{model.functions[0].name}'", "its code is missing", hint)
+
+
+def _error(span: Span, element: str, message: str, hint: str) -> ModelError:
+    return ModelError((Problem(span=span, element=element, message=message, hint=hint),))
 
 
 def signature_of(function: SuppliedFunction) -> str:

@@ -65,7 +65,8 @@ class Scope:
       scope; ``read`` is what finds a quantity.
 
     ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
-    those around it.  ``functions`` are those that the model's user supplies, for what reads quantities.  ``sampled`` is whether what reads quantities may also have accelerations and reactions, since it acts only afterwards.
+    those around it.  ``functions`` are those that the model's user supplies, for what reads quantities.  ``sampled`` is whether what reads
+    quantities may also have accelerations and reactions, since it acts only afterwards.
     """
 
     source: Source

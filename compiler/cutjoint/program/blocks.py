@@ -59,8 +59,8 @@ FUNCTIONS = {
     "where": 3, "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
 }  # fmt: skip
 
-#: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a number
-#: behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
+#: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a
+#: number behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
 SUPPLIED = ("supplied.", "opaque.")
 
 

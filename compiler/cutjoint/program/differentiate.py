@@ -156,9 +156,9 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
     if function in ("road_height", "road_slope"):
         return [b.call(f"{function}_dx", *y.args, table=table), b.zero(1)]
     if function.startswith(SUPPLIED):
-        kind, name, *by = function.split(".")
-        if by or kind == "opaque":
-            raise EquationsError(missing_partials(name, second=bool(by)))
+        _, name, *by = function.split(".")
+        if by:
+            raise EquationsError(missing_partials(name, second=True))
         return [b.call(f"{function}.{j}", *y.args) for j in range(len(y.args))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")
