@@ -17,15 +17,15 @@ from cutjoint.topology.reading import read_model
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    opened: tuple[str, ...],
+    opened: tuple[str, ...], functions: Path | None,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     with options.progress_bar(f"compiling {model.name}"):
         artifact = compile_model(
-            model, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
-            opened=opened,
+            read_model(model, opened=opened, functions=functions), scene=scene, method=method, out=out, integrator=integrator,
+            linearise=linearise, poses=poses, pushed=pushed,
         )  # fmt: skip
-        price = _price(artifact, model) if opened else ""
+        price = _price(artifact, model, functions) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
 
@@ -37,9 +37,9 @@ def _sizes(artifact: Artifact, folder: Path) -> str:
     return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
-def _price(artifact: Artifact, path: Path) -> str:
+def _price(artifact: Artifact, path: Path, functions: Path | None) -> str:
     """The cost of opened numbers, in words."""
-    plain = read_model(path)
+    plain = read_model(path, functions=functions)
     case, scene = find_case(plain, artifact.scene.name)
     _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)
     count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))

@@ -23,14 +23,14 @@ from cutjoint.topology.reading import read_model
 def command(
     model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
     asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
-    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], out: Path,
+    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], out: Path, functions: Path | None,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
-        checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
+        checked = with_link_masses(read_model(model, opened=opened, functions=functions), options.read_masses(links))
         export_fmu(
             with_pushes(checked, pushed), scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
             method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,

@@ -70,7 +70,7 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         ModelError: the file is wrong.
         RunError: there is no such scene, or the method has no closure.
     """
-    model, scene = find_case(read_model(request.model, opened=request.opened), request.scene)
+    model, scene = find_case(read_model(request.model, opened=request.opened, functions=request.functions), request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
     able = names_of(METHODS, lambda m: m.functions)
     if request.loops == Loops.COMPILED and (method not in (*able, AUTO) or request.implementation == Implementation.GENERIC):
@@ -171,7 +171,7 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
         if request.implementation == Implementation.INTERPRETED:
             return _compile_interpreted(request, model, scene, method)
         additions = find_additions(solver)
-        if request.precision != DEFAULT_PRECISION or additions:
+        if request.precision != DEFAULT_PRECISION or additions or model.functions:
             patience = inf  # only generated code has that
         choices = CompileOptions(method=method, precision=request.precision, additions=additions)
         return compile_scene(model, scene, choices, patience=patience)

@@ -31,6 +31,7 @@ def command(
     solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
     end: float | None, iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
     error: bool, verbose: bool, plots: Path | None, beside: tuple[Path, ...], view: Path | None, over: Path | None,
+    functions: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
@@ -45,7 +46,7 @@ def command(
     )  # fmt: skip
     request = Request(
         model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
-        loops=loops, options=asked,
+        loops=loops, functions=functions, options=asked,
     )  # fmt: skip
     if view is not None or over is not None:
         from cutjoint.commands.replaying import require_replay

@@ -34,6 +34,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import missing_partials
 from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -180,6 +181,7 @@ def make_standalone(
     _require_unknowns(equations)
     if linearise:
         _require_relative(equations, "linearise", "which have no derivatives")
+        _require_partials(equations)
     if any(f.name == POSES for f in equations.mechanism.functions):
         _require_relative(equations, POSES, "which do not say how all bodies stand")
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
@@ -228,6 +230,13 @@ def _require_relative(equations: Equations, asked: str, why: str) -> None:
     if isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL:
         able = join_or(linearised_methods())
         raise RunError(f"{asked}: the state of method '{equations.method}' has natural coordinates, {why}; use {able}")
+
+
+def _require_partials(equations: Equations) -> None:
+    """Check that functions of the user have derivatives."""
+    for function in equations.topology.model.functions:
+        if not function.partials:
+            raise RunError(f"{function.span}: {missing_partials(function.name)}")
 
 
 def linearised_methods() -> tuple[str, ...]:

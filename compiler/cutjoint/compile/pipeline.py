@@ -25,10 +25,12 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
+from cutjoint.model.functions import require_code
 from cutjoint.model.pushing import with_pushes
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
+from cutjoint.run.errors import RunError
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure
@@ -68,6 +70,7 @@ def compile_scene(
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
     require_choice(options.method, options.precision, options.additions)
+    require_code(model)
     # Model -> Source
     begin = perf_counter()
     if generated is None:
@@ -110,6 +113,9 @@ def compile_interpreted(
         ToolchainError: the C++ side, which is built where it is not there, failed.
     """
     require_choice(method)
+    for function in model.functions:
+        words = "only generated code calls functions of the user, and this is interpreted"
+        raise RunError(f"{function.span}: function '{function.name}': {words}; use --implementation generated, where there is a choice")
     # Model -> Source
     begin = perf_counter()
     outputs = scene.outputs if outputs is None else outputs

@@ -43,7 +43,7 @@ _LARGEST = 8_000_000
 class Request:
     """The options of `cutjoint simulate` but for parameters; None for values of the scene.
 
-    ``opened`` are patterns of the names of numbers that become parameters.
+    ``opened`` are patterns of the names of numbers that become parameters, ``functions`` is a C++ file with functions of the model.
     """
 
     model: Path
@@ -54,6 +54,7 @@ class Request:
     implementation: str = Implementation.GENERATED
     precision: str = DEFAULT_PRECISION
     loops: str | None = None
+    functions: Path | None = None
     options: Options = field(default_factory=Options)
 
 
@@ -131,7 +132,8 @@ def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
 
 
 def _cache_path(request: Request, content: bytes) -> Path:
-    asked = {**asdict(request), "model": str(request.model)}
+    code = None if request.functions is None else sha256(request.functions.read_bytes()).hexdigest()
+    asked = {**asdict(request), "model": str(request.model), "functions": code}
     about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"
 

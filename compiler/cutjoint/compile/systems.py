@@ -115,8 +115,11 @@ def _plan_with_pivots(equations: LagrangianEquations, pattern: Pattern, states: 
     """The factorisation of a saddle point, with pivots that hold in all states in which the laws have values.
 
     Raises:
-        RunError: the equations depend on each other in one of the states, or some law has no value in any of them.
+        RunError: the equations depend on each other in one of the states, or some law has no value in any of them, or is code of the user.
     """
+    for function in equations.topology.model.functions:
+        words = "classical chooses its pivots by values of all laws, and has none of functions whose code the user supplies"
+        raise RunError(f"{function.span}: function '{function.name}': {words}; use --method recursive, recursive-newton or augmented")
     dt = equations.scene.numerics.of_method(equations.method).step
     samples = [sample for sample in tangent_samples(equations, states, dt) if np.isfinite(sample).all()]
     if not samples:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
+from cutjoint.model.functions import code_file
 
 #: The namespace of instances side by side.
 _SIDE = "side_by_side"
@@ -85,6 +86,9 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
             some, unity = compiled(page, number.unity, each.functions(page, number.functions), number.headers, number.real)
             sources[each.target] += some
             files |= unity
+    supplied = code_file(parts.mechanism.topology.model)
+    files |= supplied
+    sources["mechanism"] += supplied
     project = page.render("library/CMakeLists.txt.jinja", sources=sources, **view)
     return page.source({**files, "CMakeLists.txt": project}, driver=LIBRARY)
 

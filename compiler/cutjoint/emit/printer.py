@@ -6,6 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
 
+from cutjoint.model.functions import PREFIX
+from cutjoint.package.errors import EquationsError, missing_partials
+from cutjoint.program.blocks import SUPPLIED
 from cutjoint.program.scalars import Graph, Scalar
 
 #: Functions of namespace std that keep their name.
@@ -138,6 +141,8 @@ class Printer:
         arguments = ", ".join(self.text(x) for x in a)
         if node.op.startswith("road_"):
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
+        if node.op.startswith(SUPPLIED):
+            return _supplied(node.op, "Real", arguments)
         if node.op in _CONDITIONS:
             operators = _CONDITIONS if self.conditions == "bool" else _CONDITIONS_IN_LANES
             return f"({operators[node.op].join(self.text(x, _SUM) for x in a)})"
@@ -160,12 +165,27 @@ class Printer:
             return f"({_CONDITIONS_IN_LANES[node.op].join(arguments)})"
         if node.op == "not":
             return f"(~{arguments[0]})"
+        if node.op.startswith(SUPPLIED):
+            return _supplied(node.op, kind, ", ".join(arguments))
         return f"{node.op}({', '.join(arguments)})"
 
     def _type(self, node: Scalar) -> str:
         if node.op in _LOGICAL:
             return "auto" if node.lanes else self.conditions
         return lanes_type(node.lanes)
+
+
+def _supplied(function: str, kind: str, arguments: str) -> str:
+    """A call of a function that the user supplies, or of its partial derivative, in a number type.
+
+    Raises:
+        EquationsError: it has no partial derivatives.
+    """
+    kind_of, name, *by = function.split(".")
+    if by and kind_of == "opaque":
+        raise EquationsError(missing_partials(name))
+    verb = "supplied_partial" if by else "supplied"
+    return f"{verb}<{kind}>({', '.join([PREFIX + name, *by, f'{{{arguments}}}'])})"
 
 
 def real(value: object) -> str:

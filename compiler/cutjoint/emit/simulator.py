@@ -9,6 +9,7 @@ from cutjoint.emit.description import describe, emit_description
 from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.source import FACTORISATION, Page, Source, compiled
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.functions import SUPPLIED_FILE, code_file
 from cutjoint.program.records import Program
 
 _DESCRIPTION = "description"
@@ -30,7 +31,7 @@ def emit_batch(program: Program, equations: RecursiveEquations) -> Source:
     page = Page.of(equations, "recursive")
     files = _mechanism_files(page, program, equations, conditions="Mask")
     main = _main(page, [f"{page.header}.hpp"], "batch", running=f"GeneratedMechanism<generated::{page.class_name}<batch::Real>>")
-    running = {name: text for name, text in files.items() if not name.startswith(_DESCRIPTION)}
+    running = {name: text for name, text in files.items() if not name.startswith(_DESCRIPTION) and name != SUPPLIED_FILE}
     project = _project(page, "batch", files, running, headers=["cutjoint/batch/real.hpp"], real="cutjoint::batch::Real")
     return page.source({**files, **main, **project}, driver="batch")
 
@@ -54,7 +55,8 @@ def _mechanism_files(page: Page, program: Program, equations: RecursiveEquations
     """The class of a mechanism in relative coordinates, and its description."""
     made = mechanism_class(page, program, equations, conditions, header=page.header)
     described = emit_description(page, describe(equations), _DESCRIPTION)
-    return page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})
+    files = page.files({f"{page.header}.hpp": made.header, **made.functions, f"{_DESCRIPTION}.cpp": described})
+    return {**files, **code_file(equations.topology.model)}
 
 
 def _system_files(page: Page, made: CppClass, header: str, system: System) -> dict[str, str]:

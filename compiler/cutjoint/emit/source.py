@@ -13,6 +13,7 @@ import jinja2
 
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.model.functions import SUPPLIED_FILE
 from cutjoint.package.locations import templates_folder
 from cutjoint.package.version import origin_of, without_mark
 from cutjoint.program.records import Program
@@ -150,7 +151,7 @@ def compiled(
     type ``real``, all are compiled by such files.
     """
     sources = sorted(file for file in files if file.endswith(".cpp") and file != "main.cpp")
-    alone = [file for file in sources if len(files[file]) > LARGE or file.endswith("description.cpp")]
+    alone = [file for file in sources if len(files[file]) > LARGE or file.endswith(("description.cpp", SUPPLIED_FILE))]
     small = [file for file in sources if file not in alone]
     together = {f"unity/{name}.cpp": small} if small else {}
     if real:

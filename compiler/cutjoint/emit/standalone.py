@@ -22,6 +22,7 @@ from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
+from cutjoint.model.functions import SUPPLIED_FILE, code_file
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import runtime_folder
@@ -34,6 +35,7 @@ _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
 _DYNAMICS = "cutjoint/core/dynamics.hpp"
+_SUPPLIED = "cutjoint/core/supplied.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -135,6 +137,7 @@ def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str) -> dic
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
         f"{p}.run": page.render("standalone/run.jinja", **view),
         "README.md": page.render("standalone/README.md.jinja", **view),
+        **code_file(parts.mechanism.topology.model),
     }
 
 
@@ -187,7 +190,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
     more = [*([_DERIVATIVES] if has_derivatives else []), *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
-    return [*lanes, _CORE, steps.header, *more]
+    supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
+    return [*lanes, *supplied, _CORE, steps.header, *more]
 
 
 def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, object]:
@@ -206,6 +210,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
+        "supplied": [SUPPLIED_FILE] if model.functions else [],
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),

@@ -58,8 +58,8 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, friction by loads and grounds of wheels, which programs with
-    mechanics alone do not have."""
+    """Raise ModelError for states, signals, laws that read other elements, friction by loads, grounds of wheels and functions of the user,
+    which programs with mechanics alone do not have."""
     bristles = {bristle_name(f.name) for f in model.forces if f.by_load}
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))
@@ -69,6 +69,10 @@ def require_mechanics_alone(model: Model) -> None:
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
         for f in model.forces if f.by_load or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
+    problems += [
+        Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")
+        for f in model.functions
+    ]
     if problems:
         raise ModelError(problems)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy
 
+from cutjoint.model.functions import SuppliedCall
 from cutjoint.model.operations import Exponential
 from cutjoint.model.records import Scalar
 from cutjoint.program.blocks import Block, Builder, is_identity
@@ -126,6 +127,8 @@ class Translator:
             return reduce(lambda u, v: b.call(name, u, v), parts)
         if isinstance(e, sympy.sign):
             return self._sign(self._scalar(e.args[0]))
+        if isinstance(e, SuppliedCall):
+            return b.call(e.function, *map(self._scalar, e.arguments))
         name = _CALLS.get(e.func, "")
         if not name:
             raise ValueError(f"{e.func} has no counterpart in the program")

@@ -316,6 +316,13 @@ class Scene(Part):
         return self
 
 
+class SuppliedFunction(Part):
+    """A function whose code does not stand in the model: the user supplies it as C++."""
+
+    arguments: Annotated[tuple[Name, ...], Field(min_length=1)]
+    partials: StrictBool = False
+
+
 class Document(Elements):
     """A model file."""
 
@@ -323,6 +330,7 @@ class Document(Elements):
     name: Name
     gravity: Triple
     parameters: dict[ParameterName, ParameterEntry] = Field(default={})
+    functions: dict[TermName, SuppliedFunction] = Field(default={})
     submodels: dict[Name, Submodel] = Field(default={})
     instances: dict[Name, Instance] = Field(default={})
     scenes: dict[Name, Scene] = Field(default={})

@@ -18,6 +18,7 @@ from cutjoint.model.dependencies import check_loops
 from cutjoint.model.elements import Elements, read_elements
 from cutjoint.model.errors import Problems, Unheard, nearest
 from cutjoint.model.expressions import quantities_read
+from cutjoint.model.functions import read_functions
 from cutjoint.model.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
 from cutjoint.model.machine import Machine
 from cutjoint.model.mirror import mirror_elements
@@ -46,7 +47,8 @@ class Expansion:
 def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening) -> Expansion:
     """Read all elements of the model and of its instances; ``opening`` makes parameters of their numbers."""
     model, directory = shaped.document, _directory(shaped)
-    scope = Scope(source, problems, directory, {}, {}, opening=opening)
+    functions = read_functions(source, problems, model)
+    scope = Scope(source, problems, directory, {}, {}, opening=opening, functions=functions)
     parameters = read_parameters(scope, model, shaped.lost_parameters)
     scope = parameters.extend(scope)
     machine = Machine(partial(_survey, scope, model))

@@ -10,13 +10,14 @@ import math
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import sympy
 
 from cutjoint.model.choices import bottom_up
 from cutjoint.model.errors import nearest
+from cutjoint.model.functions import call_supplied
 from cutjoint.model.operations import (
     FUNCTIONS,
     MANY,
@@ -36,7 +37,7 @@ from cutjoint.model.operations import (
     smooth,
     where,
 )
-from cutjoint.model.records import Scalar
+from cutjoint.model.records import Scalar, SuppliedFunction
 from cutjoint.model.text import is_number
 from cutjoint.model.units import Quantity, UnitError, read_measure
 
@@ -82,11 +83,12 @@ def samples_read(expression: Scalar) -> list[str]:
 @dataclass(frozen=True)
 class Names(Mapping[str, Term]):
     """The names of an expression that may read quantities: ``terms`` by name, and what ``quantity`` knows: names with a dot, and those
-    of states and signals, ``own``, where the expression stands."""
+    of states and signals, ``own``, where the expression stands.  ``functions`` are those that it may call besides those of all."""
 
     terms: Mapping[str, Term]
     own: frozenset[str]
     quantity: Callable[[str], Term]
+    functions: Mapping[str, SuppliedFunction] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Term:
         return self.quantity(name) if self._is_quantity(name) else self.terms[name]
@@ -266,8 +268,11 @@ class _Parser:
         if name == "delay":
             hint = "a controller delays what it samples: {every: ..., delay: ..., signals: ...}"
             raise ExpressionError("there is no continuous delay", hint)
+        supplied = self.names.functions if isinstance(self.names, Names) else {}
+        if name in supplied:
+            return call_supplied(supplied[name], [self.term(arg, depth + 1) for arg in args])
         if name not in FUNCTIONS:
-            raise ExpressionError(f"unknown function '{name}'", nearest(name, FUNCTIONS, "functions"))
+            raise ExpressionError(f"unknown function '{name}'", nearest(name, [*FUNCTIONS, *supplied], "functions"))
         count = FUNCTIONS[name]
         if len(args) != count and not (count == MANY and args):
             wanted = "at least one argument" if count == MANY else f"{count} argument{'s' * (count > 1)}"

@@ -81,6 +81,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
         states=elements.states,
         signals=(*elements.signals, *reported),
         controllers=elements.controllers,
+        functions=tuple(expansion.scope.functions.values()),
         scenes=scenes,
         span=source.key_span(("name",)),
         text=text,

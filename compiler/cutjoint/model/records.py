@@ -573,6 +573,16 @@ class Scene:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SuppliedFunction:
+    """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too."""
+
+    name: str
+    arguments: tuple[str, ...]
+    partials: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Model:
     """A validated model: what the file says, flat and in SI units.
 
@@ -582,7 +592,7 @@ class Model:
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
     ``notes`` sentences about words of earlier versions in the file, and about parameters that nothing uses.  ``written`` are the joints
-    as the file has them where those of a scene differ.
+    as the file has them where those of a scene differ.  ``functions`` are those that the user supplies, ``code`` is their C++.
     """
 
     name: str
@@ -606,6 +616,8 @@ class Model:
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
     written: tuple[Joint, ...] | None = None
+    functions: tuple[SuppliedFunction, ...] = ()
+    code: str = field(default="", repr=False)
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

@@ -13,10 +13,11 @@ from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import READERS, Names, read_term, variable
+from cutjoint.model.functions import SuppliedCall
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.opening import Opening, number_name
 from cutjoint.model.operations import ExpressionError, Term
-from cutjoint.model.records import GROUND, Scalar, Span, Vector
+from cutjoint.model.records import GROUND, Scalar, Span, SuppliedFunction, Vector
 from cutjoint.model.source import Path, Source, field_name
 from cutjoint.model.units import ACCELERATION, INERTIA, LENGTH, MASS, Dimension, described
 
@@ -64,7 +65,8 @@ class Scope:
       scope; ``read`` is what finds a quantity.
 
     ``sensed`` are the symbols of quantities that an instance gives to its submodel's parameters, ``mirrors`` the axes of its mirror and of
-    those around it.  ``sampled`` is whether what reads quantities may also have accelerations and reactions, since it acts only afterwards.
+    those around it.  ``functions`` are those that the model's user supplies, for what reads quantities.  ``sampled`` is whether what reads
+    quantities may also have accelerations and reactions, since it acts only afterwards.
     """
 
     source: Source
@@ -84,6 +86,7 @@ class Scope:
     sensed: frozenset[Scalar] = frozenset()
     sampled: bool = False
     mirrors: tuple[str, ...] = ()
+    functions: Mapping[str, SuppliedFunction] = field(default_factory=dict)
 
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""
@@ -107,7 +110,7 @@ class Scope:
         """The variables, whose dimension fits everywhere, all parameters, and the quantities of elements; no name that would be two."""
         terms = {**self.names, **{name: Term(variable(name)) for name in variables}}
         terms = {name: term for name, term in terms.items() if name not in variables or name not in self.names}
-        return terms if self.read is None else Names(terms, self.own, partial(self.read, self))
+        return terms if self.read is None else Names(terms, self.own, partial(self.read, self), self.functions)
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,9 @@ class Element:
         for name in self.scope.own:
             if error.message == f"unknown symbol '{name}'":
                 return f"the quantity '{name}' cannot stand here", READERS
+        for name in self.scope.functions:
+            if error.message == f"unknown function '{name}'":
+                return f"the function '{name}' cannot be called here", READERS.replace("have", "call")
         for name in self.scope.names.keys() - names.keys():
             if error.message == f"unknown symbol '{name}'" and isinstance(names, Names) and name in VARIABLES:
                 return f"'{name}' is a variable of this law and a parameter", f"call the parameter by another name, such as '{name}_0'"
@@ -199,7 +205,7 @@ class Element:
 
     def _is_closed(self, expression: Scalar) -> bool:
         """Return whether an expression has a value once the parameters have theirs."""
-        return not expression.has(FAILED) and expression.free_symbols <= self.scope.values.keys()
+        return not expression.has(FAILED, SuppliedCall) and expression.free_symbols <= self.scope.values.keys()
 
     def settle(self, vector: Vector) -> Vector:
         """A vector with the numbers of all parameters that never change."""

@@ -30,6 +30,7 @@ _STAND_INS: Mapping[str, Any] = {"gravity": (0, 0, 0), "name": "model"}
 #: The kind of element that each section holds.
 KINDS = {
     "parameters": "parameter",
+    "functions": "function",
     "points": "point",
     "bodies": "body",
     "joints": "joint",

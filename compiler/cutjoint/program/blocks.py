@@ -59,6 +59,10 @@ FUNCTIONS = {
     "where": 3, "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
 }  # fmt: skip
 
+#: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a
+#: number behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
+SUPPLIED = ("supplied.", "opaque.")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
@@ -277,7 +281,8 @@ class Builder:
 
     def call(self, function: str, *args: Block, table: str | None = None) -> Block:
         """A scalar function of scalars; ``table`` names the road of a lookup."""
-        if FUNCTIONS.get(function) != len(args) or any(a.shape != (1, 1) for a in args):
+        known = len(args) if function.startswith(SUPPLIED) else FUNCTIONS.get(function)
+        if known != len(args) or any(a.shape != (1, 1) for a in args):
             raise ValueError(f"{function} does not take {args!r}")
         when = max((a.binding for a in args), default=BindingTime.CONST)
         if table is not None:

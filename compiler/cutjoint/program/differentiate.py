@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial, reduce
 from typing import Any, TypeAlias
 
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.package.errors import EquationsError, missing_partials
+from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, Builder
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
 Jacobian: TypeAlias = Mapping[Block, Block]
@@ -154,6 +155,11 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
     function, table = data
     if function in ("road_height", "road_slope"):
         return [b.call(f"{function}_dx", *y.args, table=table), b.zero(1)]
+    if function.startswith(SUPPLIED):
+        _, name, *by = function.split(".")
+        if by:
+            raise EquationsError(missing_partials(name, second=True))
+        return [b.call(f"{function}.{j}", *y.args) for j in range(len(y.args))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")
     return _PARTIALS[function](_Calculus(b), y, *y.args)

@@ -11,7 +11,8 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.program.blocks import Block
+from cutjoint.package.errors import EquationsError
+from cutjoint.program.blocks import SUPPLIED, Block
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.scalars import Graph, Scalar
 
@@ -86,7 +87,15 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
         road = roads[table]
         x, y = (float(np.asarray(a).item()) for a in args)  # a road answers for one place, not for a batch
         return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
+    _require_own(function)
     return np.asarray(FUNCTIONS[function](*args), dtype=float)
+
+
+def _require_own(function: str) -> None:
+    """Raise EquationsError for a function that a user supplies."""
+    if function.startswith(SUPPLIED):
+        name = function.split(".")[1]
+        raise EquationsError(f"function '{name}': its code is C++, and here a program is interpreted; only compiled runs have it")
 
 
 def _stack(data: Any, args: list[Array]) -> Array:
@@ -169,5 +178,6 @@ def interpret_scalar(node: Scalar, args: Sequence[Any], inputs: Mapping[str, Arr
             return float(args[0][data])
         if node.op == "lane_sum":
             return float(np.sum(args[0]))
+        _require_own(node.op)
         result = FUNCTIONS[node.op](*args)
         return np.asarray(result, dtype=float) if node.lanes else float(result)

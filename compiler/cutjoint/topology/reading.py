@@ -7,21 +7,24 @@ from contextlib import contextmanager
 
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
+from cutjoint.model.functions import supply
 from cutjoint.model.records import Model
 from cutjoint.package.locations import AnyPath
 from cutjoint.topology.search import span
 from cutjoint.topology.spanning_tree import TopologyError
 
 
-def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
+def read_model(path: AnyPath, *, opened: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
     """Read and validate the model file at ``path``; numbers in the result are SI, and parameters if their names match ``opened``.
+    ``functions`` is a C++ file with the code of functions that the model declares.
 
     Raises:
         ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
-            these.
+            these.  Or the code of a function is not in the C++ file.
     """
     with _problems_of_loops():
-        return read.read_model(path, opened=opened)
+        model = read.read_model(path, opened=opened)
+    return model if functions is None else supply(model, functions)
 
 
 def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, opened: Sequence[str] = ()) -> Model:
