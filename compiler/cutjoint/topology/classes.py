@@ -6,10 +6,12 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from os.path import commonprefix
 from typing import Any, TypeAlias
 
 import sympy
 
+from cutjoint.model.expressions import quantities_read
 from cutjoint.model.records import GROUND, Force, Gear, Joint, Model, Scalar
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.records import SubtreeClass, TreeJoint
@@ -22,7 +24,7 @@ def find_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
 
     A part is a subtree, or the subtrees of one carrier that cut joints and gears connect.  Two parts are isomorphic when their joints, cut
     joints, gears, forces and massless bodies agree in kind and place; numbers may differ, and so may the bodies outside that they are
-    attached to.
+    attached to.  States and signals of the instance that a part's bodies stand in belong to it, and laws agree that read the same there.
     """
     return _find(model, graph, [*_linked(graph), *([t.child] for t in graph.tree)])
 
@@ -62,8 +64,8 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A part: its bodies, its ``elements`` (bodies, tree joints, cut joints, gears, forces) in the order of the signature, and the body
-    that carries it, if the part touches nothing else of unknown motion."""
+    """A part: its bodies, its ``elements`` (bodies, tree joints, cut joints, gears, forces, states, signals) in the order of the signature,
+    and the body that carries it, if the part touches nothing else of unknown motion."""
 
     bodies: tuple[str, ...]
     elements: tuple[str, ...]
@@ -83,6 +85,7 @@ class _Attached:
         self._gears = _by_body(graph.gears, self._geared)
         self._ends = joint_ends(graph.tree, graph.cuts)
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
+        self._named = tuple(element.name for element in (*model.states, *model.signals))
         self._shapes = self._numbered_shapes()
         self._children: dict[str, list[str]] = {}
         self.sizes = dict.fromkeys(self._joint_of, 1)
@@ -127,17 +130,20 @@ class _Attached:
         joints = [self._joint_of[b] for b in bodies]
         cuts = _sorted(self._cuts, bodies, lambda c: (c.kind, where(c.base), where(c.follower)))
         gears = _sorted(self._gears, bodies, lambda g: tuple((where(self._child_of[c.joint]), c.name) for c in (g.first, g.second)))
-        forces = _sorted(self._forces, bodies, lambda f: _force(f, where, self._ends))
+        instance = _instance(bodies)
+        forces = _sorted(self._forces, bodies, lambda f: _force(f, where, self._ends, instance))
+        named = tuple(name for name in self._named if instance and name.startswith(instance))
         signature = (
             tuple(self._massless[b] for b in bodies),
             tuple((t.joint.kind, where(t.parent), t.reversed, t.joint.guide is not None) for t in joints),
             *(tuple(key for key, _ in found) for found in (cuts, gears, forces)),
+            tuple(name.removeprefix(instance) for name in named),
         )
         names = (element.name for found in (cuts, gears, forces) for _, element in found)
         touched = {t.parent for t in joints}
         touched.update(*({c.base, c.follower} for _, c in cuts), *(self._geared(g) for _, g in gears))
         return _Part(
-            bodies=bodies, elements=(*bodies, *(t.joint.name for t in joints), *names), signature=signature,
+            bodies=bodies, elements=(*bodies, *(t.joint.name for t in joints), *names, *named), signature=signature,
             carrier=self._carrier(bodies, touched - place.keys()),
         )  # fmt: skip
 
@@ -172,11 +178,28 @@ def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tu
     return {**{t.joint.name: (t.child,) for t in tree}, **{cut.name: (cut.base, cut.follower) for cut in cuts}}
 
 
-def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]]) -> tuple[str, tuple[int, ...], str]:
-    shape = ";".join(map(_shape, force.expressions)) + force.coordinate_of
+def _instance(bodies: Sequence[str]) -> str:
+    """The innermost instance, "name.", that all bodies stand in; "" if there is none."""
+    shared = commonprefix([name.split(".")[:-1] for name in bodies])
+    return "".join(f"{name}." for name in shared)
+
+
+def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instance: str) -> tuple[str, tuple[int, ...], str]:
+    shape = ";".join(_reading(law, instance) or _shape(law) for law in force.expressions) + force.coordinate_of
     places = tuple(where(b) for b in force_bodies(force, ends))
     # a force between two members has its base in the one and its follower in the other
     return type(force).__name__, tuple(sorted(places)) if min(places) < 0 else places, shape
+
+
+def _reading(law: Scalar, instance: str) -> str:
+    """The quantities that a law reads, by their names in its instance; "" where it reads none there.
+
+    How it reads them is left to the folding of blocks: mirrored instances differ in signs.
+    """
+    read = [f"{element}.{quantity}" for element, quantity in quantities_read(law)]
+    if not any(instance and name.startswith(instance) for name in read):
+        return ""
+    return "reads " + ",".join(sorted(name.removeprefix(instance) for name in read))
 
 
 @lru_cache(maxsize=4096)
