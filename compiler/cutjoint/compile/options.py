@@ -32,6 +32,11 @@ class CompileOptions:
     linearise: bool = False
     poses: bool = False
 
+    @property
+    def can_be_interpreted(self) -> bool:
+        """Return whether they say nothing that only generated code has: other number types, additions and folders."""
+        return self.precision == DEFAULT_PRECISION and not self.additions and self.out is None
+
 
 #: The choices where none is made.
 DEFAULT = CompileOptions()
