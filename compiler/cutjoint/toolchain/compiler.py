@@ -80,7 +80,8 @@ def require_tools(*missing: str) -> None:
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        raise MissingToolsError(f"missing: {', '.join(absent)}; apt-get install {PACKAGES}")
+        what = "this takes generated code; " if binaries_folder().is_dir() else ""
+        raise MissingToolsError(f"{what}missing: {', '.join(absent)}; apt-get install {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:
