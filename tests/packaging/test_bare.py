@@ -136,7 +136,10 @@ def test_batches_have_the_results_of_generated_code(bare: Bare, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    "words", [("simulate", FOUR_BAR, "--implementation", "generated"), ("compile", FOUR_BAR, "--out", "folder"), ("realtime", FOUR_BAR)],
+    "words", [
+        ("simulate", FOUR_BAR, "--out", "rows.csv", "--implementation", "generated"), ("compile", FOUR_BAR, "--out", "folder"),
+        ("realtime", FOUR_BAR),
+    ],
     ids=lambda words: words[0],
 )  # fmt: skip
 def test_what_takes_generated_code_says_so(bare: Bare, words: tuple[str, ...]) -> None:

@@ -16,7 +16,9 @@ from pathlib import Path
 from cutjoint.package.locations import binaries_folder
 from cutjoint.toolchain.errors import MissingToolsError, ToolchainError
 
-PACKAGES = "g++ cmake ninja-build libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
+#: Debian's packages of the tools, and of all that generated code needs; wheels for a platform have the rest of it.
+TOOLS = "g++ cmake ninja-build"
+PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 
 #: Variables besides $CXX that compilers and CMake read, and that change what is built.
 _VARIABLES = (
@@ -80,8 +82,10 @@ def require_tools(*missing: str) -> None:
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        what = "this takes generated code; " if binaries_folder().is_dir() else ""
-        raise MissingToolsError(f"{what}missing: {', '.join(absent)}; apt-get install {PACKAGES}")
+        missing = f"missing: {', '.join(absent)}; apt-get install"
+        if binaries_folder().is_dir():
+            raise MissingToolsError(f"this takes generated code; {missing} {TOOLS}")
+        raise MissingToolsError(f"{missing} {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:
