@@ -127,6 +127,12 @@ $(VENV)/.ready: pyproject.toml measuring/pyproject.toml scripts/require-cpp
 clean:
 	rm -rf $(VENV) results
 
+# Wheels for Linux that run without a compiler, into dist/; Zig is their compiler
+.PHONY: wheel
+wheel: setup
+	$(BIN)/pip install --quiet --editable '.[wheel]'
+	$(BIN)/python scripts/wheel
+
 # The examples of generated code and explanations that are kept in git for reading.
 .PHONY: generated
 generated: setup

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,10 +10,11 @@ from pathlib import Path
 from tests.conftest import MODELS, ROOT
 
 
-def install(project: Path, folder: Path) -> Path:
+def install(project: Path, folder: Path, **environment: str) -> Path:
     """The wheel of a project, installed into a folder of its own."""
     wheels, site = folder / "wheels", folder / "site"
-    subprocess.run([sys.executable, "-m", "build", "--wheel", "--outdir", str(wheels), str(project)], check=True, capture_output=True)
+    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(wheels), str(project)]
+    subprocess.run(build, check=True, capture_output=True, env={**os.environ, **environment})
     (wheel,) = wheels.glob("*.whl")
     subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)], check=True)
     return site

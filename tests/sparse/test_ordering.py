@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes.util
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,4 +71,12 @@ def test_a_missing_library_is_named_with_its_packages(monkeypatch: pytest.Monkey
     monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
     message = "missing: libamd, which orders sparse matrices; apt-get install libsuitesparse-dev libmetis5"
     with pytest.raises(MissingLibraryError, match=message):
+        plan_definite(pattern_of(spd_matrix(1, 1, 1), symmetric=True))
+
+
+def test_libraries_of_the_package_come_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A file that is no library shows that it was tried, before that of the system."""
+    (tmp_path / "libamd.so").write_bytes(b"no library")
+    monkeypatch.setattr("cutjoint.sparse.ordering.binaries_folder", lambda: tmp_path)
+    with pytest.raises(OSError, match=str(tmp_path / "libamd.so")):
         plan_definite(pattern_of(spd_matrix(1, 1, 1), symmetric=True))

@@ -10,7 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.package.locations import runtime_folder
+from cutjoint.toolchain.cmake import build_project
+from cutjoint.toolchain.compiler import find_compiler, find_compiler_if_any
 from cutjoint.toolchain.errors import ToolchainError
 from tests.conftest import MODELS
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -106,3 +108,28 @@ def test_variables_that_compilers_read_are_part_of_the_key(site: Site, monkeypat
     plain = site.build("one").path
     monkeypatch.setenv("CXXFLAGS", "-O0")
     assert site.build("one").path != plain
+
+
+def test_headers_of_the_package_come_before_those_of_the_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A configuration that fails shows that CMake has taken it."""
+    place = tmp_path / "headers" / "share" / "eigen3" / "cmake"
+    place.mkdir(parents=True)
+    (place / "Eigen3Config.cmake").write_text('message(FATAL_ERROR "an error of this one")\n', encoding="utf-8")
+    (place / "Eigen3ConfigVersion.cmake").write_text("set(PACKAGE_VERSION_COMPATIBLE TRUE)\n", encoding="utf-8")
+    monkeypatch.setattr("cutjoint.toolchain.cmake.binaries_folder", lambda: tmp_path)
+    definitions = ("-DCUTJOINT_PRECISION=double", "-DCUTJOINT_REAL=double")
+    with pytest.raises(ToolchainError, match="an error of this one"):
+        build_project(runtime_folder() / "driver" / "alone", tmp_path / "out", find_compiler(), ("-O1",), *definitions)
+
+
+def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path / "none")
+    with pytest.raises(ToolchainError, match="^missing: cmake, ninja, a C"):
+        find_compiler_if_any()
+    monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path)
+    assert find_compiler_if_any() is None
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    with pytest.raises(ToolchainError, match="there is no program 'no-such-compiler'"):
+        find_compiler_if_any()

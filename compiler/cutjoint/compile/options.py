@@ -34,6 +34,11 @@ class CompileOptions:
     poses: bool = False
     pushed: Sequence[str] = ()
 
+    @property
+    def can_be_interpreted(self) -> bool:
+        """Return whether they say nothing that only generated code has: other number types, additions and folders."""
+        return self.precision == DEFAULT_PRECISION and not self.additions and self.out is None
+
 
 #: The choices where none is made.
 DEFAULT = CompileOptions()

@@ -35,6 +35,7 @@ from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build, build_interpreter
+from cutjoint.toolchain.compiler import find_compiler_if_any
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
@@ -61,7 +62,8 @@ def compile_scene(
     model: Model, scene: Scene, options: CompileOptions = DEFAULT, *, generated: Generated | None = None, patience: float = inf
 ) -> Artifact:  # fmt: skip
     """Compile a model for a scene.  ``generated`` is what `generate` has made of it already.  Compiling that takes more than ``patience``
-    (s) goes on in another process.
+    (s) goes on in another process.  Where there is no compiler the program is interpreted, if the package has the simulator
+    and the options say nothing that only generated code has.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the choice is wrong, or they do not go together.
@@ -71,6 +73,9 @@ def compile_scene(
     """
     require_choice(options.method, options.precision, options.additions)
     require_code(model)
+    if options.can_be_interpreted and find_compiler_if_any() is None:
+        scheduled = None if generated is None else (generated.equations, generated.program)
+        return compile_interpreted(model, scene, method=options.method, outputs=options.outputs, scheduled=scheduled)
     # Model -> Source
     begin = perf_counter()
     if generated is None:

@@ -31,7 +31,7 @@ from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
-from cutjoint.toolchain.compiler import find_compiler, resolve
+from cutjoint.toolchain.compiler import find_compiler_if_any, resolve
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.errors import ToolchainError
 
@@ -152,11 +152,12 @@ def made_with() -> tuple[Any, ...]:
     """The origin of cached runs besides the model: sources, versions, the C++ compiler, its flags and the processor that they mean.
 
     Raises:
-        ToolchainError: a tool is missing.
+        ToolchainError: a tool is missing, and the package has no simulator that does without.
         PackageNotFoundError: a package is installed without its version.
     """
-    compiler = find_compiler()
-    return code_digest(code_folders()), versions(), compiler.command, compiler.key, resolve(FLAGS)
+    compiler = find_compiler_if_any()
+    how = () if compiler is None else (compiler.command, compiler.key, resolve(FLAGS))
+    return code_digest(code_folders()), versions(), *how
 
 
 @cache

@@ -32,6 +32,11 @@ def library_folder() -> Path:
     return _PACKAGE / "library"
 
 
+def binaries_folder() -> Path:
+    """The folder of programs and libraries that do without a compiler; only wheels for a platform have it (`scripts/wheel`)."""
+    return _PACKAGE / "binaries"
+
+
 def code_folders() -> tuple[Path, ...]:
     """All that the compiler is made of: its modules, the templates and the runtime."""
     return _PACKAGE, templates_folder(), runtime_folder()

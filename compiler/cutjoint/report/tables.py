@@ -11,6 +11,8 @@ from cutjoint.methods import Implementation
 from cutjoint.model.ranges import count_steps
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
+from cutjoint.toolchain.build import SHIPPED
+from cutjoint.toolchain.compiler import TOOLS
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
@@ -206,7 +208,10 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 
 
 #: The facts that a run tells in any case.
-_TOLD = ("motion", "warning", "note", "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+_TOLD = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+
+#: The words about a run that is interpreted since there is no compiler.
+_GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: apt-get install {TOOLS}"
 
 
 def told_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
@@ -242,6 +247,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         ("operations", f"{c.operations} an evaluation, {c.instructions} with lanes counted once"),
         ("generate", _taken(c.generate_seconds)),
         ("compile", _compiled(c)),
+        *([(SHIPPED, _GAIN)] if c.compiler == SHIPPED else []),
         ("run", _run_time(run)),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
         *([("went over to", run.instead)] if run.instead else []),
@@ -255,7 +261,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
 def _compiled(c: Compilation) -> str:
     how = f"{c.compiler}, {' '.join(c.flags)}"
     if c.implementation == Implementation.INTERPRETED:
-        return f"nothing: the program is interpreted ({how})"
+        return f"nothing: the program is interpreted ({how.rstrip(', ')})"
     return f"{_taken(c.compile_seconds)} ({how})"
 
 
@@ -297,7 +303,7 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     runs = len(batch.cases)
     return facts(f"scene {artifact.scene.name}, a batch", [
         ("generate", f"{artifact.generate_seconds:.2f} s"),
-        ("compile", f"{compiled} ({artifact.binary.compiler}, {' '.join(artifact.binary.flags)})"),
+        ("compile", f"{compiled} ({', '.join([artifact.binary.compiler, *filter(None, [' '.join(artifact.binary.flags)])])})"),
         ("integrator", f"{batch.settings}, runs {'side by side' if batch.side_by_side else 'one by one'}"),
         ("runs", f"{runs} in {batch.elapsed:.3g} s, {batch.elapsed / runs * 1e3:.3g} ms each"),
         ("steps", f"{batch.seconds / runs * 1e3:.3g} ms of a thread for each run"),

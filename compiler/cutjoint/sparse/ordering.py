@@ -1,4 +1,7 @@
-"""Orders that fill in little, from SuiteSparse and METIS; the compiler calls their shared libraries, what it makes does not."""
+"""Orders that fill in little, from SuiteSparse and METIS; the compiler calls their shared libraries, what it makes does not.
+
+Wheels for a platform have the libraries; elsewhere they are the system's.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cutjoint.package.errors import CutjointError
+from cutjoint.package.locations import binaries_folder
 from cutjoint.sparse.pattern import Pattern
 
 #: Debian's packages with the libraries.
 ORDERING_PACKAGES = "libsuitesparse-dev libmetis5"
+
+#: The libraries, by their names without "lib".
+LIBRARIES = ("amd", "colamd", "metis")
 
 _Int = ctypes.c_int32
 _KNOBS = 20  # COLAMD_KNOBS, COLAMD_STATS
@@ -89,7 +96,8 @@ def metis(pattern: Pattern) -> tuple[int, ...]:
 
 
 def _library(name: str) -> ctypes.CDLL:
-    found = ctypes.util.find_library(name)
+    shipped = binaries_folder() / f"lib{name}.so"
+    found = str(shipped) if shipped.is_file() else ctypes.util.find_library(name)
     if found is None:
         raise MissingLibraryError(f"missing: lib{name}, which orders sparse matrices; apt-get install {ORDERING_PACKAGES}")
     return ctypes.CDLL(found)

@@ -38,6 +38,7 @@ from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
 from cutjoint.toolchain.build import FLAGS, Binary, build
+from cutjoint.toolchain.compiler import find_compiler_if_any
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
@@ -74,7 +75,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
 
     Runs go side by side by the trapezoidal rule, whose cut joints are held by penalties where the scene names no closure; where `simulate`
     would take another integrator, since the scene says neither integrator nor step, they go one by one by that.  They also go one by one
-    where the rates of guides may jump, or where the model has controllers.
+    where the rates of guides may jump, where the model has controllers, or, interpreted, where there is no compiler.
 
     Raises:
         ModelError, EquationsError: the model is wrong.
@@ -87,6 +88,9 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
         return _compile_alone(model, scene, flags)
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)
+    if find_compiler_if_any() is None:
+        steps = replace(scene.numerics, integrator=integrator.name, events=Events.CROSSED)
+        return _compile_alone(model, replace(scene, numerics=steps), flags)
     begin = perf_counter()
     derived = require_firmness(derive(model, scene, scene.outputs, closure=closure), METHOD)
     equations = derived.starting if closure == PLAIN_CLOSURE else derived.crossing

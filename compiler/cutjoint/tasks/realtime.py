@@ -22,6 +22,7 @@ from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
+from cutjoint.toolchain.compiler import find_compiler
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +108,7 @@ def run_in_real_time(
     """
     artifact = take_artifact(model, scene, opened)
     if artifact.implementation != Implementation.GENERATED:
+        find_compiler()  # who has none is told so
         raise RunError("runs against the wall clock take generated code")
     options = Options(dt=dt, end=end, iterations=iterations, integrator=DEFAULT_INTEGRATOR)
     run_file = make_run_file(

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from cutjoint.package.locations import runtime_folder
+from cutjoint.package.locations import binaries_folder, runtime_folder
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
 from cutjoint.toolchain.errors import ToolchainError
@@ -48,11 +48,17 @@ def build_project(
     require_flags(compiler, flags, scratch, environment, runs=runs, shared=shared)
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
-        f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *definitions,
+        f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *_shipped_headers(out), *definitions,
     ]  # fmt: skip
     if _UNKNOWN in _call(command, environment, compiler, flags):
         raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler, flags)})")
     _compile(source, out, environment, compiler, flags)
+
+
+def _shipped_headers(out: Path) -> tuple[str, ...]:
+    """The definition by which CMake finds the headers that a wheel for a platform has."""
+    headers = binaries_folder() / "headers"
+    return (f"-DCMAKE_PREFIX_PATH={plain_tree(headers, out / 'headers')}",) if headers.is_dir() else ()
 
 
 def _one_word(compiler: Compiler, folder: Path) -> str:

@@ -13,9 +13,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.locations import binaries_folder
+from cutjoint.toolchain.errors import MissingToolsError, ToolchainError
 
-PACKAGES = "g++ cmake ninja-build libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
+#: Debian's packages of the tools, and of all that generated code needs; wheels for a platform have the rest of it.
+TOOLS = "g++ cmake ninja-build"
+PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 
 #: Variables besides $CXX that compilers and CMake read, and that change what is built.
 _VARIABLES = (
@@ -49,22 +52,40 @@ def find_compiler() -> Compiler:
     """The C++ compiler: $CXX, which may have flags or a launcher such as ccache as `make` takes them, else g++, else clang++.
 
     Raises:
-        ToolchainError: a tool is missing, $CXX names no program, or the program does not say a version.
+        MissingToolsError: a tool is missing.
+        ToolchainError: $CXX names no program, or the program does not say a version.
     """
     command = _command_of_environment() or _usual_command()
     require_tools(*([] if command else ["a C++ compiler"]))
     return Compiler(command=command, version=ask_version(command))
 
 
+def find_compiler_if_any() -> Compiler | None:
+    """The C++ compiler; None where tools are missing and the package has simulators that do without.
+
+    Raises:
+        ToolchainError: as of `find_compiler`, of a package that has none.
+    """
+    try:
+        return find_compiler()
+    except MissingToolsError:
+        if binaries_folder().is_dir():
+            return None
+        raise
+
+
 def require_tools(*missing: str) -> None:
     """Check that there are the tools that call compilers, and that nothing else is ``missing``.
 
     Raises:
-        ToolchainError: a tool is missing.
+        MissingToolsError: a tool is missing.
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        raise ToolchainError(f"missing: {', '.join(absent)}; apt-get install {PACKAGES}")
+        missing = f"missing: {', '.join(absent)}; apt-get install"
+        if binaries_folder().is_dir():
+            raise MissingToolsError(f"this takes generated code; {missing} {TOOLS}")
+        raise MissingToolsError(f"{missing} {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:

@@ -10,9 +10,11 @@ import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 from cutjoint.methods import DEFAULT_PRECISION, INTEGRATORS, PRECISIONS, SOLVERS
+from cutjoint.package.locations import binaries_folder
 from cutjoint.toolchain.cache import alone, cache_folder, fetch, installed_folder, is_sound, require_writable, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, resolve
@@ -119,6 +121,28 @@ def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> P
     """The simulator of a driver that interprets programs."""
     parts = driver_parts(driver, compiler, flags, Kind())
     return Part(name=INTERPRETER, digest=digest_of([*(part.digest for part in parts), runtime_digest(part=INTERPRETER)]))
+
+
+def shipped_simulator(driver: str) -> Path:
+    """The simulator of a driver that interprets programs, as wheels for a platform have it."""
+    return binaries_folder() / f"{SIMULATOR}-{driver}"
+
+
+def shipped_interpreter(driver: str) -> Path:
+    """That simulator in the cache, where runs find it by the digest of the file.
+
+    Raises:
+        ToolchainError: it cannot be read, or the cache cannot be written.
+    """
+    shipped = shipped_simulator(driver)
+    try:
+        digest = sha256(shipped.read_bytes()).hexdigest()[:32]
+    except OSError as error:
+        raise ToolchainError(f"{shipped}: {error.strerror}; install cutjoint again") from error
+    _, cached = Part(name=INTERPRETER, digest=digest).places
+    if not is_sound(cached):
+        store(shipped, cached)
+    return cached
 
 
 def interpreter_is_there(driver: str, compiler: Compiler, flags: Sequence[str]) -> bool:

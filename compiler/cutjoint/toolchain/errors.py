@@ -7,3 +7,7 @@ from cutjoint.package.errors import CutjointError
 
 class ToolchainError(CutjointError, RuntimeError):
     """The C++ side is missing something or refused the code, or the cache cannot be written."""
+
+
+class MissingToolsError(ToolchainError):
+    """A tool that makes code is not installed."""
