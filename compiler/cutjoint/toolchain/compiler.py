@@ -82,10 +82,10 @@ def require_tools(*missing: str) -> None:
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        missing = f"missing: {', '.join(absent)}; apt-get install"
+        words = f"missing: {', '.join(absent)}; apt-get install"
         if binaries_folder().is_dir():
-            raise MissingToolsError(f"this takes generated code; {missing} {TOOLS}")
-        raise MissingToolsError(f"{missing} {PACKAGES}")
+            raise MissingToolsError(f"this takes generated code; {words} {TOOLS}")
+        raise MissingToolsError(f"{words} {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:

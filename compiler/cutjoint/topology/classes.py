@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from os.path import commonprefix
+from itertools import takewhile
 from typing import Any, TypeAlias
 
 import sympy
@@ -85,7 +85,7 @@ class _Attached:
         self._gears = _by_body(graph.gears, self._geared)
         self._ends = joint_ends(graph.tree, graph.cuts)
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
-        self._named = tuple(element.name for element in (*model.states, *model.signals))
+        self._named = (*(state.name for state in model.states), *(signal.name for signal in model.signals))
         self._shapes = self._numbered_shapes()
         self._children: dict[str, list[str]] = {}
         self.sizes = dict.fromkeys(self._joint_of, 1)
@@ -180,8 +180,8 @@ def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tu
 
 def _instance(bodies: Sequence[str]) -> str:
     """The innermost instance, "name.", that all bodies stand in; "" if there is none."""
-    shared = commonprefix([name.split(".")[:-1] for name in bodies])
-    return "".join(f"{name}." for name in shared)
+    shared = takewhile(lambda parts: len(set(parts)) == 1, zip(*(name.split(".")[:-1] for name in bodies), strict=False))
+    return "".join(f"{parts[0]}." for parts in shared)
 
 
 def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instance: str) -> tuple[str, tuple[int, ...], str]:
