@@ -4,7 +4,8 @@ With v the speed of the surfaces, s the bristle's share of the deflection at whi
 
     force by load = -radius mu_s g (u + (1 - u^2)/2 tanh(v/damping_speed))
     g = (mu_k + (mu_s - mu_k) exp(-(v/stribeck_speed)^2))/mu_s
-    s' = v/presliding (1 - a)/(1 + 2/(1 - BREAKAWAY) a u v settling/presliding) - u beyond/settling
+    s' = v/presliding (1 - a)/(1 + 2/(1 - BREAKAWAY) a u v settling/presliding)
+         - u beyond/(1 + u^2 beyond)/(SLOWER settling)
     a = 2 w^2/(1 + w^2) (1 + tanh(u v/(REVERSAL damping_speed)))/2,     w = (u^2 - BREAKAWAY)/(1 - BREAKAWAY) above BREAKAWAY, else 0
     beyond = u^2 - 1 above 1, else 0, rounded by ROUNDING
 
@@ -37,8 +38,9 @@ BREAKAWAY = 0.5
 #: The speed within which the bristle's way of sliding turns round, as a share of the damping's.
 REVERSAL = 1e-3
 
-#: The share of the limit within which the bristle begins to give way beyond it.
-ROUNDING = 1e-9
+#: The share of the limit within which the bristle begins to give way beyond it, and how much slower than it settles: steps that settle
+#: shall not feel it.
+ROUNDING, SLOWER = 1e-9, 100
 
 #: Lengths, speeds and times that must be greater than zero where they are given.
 _POSITIVE = {
@@ -123,7 +125,8 @@ def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
     a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
     over = u**2 - 1
     beyond = (over + sympy.sqrt(over**2 + ROUNDING**2)) / 2
-    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"]) - u * beyond / given["settling"]
+    giving = u * beyond / (1 + u**2 * beyond) / (SLOWER * given["settling"])
+    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"]) - giving
 
 
 def bristle_name(force: str) -> str:
