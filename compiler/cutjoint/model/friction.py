@@ -5,12 +5,14 @@ With v the speed of the surfaces, s the bristle's share of the deflection at whi
     force by load = -radius mu_s g (u + (1 - u^2)/2 tanh(v/damping_speed))
     g = (mu_k + (mu_s - mu_k) exp(-(v/stribeck_speed)^2))/mu_s
     s' = v/presliding (1 - a)/(1 + 2/(1 - BREAKAWAY) a u v settling/presliding)
+         - u beyond/(1 + u^2 beyond)/(SLOWER settling)
     a = 2 w^2/(1 + w^2) (1 + tanh(u v/(REVERSAL damping_speed)))/2,     w = (u^2 - BREAKAWAY)/(1 - BREAKAWAY) above BREAKAWAY, else 0
+    beyond = u^2 - 1 above 1, else 0, rounded by ROUNDING
 
 It slides at a = 1, u = 1.  Where u^2 is below BREAKAWAY, and where it moves back, a is 0: the bristle is a spring there, and nothing
 creeps (as in Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787-792).  The force is never above
 mu_s g times the load, and under a load that stays it takes energy beyond what the bristle stores.  A sliding bristle follows its speed by
-1/settling at most.
+1/settling at most.  Beyond its limit it gives way, so that nothing rests there.
 """
 
 from __future__ import annotations
@@ -35,6 +37,10 @@ from cutjoint.model.units import FORCE, LENGTH, NONE, SPEED, TIME, Dimension
 BREAKAWAY = 0.5
 #: The speed within which the bristle's way of sliding turns round, as a share of the damping's.
 REVERSAL = 1e-3
+
+#: The share of the limit within which the bristle begins to give way beyond it, and how much slower than it settles: steps that settle
+#: shall not feel it.
+ROUNDING, SLOWER = 1e-9, 100
 
 #: Lengths, speeds and times that must be greater than zero where they are given.
 _POSITIVE = {
@@ -117,7 +123,10 @@ def _rate(s: Scalar, sliding: Scalar, given: dict[str, Scalar]) -> Scalar:
     free, above = v / given["presliding"], (u**2 - BREAKAWAY) / (1 - BREAKAWAY)
     w2 = choice((sympy.Integer(0), above < 0), (above**2, sympy.true))
     a = w2 / (1 + w2) * (1 + sympy.tanh(u * v / (REVERSAL * given["damping_speed"])))
-    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"])
+    over = u**2 - 1
+    beyond = (over + sympy.sqrt(over**2 + ROUNDING**2)) / 2
+    giving = u * beyond / (1 + u**2 * beyond) / (SLOWER * given["settling"])
+    return free * (1 - a) / (1 + 2 / (1 - BREAKAWAY) * a * u * free * given["settling"]) - giving
 
 
 def bristle_name(force: str) -> str:

@@ -18,9 +18,8 @@ from cutjoint.compile.pipeline import compile_interpreted, compile_scene
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
-from cutjoint.model.friction import bristle_name
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
-from cutjoint.model.records import VALUE, Model, Output, Scene
+from cutjoint.model.records import Model, Output, Scene
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
@@ -61,7 +60,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     included.
 
     Raises:
-        NoEquilibriumError: none was found near the design position, or friction would have to hold more than it can.
+        NoEquilibriumError: none was found near the design position.
         ModelError, EquationsError: the file is wrong.
         RunError: there is no such scene, or a parameter cannot be set.
         ToolchainError: the C++ side failed.
@@ -74,25 +73,7 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(_said(failure, artifact, parameters), failure)
-    found = MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
-    _require_hold(model, scene, found)
-    return found
-
-
-def _require_hold(model: Model, scene: Scene, found: MechanismState) -> None:
-    """Raise NoEquilibriumError where joints would have to hold more than their friction can: a bristle at rest is a spring without end."""
-    shares = {f: abs(found.values[f"{bristle_name(f.name)}.{VALUE}"]) for f in model.forces if f.by_load and is_active(f, scene)}
-    over = [
-        FailureReport(
-            message=f"friction would have to hold {share:.3g} times what it can", time=0.0, step=0, element=force.name, residual=share - 1,
-            advice="take a larger coefficient, or let something else hold the joint",
-        )
-        for force, share in shares.items() if share > 1
-    ]  # fmt: skip
-    if over:
-        places = {force.name: force.span for force in shares}
-        said = (f"{places[each.element]}: force '{each.element}': no equilibrium: {each.message}; {each.advice}" for each in over)
-        raise NoEquilibriumError("\n".join(said), max(over, key=lambda each: each.residual))
+    return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
@@ -153,8 +134,6 @@ def find_scene_modes(
     scene = with_loops(scene, Loops.EXACT)
     # Model -> Binary: an equilibrium is found by interpretation, a motion goes on by the method of the linearisation
     artifact = compile_interpreted(model, scene) if at is None else compile_scene(model, scene, CompileOptions(method=LINEARISED))
-    if at is None and any(f.by_load and is_active(f, scene) for f in model.forces):
-        find_scene_equilibrium(model, scene, parameters=parameters)
     equations = formulate_implicit(artifact.mechanism, ())
     where = f"{scene.span}: scene '{scene.name}'"
     try:
@@ -181,6 +160,9 @@ def find_scene_modes(
 
 
 def _said(failure: FailureReport, artifact: Artifact, parameters: Mapping[str, float] | None) -> str:
+    rubbing = [f"'{f.name}'" for f in artifact.mechanism.topology.model.forces if f.by_load and is_active(f, artifact.scene)]
+    if rubbing and not is_impossible(failure):
+        failure = replace(failure, advice=f"{failure.advice}, and that friction can hold what it must: {', '.join(rubbing)}")
     return describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
 
 
