@@ -90,7 +90,7 @@ def supplied(tmp_path: Path, code: str = CODE) -> Model:
 
 
 def written() -> Model:
-    """The same by expressions."""
+    """Expressions in place of the functions."""
     lines = [line for line in MODEL.splitlines() if not line.startswith(("functions:", "  cubic:", "  sink:"))]
     text = "\n".join(lines).replace("cubic(position, rate)", "(100*position + 2000*position**3 + 3*rate)")
     return read_model_text(text.replace("sink(pressure)", "(-3*sin(pressure))"), "m.yaml")
