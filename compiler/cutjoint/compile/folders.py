@@ -34,7 +34,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import missing_partials
+from cutjoint.package.errors import MissingPartialsError
 from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
 from cutjoint.run.errors import RunError
@@ -236,7 +236,7 @@ def _require_partials(equations: Equations) -> None:
     """Check that functions of the user have derivatives."""
     for function in equations.topology.model.functions:
         if not function.partials:
-            raise RunError(f"{function.span}: {missing_partials(function.name)}")
+            raise RunError(f"{function.span}: {MissingPartialsError(function.name)}")
 
 
 def linearised_methods() -> tuple[str, ...]:

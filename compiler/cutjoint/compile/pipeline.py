@@ -28,6 +28,7 @@ from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_C
 from cutjoint.model.functions import require_code
 from cutjoint.model.pushing import with_pushes
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.package.errors import EquationsError, MissingPartialsError
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.errors import RunError
@@ -151,10 +152,18 @@ def generate(
     precision: str = DEFAULT_PRECISION, poses: bool = False,
 ) -> Generated:  # fmt: skip
     """The symbolic half; with ``lanes``, isomorphic subtrees are evaluated side by side in number types of which several fit a register,
-    with ``poses`` the mechanism has the function of that name."""
+    with ``poses`` the mechanism has the function of that name.
+
+    Raises:
+        EquationsError: a derivative is needed that the code of a function does not have; others as of `compile_scene`.
+    """
     lanes = lanes and PRECISIONS[precision].packed
-    equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses)
-    return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
+    try:
+        equations, program = schedule_method(model, scene, outputs, method=method, lanes=lanes, poses=poses)
+        return Generated(equations, program, emit_scheduled(equations, program, lanes=lanes, precision=precision))
+    except MissingPartialsError as error:
+        place = next(f.span for f in model.functions if f.name == error.function)
+        raise EquationsError(f"{place}: {error}") from None
 
 
 def schedule_method(

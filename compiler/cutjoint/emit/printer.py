@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import isfinite
 
 from cutjoint.model.functions import PREFIX
-from cutjoint.package.errors import EquationsError, missing_partials
+from cutjoint.package.errors import MissingPartialsError
 from cutjoint.program.blocks import SUPPLIED
 from cutjoint.program.scalars import Graph, Scalar
 
@@ -179,11 +179,11 @@ def _supplied(function: str, kind: str, arguments: str) -> str:
     """A call of a function that the user supplies, or of its partial derivative, in a number type.
 
     Raises:
-        EquationsError: it has no partial derivatives.
+        MissingPartialsError: it has no partial derivatives.
     """
     kind_of, name, *by = function.split(".")
     if by and kind_of == "opaque":
-        raise EquationsError(missing_partials(name))
+        raise MissingPartialsError(name)
     verb = "supplied_partial" if by else "supplied"
     return f"{verb}<{kind}>({', '.join([PREFIX + name, *by, f'{{{arguments}}}'])})"
 

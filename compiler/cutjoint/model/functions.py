@@ -19,7 +19,7 @@ from cutjoint.model.errors import ModelError, Problem, Problems
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import Model, Scalar, Span, SuppliedFunction
 from cutjoint.model.source import Source
-from cutjoint.package.errors import EquationsError, missing_partials
+from cutjoint.package.errors import MissingPartialsError
 from cutjoint.package.locations import AnyPath
 
 #: The beginning of the C functions' names.
@@ -59,7 +59,7 @@ class SuppliedCall(sympy.Expr):  # type: ignore[misc]
         if all(slope == 0 for slope in slopes):
             return sympy.Integer(0)
         if by != _VALUE:
-            raise EquationsError(missing_partials(str(name), second=True))
+            raise MissingPartialsError(str(name), second=True)
         return sympy.Add(*(SuppliedCall(name, j, has_partials, *self.arguments) * slope for j, slope in enumerate(slopes) if slope != 0))
 
     def _text(self, printer: Any) -> str:

@@ -12,9 +12,12 @@ class EquationsError(CutjointError):
     """The equations of a model have no solution, or not in floating-point numbers."""
 
 
-def missing_partials(name: str, *, second: bool = False) -> str:
-    """The message for a derivative that the code of a function does not have."""
-    if second:
-        return f"function '{name}': second derivatives are needed here, and a supplied function has none; use the method recursive"
-    remedy = "write them into its code and 'partials: true' into the model, or use the method recursive"
-    return f"function '{name}' has no partial derivatives, which are needed here; {remedy}"
+class MissingPartialsError(EquationsError):
+    """A derivative is needed that the code of a function does not have.  ``function`` is its name."""
+
+    def __init__(self, function: str, *, second: bool = False) -> None:
+        remedy = "write them into its code and 'partials: true' into the model, or use the method recursive"
+        first = f"has no partial derivatives, which are needed here; {remedy}"
+        last = "has no second derivatives, which are needed here; use the method recursive"
+        super().__init__(f"function '{function}': {last if second else first}")
+        self.function = function

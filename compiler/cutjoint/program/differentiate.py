@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial, reduce
 from typing import Any, TypeAlias
 
-from cutjoint.package.errors import EquationsError, missing_partials
+from cutjoint.package.errors import MissingPartialsError
 from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, Builder
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
@@ -158,7 +158,7 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
     if function.startswith(SUPPLIED):
         _, name, *by = function.split(".")
         if by:
-            raise EquationsError(missing_partials(name, second=True))
+            raise MissingPartialsError(name, second=True)
         return [b.call(f"{function}.{j}", *y.args) for j in range(len(y.args))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")
