@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -16,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from cutjoint.cli import main
 from cutjoint.tasks.kinematics.sweep import AxleKinematics, find_kinematics
-from tests.conftest import MODELS
+from tests.conftest import DATA, MODELS
 
 Array = NDArray[np.float64]
 
@@ -113,6 +115,28 @@ def test_support_angles_are_the_tilt_of_the_hinges(axle: str, sign: int, tmp_pat
     height = masses @ np.array([0.45, *4 * [0.25, 0.5, 0.3]]) / masses.sum()
     anti = -sign * 0.6 * np.tan(TILT) * 2.5 / height
     assert columns["right.anti_brake"] == pytest.approx(np.full(3, anti), abs=CLOSED)
+
+
+TURNING = """
+    submodels:
+      wheel: {include: library/wheel_mf62}
+    instances:
+      w: {use: wheel, connect: {carrier: carrier}, with: {x: x0, y: 0.75, z: 0.3}, properties: mf62.tir}
+"""
+
+
+def test_wheels_that_turn_are_those_of_an_axle(tmp_path: Path) -> None:
+    """Wheels of the library in bearings of the carriers, beside loads on the carriers of which the other tests know the kinematics."""
+    shutil.copy(DATA / "tyres" / "mf62.tir", tmp_path)
+    before, after = re.split(r"\n      tyre: .*\n", PLANE.format(tilt=TILT))
+    (tmp_path / "turning.yaml").write_text(before + TURNING + after, encoding="utf-8")
+    for axle in ("front", "rear"):
+        found = find_kinematics(tmp_path / "turning.yaml", points=3, axle=axle, share=0.6)
+        expected = plane(tmp_path, TILT, axle=axle, share=0.6)
+        assert set(found.sweeps["travel"]) == set(expected.sweeps["travel"])
+        for name, column in expected.sweeps["travel"].items():
+            if "anti" not in name:  # the wheels have masses of their own, so that the vehicle's height is another
+                assert found.sweeps["travel"][name] == pytest.approx(column, abs=CLOSED), name
 
 
 # Left corners as links between points, solved by SciPy: six distances and heights for the six numbers of a carrier's pose
@@ -338,7 +362,7 @@ def test_the_command_writes_a_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("model", "words", "text"), [
-    ("press", [], "no axle: no pair of forces of kind tyre, or called tyre, stands left and right of y = 0"),
+    ("press", [], "no axle: no pair of forces of kind tyre or wheel, or called tyre, stands left and right of y = 0"),
     ("iltis", [], "--axle is one of front, rear, or two bodies that carry wheels"),
     ("iltis", ["--axle", "middle"], "no axle 'middle'; --axle is one of front, rear"),
     ("iltis", ["--axle", "front_left.carrier,nobody"], "--axle: no body 'nobody'"),

@@ -278,3 +278,58 @@ def test_errors_say_what_to_do(tmp_path: Path) -> None:
     assert status == 1
     assert "scene 'tilted': a force holds 'top.angle" in output
     assert "leave its coordinate out of positions, guide its joint, or linearise about a motion with --at" in output
+
+
+# A caster at speed
+
+CASTER = """
+cutjoint: 1
+name: caster
+gravity: [0, 0, 0]
+parameters: {{trail: {trail}, damping: {damping}, relaxation: 0.3, cornering: 9000}}
+bodies:
+  cart: {{mass: 500, centre_of_mass: [0, 0, 0.5], inertia: [1, 1, 1]}}
+  fork: {{mass: 4, centre_of_mass: [-0.03, 0, 0.5], inertia: [0.1, 0.1, 0.2]}}
+  tyre: {{mass: 10, centre_of_mass: [-trail, 0, 0.3], inertia: [0.3, 0.5, 0.3]}}
+joints:
+  slide: {{kind: prismatic, bodies: [ground, cart], at: [0, 0, 0.5], axis: [1, 0, 0]}}
+  kingpin: {{kind: revolute, bodies: [cart, fork], at: [0, 0, 0.5], axis: [0, 0, 1], spring: {{stiffness: 0, damping: damping}}}}
+  bearing: {{kind: revolute, bodies: [fork, tyre], at: [-trail, 0, 0.3], axis: [0, 1, 0]}}
+forces:
+  contact: {{kind: wheel, body: tyre, centre: [-trail, 0, 0.3], axis: [0, 1, 0], radius: 0.31, force: [0, cornering*shear/relaxation, 0]}}
+states:
+  shear: {{start: 0 m, rate: -contact.vy - contact.vx*shear/relaxation}}
+scenes: {{roll: {{end: 1, rates: {{slide.displacement_rate: {speed}, bearing.angle_rate: {spin}}}}}}}
+"""
+
+
+def caster(trail: float, damping: float, speed: float) -> tuple[list[complex], list[complex]]:
+    """The eigenvalues of a caster on a tyre with relaxation, found and by its characteristic polynomial, complex ones once, by their sizes.
+
+    I a'' + k a' = -e F and s F' + v F = C (v a + e a'), with the trail e and the relaxation length s.
+    """
+    model = read_model_text(CASTER.format(trail=trail, damping=damping, speed=speed, spin=speed / 0.3), "caster.yaml")
+    found = [m.eigenvalue for m in find_scene_modes(model, find_scene(model, None), at=0.0).modes]
+    inertia, length, stiffness = 0.2 + 4 * 0.03**2 + 0.3 + 10 * trail**2, 0.3, 9000
+    polynomial = [
+        inertia * length, inertia * speed + damping * length, damping * speed + stiffness * trail**2, stiffness * trail * speed
+    ]  # fmt: skip
+    return sorted(found, key=abs), sorted((r for r in np.roots(polynomial) if r.imag >= 0), key=abs)
+
+
+@needs_cpp
+@pytest.mark.parametrize("damping", [0.0, 20.0])
+@pytest.mark.parametrize("speed", [2.0, 30.0])
+def test_shimmy_of_a_caster(speed: float, damping: float) -> None:
+    for trail in (0.05, 0.25, 0.35):
+        found, expected = caster(trail, damping, speed)
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+@needs_cpp
+def test_a_caster_shimmies_below_the_relaxation_length() -> None:
+    """Routh's criterion without a damper: stable where the trail is longer than the relaxation length, at every speed."""
+    for speed in (2.0, 30.0):
+        grows = [max(value.real for value in caster(trail, 0.0, speed)[0]) for trail in (0.299, 0.301)]
+        assert grows[0] > 1e-6
+        assert grows[1] < -1e-6

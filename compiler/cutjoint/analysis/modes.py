@@ -18,6 +18,8 @@ Complex = NDArray[np.complex128]
 _ZERO = 1e-12
 #: A real or imaginary part below this share of an eigenvalue is rounding.
 _PART = 1e-9
+#: The share of the fastest eigenvalue below which the rate of springs is rounding.
+_SPRINGS = 1e-6
 #: The number of eigenvalues in a `repr`.
 _NAMED = 6
 #: Shares that differ by less than this part are alike.
@@ -128,8 +130,10 @@ def eigenpairs(A: Array) -> tuple[Complex, Complex, Array, int]:
 
 
 def _rate(system: ReducedSystem) -> float:
-    """A rate (1/s) that makes z and w/rate alike in size."""
-    return float(np.sqrt(np.linalg.norm(system.stiffness, 2))) if system.stiffness.any() else 1.0
+    """A rate (1/s) that makes z and w/rate alike in size: that of springs, else, if it is rounding, that of the fastest eigenvalue."""
+    springs = float(np.sqrt(np.linalg.norm(system.stiffness, 2)))
+    fastest = float(np.abs(np.linalg.eigvals(system.first_order)).max(initial=0.0))
+    return springs if springs > _SPRINGS * fastest else fastest or 1.0
 
 
 def _speeds(system: ReducedSystem, z: Array | Complex, *, states: int = 0) -> Array | Complex:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -10,11 +9,12 @@ from itertools import chain
 import numpy as np
 
 from cutjoint.analysis.closing import Array
+from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Force, Joint, Model, PointSpring, Scalar, Span, Tyre, Vector
+from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Force, Joint, Model, PointSpring, Scalar, Span, Vector
 from cutjoint.run.errors import RunError
 
-#: The name of a force that carries a wheel, where it is not of kind tyre.
+#: The name of a force that carries a wheel, where it is neither of kind tyre nor of kind wheel.
 TYRE = "tyre"
 SIDES = ("left", "right")
 
@@ -134,8 +134,8 @@ def _pairs(model: Model, values: Values) -> dict[str, tuple[_Found, _Found]]:
 
 
 def _carried_by(force: Force) -> _Found | None:
-    """The wheel that a force carries, if it is a tyre by its kind or its name."""
-    if isinstance(force, Tyre):
+    """The wheel that a force carries, if it is a tyre or a wheel by its kind, or a tyre by its name."""
+    if isinstance(force, OnRoad):
         return _Found(
             name=force.name, body=force.body, centre=force.centre, axis=force.axis, radius=force.radius, span=force.span
         )  # fmt: skip
@@ -152,10 +152,20 @@ def _carried_by(force: Force) -> _Found | None:
 
 def _names(pairs: Sequence[tuple[_Found, _Found]]) -> list[str]:
     """The words that the names of an axle's two wheels share, or its place where they share none or another axle has the same."""
-    words = ["_".join(w for w in re.split(r"[._]", pair[0].name) if w in re.split(r"[._]", pair[1].name) and w != TYRE) for pair in pairs]
+    words = [_shared(*(wheel.name.split(".") for wheel in pair)) for pair in pairs]
     if all(words) and len(set(words)) == len(words):
         return words
     return ["front", *(f"middle_{i}" for i in range(1, len(pairs) - 1)), "rear"][: len(pairs)]
+
+
+def _shared(left: Sequence[str], right: Sequence[str]) -> str:
+    """The words that two paths share down to the last instance in which they differ, else in their whole."""
+    last = max((i for i, (a, b) in enumerate(zip(left, right, strict=False), 1) if a != b), default=0)
+    for depth in (last, None):
+        own, other = ("_".join(path[:depth]).split("_") for path in (left, right))
+        if words := [word for word in own if word in other and word not in ("", TYRE)]:
+            return "_".join(words)
+    return ""
 
 
 def _place(values: Values, pair: Iterable[_Found]) -> float:
@@ -174,7 +184,7 @@ def _chosen(
         return name, _of_bodies(model, values, pairs, name.split(","))
     if not pairs:
         raise RunError(
-            f"{model.span}: no axle: no pair of forces of kind tyre, or called tyre, stands left and right of y = 0; "
+            f"{model.span}: no axle: no pair of forces of kind tyre or wheel, or called tyre, stands left and right of y = 0; "
             "name the bodies that carry the wheels, as in --axle LEFT,RIGHT"
         )
     wanted = "" if name is None else f"no axle '{name}'; "
