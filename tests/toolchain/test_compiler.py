@@ -126,7 +126,7 @@ def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeyp
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path / "none")
-    with pytest.raises(ToolchainError, match="^missing: cmake, ninja, a C"):
+    with pytest.raises(ToolchainError, match=r"^missing: cmake, ninja, a C"):
         find_compiler_if_any()
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path)
     assert find_compiler_if_any() is None
