@@ -60,18 +60,19 @@ def find_compiler() -> Compiler:
     return Compiler(command=command, version=ask_version(command))
 
 
-def find_compiler_if_any() -> Compiler | None:
-    """The C++ compiler; None where tools are missing and the package has simulators that do without.
+def must_interpret() -> bool:
+    """Return whether tools are missing and the package has simulators that do without.
 
     Raises:
-        ToolchainError: as of `find_compiler`, of a package that has none.
+        ToolchainError: such a package is told of a compiler by $CXX, and that is none.
     """
+    if not binaries_folder().is_dir():
+        return False
     try:
-        return find_compiler()
+        find_compiler()
     except MissingToolsError:
-        if binaries_folder().is_dir():
-            return None
-        raise
+        return True
+    return False
 
 
 def require_tools(*missing: str) -> None:
