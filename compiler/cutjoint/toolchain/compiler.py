@@ -83,10 +83,10 @@ def require_tools(*missing: str) -> None:
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        missing = f"missing: {', '.join(absent)}; apt-get install"
+        fault = f"missing: {', '.join(absent)}; apt-get install"
         if binaries_folder().is_dir():
-            raise MissingToolsError(f"this takes generated code; {missing} {TOOLS}")
-        raise MissingToolsError(f"{missing} {PACKAGES}")
+            raise MissingToolsError(f"this takes generated code; {fault} {TOOLS}")
+        raise MissingToolsError(f"{fault} {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:
