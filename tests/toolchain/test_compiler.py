@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.cmake import build_project
-from cutjoint.toolchain.compiler import find_compiler, find_compiler_if_any
+from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.toolchain.errors import ToolchainError
 from tests.conftest import MODELS
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -126,10 +126,13 @@ def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeyp
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path / "none")
+    assert not must_interpret()
     with pytest.raises(ToolchainError, match=r"^missing: cmake, ninja, a C"):
-        find_compiler_if_any()
+        find_compiler()
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path)
-    assert find_compiler_if_any() is None
+    assert must_interpret()
+    with pytest.raises(ToolchainError, match=r"^this takes generated code; missing: cmake, ninja, a C"):
+        find_compiler()
     monkeypatch.setenv("CXX", "no-such-compiler")
     with pytest.raises(ToolchainError, match="there is no program 'no-such-compiler'"):
-        find_compiler_if_any()
+        must_interpret()

@@ -36,7 +36,7 @@ from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build, build_interpreter
-from cutjoint.toolchain.compiler import find_compiler_if_any
+from cutjoint.toolchain.compiler import must_interpret
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
@@ -74,7 +74,7 @@ def compile_scene(
     """
     require_choice(options.method, options.precision, options.additions)
     require_code(model)
-    if options.can_be_interpreted and find_compiler_if_any() is None:
+    if options.can_be_interpreted and must_interpret():
         scheduled = None if generated is None else (generated.equations, generated.program)
         return compile_interpreted(model, scene, method=options.method, outputs=options.outputs, scheduled=scheduled)
     # Model -> Source

@@ -25,13 +25,13 @@ from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.extensions import IMPLEMENTATIONS
-from cutjoint.package.locations import code_folders
+from cutjoint.package.locations import binaries_folder, code_folders
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
-from cutjoint.toolchain.compiler import find_compiler_if_any, resolve
+from cutjoint.toolchain.compiler import find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind
 from cutjoint.toolchain.errors import ToolchainError
 
@@ -155,17 +155,16 @@ def made_with() -> tuple[Any, ...]:
         ToolchainError: a tool is missing, and the package has no simulator that does without.
         PackageNotFoundError: a package is installed without its version.
     """
-    compiler = find_compiler_if_any()
-    how = () if compiler is None else (compiler.command, compiler.key, resolve(FLAGS))
-    return code_digest(code_folders()), versions(), *how
+    by = () if must_interpret() else ((compiler := find_compiler()).command, compiler.key, resolve(FLAGS))
+    return code_digest(code_folders()), versions(), *by
 
 
 @cache
 def code_digest(folders: tuple[Path, ...]) -> str:
     """The digest of the sources in folders, as they were at the first call."""
-    code = sha256()
+    code, others = sha256(), binaries_folder()
     for folder in folders:
-        for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and p.is_file()):
+        for path in sorted(p for p in folder.rglob("*") if p.suffix not in ("", ".pyc") and not p.is_relative_to(others) and p.is_file()):
             content = path.read_bytes()
             code.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode() + content)
     return code.hexdigest()

@@ -17,7 +17,7 @@ from cutjoint.model.quantities import POSE
 from cutjoint.model.records import GROUND, Model, Output, Scene, Vector
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.compiler import find_compiler_if_any
+from cutjoint.toolchain.compiler import must_interpret
 
 #: Of `compiling_seconds`, s: some, and some for each operation of an evaluation; a system's factorisation is as long as its evaluation.
 _COMPILING, _COMPILING_AN_OPERATION, _WITH_FACTORISATION = 1.0, 1.5e-4, 2
@@ -43,7 +43,7 @@ def run_scene(model: Model, scene: Scene, outputs: Sequence[Output] | None = Non
 
 def compiling_seconds(operations: int, method: str) -> float:
     """About what compiling takes, s, of a model with so many operations an evaluation; for ever without a compiler."""
-    if find_compiler_if_any() is None:
+    if must_interpret():
         return inf
     return _COMPILING + _COMPILING_AN_OPERATION * operations * (_WITH_FACTORISATION if METHODS[method].has_system else 1)
 

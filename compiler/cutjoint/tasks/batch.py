@@ -38,7 +38,7 @@ from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.run.stopping import stop_requests
 from cutjoint.toolchain.build import FLAGS, Binary, build
-from cutjoint.toolchain.compiler import find_compiler_if_any
+from cutjoint.toolchain.compiler import must_interpret
 
 #: The method whose runs are evaluated side by side.
 (METHOD,) = names_of(METHODS, lambda m: m.batch)
@@ -88,7 +88,7 @@ def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FL
         return _compile_alone(model, scene, flags)
     closure = scene.numerics.closure or PLAIN_CLOSURE
     scene = with_closure(scene, closure)
-    if find_compiler_if_any() is None:
+    if must_interpret():
         steps = replace(scene.numerics, integrator=integrator.name, events=Events.CROSSED)
         return _compile_alone(model, replace(scene, numerics=steps), flags)
     begin = perf_counter()

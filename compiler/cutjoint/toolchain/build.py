@@ -12,7 +12,7 @@ from cutjoint.methods import PRECISIONS
 from cutjoint.package.version import without_mark
 from cutjoint.toolchain.cache import cache_folder, find_or_make, is_sound, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
-from cutjoint.toolchain.compiler import Compiler, find_compiler, find_compiler_if_any, resolve
+from cutjoint.toolchain.compiler import Compiler, find_compiler, must_interpret, resolve
 from cutjoint.toolchain.digests import digest_of, runtime_digest
 from cutjoint.toolchain.drivers import Kind, driver_parts, interpreter_part, make_drivers, parts_for, shipped_interpreter, store_parts
 from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 #: Flags for generated code, unless $CUTJOINT_FLAGS says otherwise; measured on the Iltis, see docs/performance.md.
 FLAGS = tuple(os.environ.get("CUTJOINT_FLAGS", "-O3 -march=native").split())
-
 
 #: The compiler of the package's own simulators, for people.
 SHIPPED = "no C++ compiler"
@@ -98,9 +97,9 @@ def build_interpreter(driver: str, *, flags: Sequence[str] = FLAGS) -> Binary:
     Raises:
         ToolchainError: a tool is missing and the package has no simulator, or the compiler refused the code.
     """
-    compiler = find_compiler_if_any()
-    if compiler is None:
+    if must_interpret():
         return Binary(path=shipped_interpreter(driver), fresh=False, compiler=SHIPPED, flags=())
+    compiler = find_compiler()
     part = interpreter_part(driver, compiler, flags)
     installed, cached = part.places
     fresh = False

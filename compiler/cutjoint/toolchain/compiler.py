@@ -60,18 +60,19 @@ def find_compiler() -> Compiler:
     return Compiler(command=command, version=ask_version(command))
 
 
-def find_compiler_if_any() -> Compiler | None:
-    """The C++ compiler; None where tools are missing and the package has simulators that do without.
+def must_interpret() -> bool:
+    """Return whether tools are missing and the package has simulators that do without.
 
     Raises:
-        ToolchainError: as of `find_compiler`, of a package that has none.
+        ToolchainError: such a package is told of a compiler by $CXX, and that is none.
     """
+    if not binaries_folder().is_dir():
+        return False
     try:
-        return find_compiler()
+        find_compiler()
     except MissingToolsError:
-        if binaries_folder().is_dir():
-            return None
-        raise
+        return True
+    return False
 
 
 def require_tools(*missing: str) -> None:
@@ -82,10 +83,10 @@ def require_tools(*missing: str) -> None:
     """
     absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
     if absent:
-        words = f"missing: {', '.join(absent)}; apt-get install"
+        fault = f"missing: {', '.join(absent)}; apt-get install"
         if binaries_folder().is_dir():
-            raise MissingToolsError(f"this takes generated code; {words} {TOOLS}")
-        raise MissingToolsError(f"{words} {PACKAGES}")
+            raise MissingToolsError(f"this takes generated code; {fault} {TOOLS}")
+        raise MissingToolsError(f"{fault} {PACKAGES}")
 
 
 def _command_of_environment() -> tuple[str, ...]:
