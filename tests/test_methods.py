@@ -28,8 +28,8 @@ from cutjoint.methods import (
 from cutjoint.model.document import json_schema
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import IMPLEMENTATIONS
-from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options
 from tests.run.test_failing_starts import PENDULUM

@@ -24,7 +24,7 @@ from cutjoint.compile import prepared
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.model.records import Model, Scene
 from cutjoint.package import extensions
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.settings import Options
 from cutjoint.toolchain import compiler
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record

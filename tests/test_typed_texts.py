@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.model.read import read_model
 from cutjoint.model.text import is_number, is_whole, read_number
+from cutjoint.package.errors import RunError
 from cutjoint.run.cases import read_cases
-from cutjoint.run.errors import RunError
 from tests.conftest import needs_cpp
 
 MODELS = Path(__file__).resolve().parents[1] / "models"

@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model
     from cutjoint.model.errors import ModelError
-    from cutjoint.package.errors import CutjointError, EquationsError
+    from cutjoint.package.errors import CutjointError, EquationsError, RunError, ToolchainError
     from cutjoint.package.extensions import MissingPackageError
     from cutjoint.program.blocks import ConstantError
-    from cutjoint.run.errors import RunError
     from cutjoint.run.failures import FailedBatchError, FailedRunError, IncompleteError
     from cutjoint.run.outputs import OutputError
     from cutjoint.run.simulator import SimulatorError
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.tasks.runs import simulate
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
-    from cutjoint.toolchain.errors import ToolchainError
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
     from cutjoint.topology.spanning_tree import TopologyError
@@ -56,14 +54,13 @@ _HOMES = {
     "cutjoint.analysis.mobility": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
     "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
-    "cutjoint.package.errors": ("CutjointError", "EquationsError"),
+    "cutjoint.package.errors": ("CutjointError", "EquationsError", "RunError", "ToolchainError"),
     "cutjoint.package.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
     "cutjoint.compile.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.tasks.kinematics.sweep": ("find_kinematics",),
     "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
-    "cutjoint.run.errors": ("RunError",),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
     "cutjoint.tasks.runs": ("simulate",),
@@ -75,7 +72,6 @@ _HOMES = {
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
     "cutjoint.stepping.values": ("StateSpace",),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
-    "cutjoint.toolchain.errors": ("ToolchainError",),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),
     "cutjoint.topology.spanning_tree": ("TopologyError",),

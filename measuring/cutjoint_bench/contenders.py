@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint_bench.cutjoint_contenders import cutjoint_contenders, precision_contenders
 from cutjoint_bench.peer_contenders import peer_contenders
 from cutjoint_bench.records import Contender

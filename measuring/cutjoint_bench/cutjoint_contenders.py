@@ -23,10 +23,10 @@ from cutjoint.methods import (
     Loops,
     names_of,
 )
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.simulation import simulate

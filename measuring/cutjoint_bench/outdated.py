@@ -7,7 +7,7 @@ from itertools import product
 from typing import Any
 
 from cutjoint.model.errors import ModelError
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint_bench.contenders import CONTENDERS
 from cutjoint_bench.cutjoint_contenders import identify_code

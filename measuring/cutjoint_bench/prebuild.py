@@ -18,8 +18,7 @@ from pathlib import Path
 from threading import Thread
 
 from cutjoint.model.errors import ModelError
-from cutjoint.run.errors import RunError
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint_bench.failures.atlas import Grid, map_case, with_value
 from cutjoint_bench.failures.trials import Situation, try_situation
 from cutjoint_bench.progress import Say, silently

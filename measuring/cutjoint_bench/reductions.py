@@ -9,8 +9,8 @@ from functools import partial
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.methods import METHODS
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.sequence import APPROXIMATIONS, ROLLING, STEPS, ReducedModel, reduction_sequence
-from cutjoint.run.errors import RunError
 from cutjoint_bench.cutjoint_contenders import OwnRunner, identity
 from cutjoint_bench.records import Case, Contender
 

@@ -22,8 +22,8 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS, PLAIN_CLOSURE, Formulation
 from cutjoint.model.records import Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array, Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import PLAIN_STEPS

@@ -10,9 +10,8 @@ from typing import Any
 
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
+from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.platforms import machine
 from cutjoint_bench.cases import falling_steps
 from cutjoint_bench.cutjoint_contenders import OwnRunner

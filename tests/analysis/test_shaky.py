@@ -17,8 +17,8 @@ from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp

@@ -14,7 +14,7 @@ import pytest
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Array, FailureReport, Trajectory
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.exact.chain import Chain, chain_motion, crank_motion, singular_times, write_chain

@@ -14,9 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.methods import METHODS, names_of
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench import cutjoint_contenders

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint_bench import reference
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose

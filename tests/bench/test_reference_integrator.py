@@ -7,7 +7,7 @@ import pytest
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS
 from tests.mechanisms import gears

@@ -10,7 +10,7 @@ import pytest
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.cases import make_case

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import METHODS, names_of
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import require_choice
-from cutjoint.run.errors import RunError
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from tests.conftest import MODELS

@@ -16,7 +16,7 @@ from cutjoint.methods import PLAIN_CLOSURE, Implementation
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, SPEEDS, Model, Output, Scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.failures import describe_failure, places_of
 from cutjoint.run.result_files import write_files
 from cutjoint.run.results import read_table

@@ -15,8 +15,8 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import start

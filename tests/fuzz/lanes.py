@@ -15,12 +15,12 @@ from cutjoint.formulate.lanes import find_corresponding
 from cutjoint.formulate.records import Equations, Function
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Block
 from cutjoint.program.fold import fold
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.schedule import schedule
-from cutjoint.run.errors import RunError
 
 Node = dict[str, Any]
 

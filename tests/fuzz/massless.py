@@ -18,7 +18,7 @@ from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.physics.test_massless_middles import HARDLY_ANY, JOINTS

@@ -17,7 +17,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 

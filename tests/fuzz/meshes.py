@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.meshes import box

@@ -15,8 +15,8 @@ from cutjoint.formulate.records import Equations
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import ConstantError
-from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.spanning_tree import TopologyError

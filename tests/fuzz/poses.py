@@ -19,7 +19,7 @@ import numpy.typing as npt
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import MechanismState
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.states import NoEquilibriumError, find_scene_equilibrium

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import make_run_file
 
 from .pendulum import check

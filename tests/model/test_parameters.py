@@ -8,7 +8,7 @@ from cutjoint.formulate.inputs import open_parameters
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import make_run_file
 
 from .pendulum import check, problems

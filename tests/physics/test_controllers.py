@@ -18,7 +18,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options

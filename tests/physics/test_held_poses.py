@@ -18,7 +18,7 @@ from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.states import find_scene_equilibrium, find_scene_modes

@@ -13,8 +13,8 @@ import pytest
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint_bench.studies.problems import PROBLEMS, measure_errors
 from tests.conftest import MODELS

@@ -15,7 +15,7 @@ from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology

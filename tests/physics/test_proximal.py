@@ -11,8 +11,8 @@ import pytest
 
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Numerics
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint_bench.studies.problems import PROBLEMS, Problem, measure_errors, observed_orders

@@ -16,10 +16,10 @@ from cutjoint.compile import prepared
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Numerics, Road, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.reduce import choose as choose_module
 from cutjoint.reduce.choose import Candidate, Choice, choose, chosen_model
 from cutjoint.reduce.measure import distance
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.compiler import Compiler

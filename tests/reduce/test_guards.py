@@ -15,9 +15,9 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.guards import guard_forces, guardable, speculate
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.twin.artifact import compile_generic

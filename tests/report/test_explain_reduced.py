@@ -8,11 +8,11 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.report.explain.document import explain
-from cutjoint.run.errors import RunError
 from cutjoint_bench.export.mechanism import build_mechanism
 from tests.conftest import MODELS
 from tests.reduce.test_guards import TEXT as HAMMER

@@ -18,9 +18,9 @@ from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.guards import guard_forces
 from cutjoint.run.cases import read_cases
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Batch, Trajectory
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.simulation import simulate

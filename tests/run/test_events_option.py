@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.methods import INTEGRATORS, METHODS, Events
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.realtime import run_in_real_time

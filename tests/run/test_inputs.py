@@ -18,8 +18,8 @@ from cutjoint.compile.pipeline import compile_interpreted, compile_scene
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate

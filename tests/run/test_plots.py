@@ -13,9 +13,9 @@ from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Plot
+from cutjoint.package.errors import RunError
 from cutjoint.report import plots
 from cutjoint.report.plots import plot_run, read_others
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Columns, Trajectory
 from tests.conftest import needs_cpp
 

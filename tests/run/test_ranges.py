@@ -14,7 +14,7 @@ from cutjoint.cli import main
 from cutjoint.model.errors import ModelError
 from cutjoint.model.ranges import LARGEST_INTEGER, MOST_ROWS, RANGES, Steps, StepsError, count_steps, fault_of_setting
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.modes import _ending_at
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.record import RunFile
 from cutjoint.run.run_file import make_run_file
 from tests.conftest import needs_cpp

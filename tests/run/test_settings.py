@@ -17,8 +17,8 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import require_settings
 from cutjoint.run.simulation import simulate

@@ -11,8 +11,8 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import FailureReport
 from cutjoint.run.simulation import simulate
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from cutjoint.methods import INTEGRATORS
+from cutjoint.package.errors import RunError
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulation import simulate

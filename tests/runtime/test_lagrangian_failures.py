@@ -10,7 +10,7 @@ import pytest
 
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.overconstrained import IN_LINE, parallel_cranks_text
 from tests.runtime.points import (

@@ -14,7 +14,7 @@ from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, compile_scene
 from cutjoint.model.read import read_model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import read_table
 from cutjoint.run.scenes import find_scene, with_closure
 from cutjoint.run.simulation import simulate

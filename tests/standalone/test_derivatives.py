@@ -19,7 +19,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.stepping.load import load_scene
 from cutjoint_bench.driver import QUAD

@@ -12,7 +12,7 @@ import cutjoint
 from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model_text
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_scene
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.hung import HUNG

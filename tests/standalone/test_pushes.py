@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.model.pushing import PUSHES, with_pushes
+from cutjoint.model.opening import PUSHES, with_pushes
 from cutjoint.model.read import read_model_text
 from cutjoint.stepping.load import load_scene
 from tests.conftest import ROOT, needs_cpp

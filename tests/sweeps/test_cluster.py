@@ -17,7 +17,7 @@ import pytest
 from distributed import Client, LocalCluster, config
 
 import cutjoint
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.sweeps import kernel as kernels
 from cutjoint.sweeps.cluster import Cluster
 from cutjoint.sweeps.code import build_kernels

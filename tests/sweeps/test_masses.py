@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import make_run_file
 from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.designs import Masses

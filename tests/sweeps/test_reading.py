@@ -13,7 +13,7 @@ import pytest
 from scipy.stats import qmc
 
 from cutjoint.model.errors import ModelError
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.sweeps.document import REDUCTIONS
 from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.table import Layout, require_room

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from distributed import LocalCluster
 
 from cutjoint.cli import main
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.sweeps import scheduler
 
 from .studies import study

@@ -14,8 +14,8 @@ from time import monotonic, sleep
 
 import pytest
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.children import tool
-from cutjoint.toolchain.errors import ToolchainError
 
 #: A tool that starts others as Ninja does, each in a process group of its own, and one that has lost its parent; then it waits.
 TOOL = """

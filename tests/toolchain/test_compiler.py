@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
+from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.cmake import build_project
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
-from cutjoint.toolchain.errors import ToolchainError
 from tests.conftest import MODELS
 from tests.toolchain.test_locks import Site, output, pytestmark, site
 

@@ -12,9 +12,9 @@ import pytest
 
 from cutjoint.emit.source import Source
 from cutjoint.package import locations
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain import build, cache, cmake, digests
 from cutjoint.toolchain.cache import find_or_make, is_sound
-from cutjoint.toolchain.errors import ToolchainError
 from tests.toolchain.test_damage import make
 from tests.toolchain.test_locks import Site, output, pytestmark, site
 
@@ -86,7 +86,7 @@ def run_mounted(folder: Path, script: str, options: str = "ro") -> subprocess.Co
 
 FIND = """
 from pathlib import Path
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.errors import ToolchainError
 from tests.toolchain.test_locks import Site
 site = Site(Path({folder!r}))
 print(site.build("one").fresh)

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain import cache, drivers
 from cutjoint.toolchain.cache import cache_folder, find_or_make, installed_folder, is_sound, read_record, write_record
-from cutjoint.toolchain.errors import ToolchainError
 from tests.toolchain.test_damage import make
 
 #: Somebody else.

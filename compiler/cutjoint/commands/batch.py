@@ -11,9 +11,9 @@ from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.report.tables import batch_facts
 from cutjoint.run.cases import read_cases
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import count_failures, describe_failures
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.results import Batch

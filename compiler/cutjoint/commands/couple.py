@@ -18,9 +18,9 @@ from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.report.plots import plot_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import require_unit
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error

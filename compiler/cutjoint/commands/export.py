@@ -10,7 +10,7 @@ from cutjoint.commands import options, table
 from cutjoint.commands.export_fmu import export_fmu, require_fmu
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
-from cutjoint.model.pushing import with_pushes
+from cutjoint.model.opening import with_pushes
 from cutjoint.model.records import Model, Output
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart

@@ -11,7 +11,7 @@ from cutjoint.commands import options
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.model.records import Model
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_case

@@ -149,7 +149,7 @@ def read_parameters(changes: tuple[str, ...], option: str = "--set") -> dict[str
         if not fault and name in parameters:
             fault = f"'{name}' is set twice; write one of the two"
         if fault:
-            from cutjoint.run.errors import RunError
+            from cutjoint.package.errors import RunError
 
             raise RunError(f"{option} {change}: {fault}")
         parameters[name] = value
@@ -167,7 +167,7 @@ def read_masses(links: tuple[str, ...]) -> dict[str, float]:
         from cutjoint.model.units import fault_of_dimension
 
         if fault := fault_of_dimension(mass, "kg"):
-            from cutjoint.run.errors import RunError
+            from cutjoint.package.errors import RunError
 
             raise RunError(f"--link-mass {name}: {fault}")
     return masses

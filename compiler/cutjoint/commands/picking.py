@@ -11,10 +11,10 @@ from cutjoint.commands.preparing import FinishedRun, Play, compile_request, prep
 from cutjoint.compile.prepared import PreparedRun, Request
 from cutjoint.methods import AUTO, DEFAULT_PRECISION, Implementation, Loops
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.choose import choose, chosen_model
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.report.tasks import choice_table
-from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops

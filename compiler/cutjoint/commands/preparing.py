@@ -33,11 +33,11 @@ from cutjoint.methods import (
 )
 from cutjoint.model.files import SHIPPED
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.program.records import Program
 from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_case, with_closure, with_loops

@@ -14,7 +14,7 @@ from cutjoint.compile.pipeline import with_asked_loops
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
 from cutjoint.methods import AUTO, METHODS, Implementation, Loops
+from cutjoint.package.errors import RunError
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error

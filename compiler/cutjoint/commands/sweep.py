@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColu
 from rich.table import Table
 
 from cutjoint.commands import options, table
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.sweeps.indices import find_indices, has_indices

@@ -34,10 +34,9 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Model, Scene
-from cutjoint.package.errors import MissingPartialsError
+from cutjoint.package.errors import MissingPartialsError, RunError
 from cutjoint.package.locations import path_of
 from cutjoint.program.records import Program
-from cutjoint.run.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files, write_whole

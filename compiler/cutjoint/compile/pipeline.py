@@ -26,12 +26,11 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
 from cutjoint.model.functions import require_code
-from cutjoint.model.pushing import with_pushes
+from cutjoint.model.opening import with_pushes
 from cutjoint.model.records import Model, Output, Scene
-from cutjoint.package.errors import EquationsError, MissingPartialsError
+from cutjoint.package.errors import EquationsError, MissingPartialsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.errors import RunError
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import find_closure

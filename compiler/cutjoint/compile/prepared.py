@@ -23,7 +23,7 @@ from typing import Any
 
 from cutjoint.methods import DEFAULT_PRECISION, Implementation, find_additions
 from cutjoint.model.records import Plot
-from cutjoint.package.errors import CutjointError
+from cutjoint.package.errors import CutjointError, ToolchainError
 from cutjoint.package.extensions import IMPLEMENTATIONS
 from cutjoint.package.locations import binaries_folder, code_folders
 from cutjoint.run.record import RunFile, Settings
@@ -33,7 +33,6 @@ from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, is_sound, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler, must_interpret, resolve
 from cutjoint.toolchain.drivers import Kind
-from cutjoint.toolchain.errors import ToolchainError
 
 #: Bytes that are read of a model file: more than a model may have, so that a truncated file cannot match a cached one.
 _LARGEST = 8_000_000

@@ -32,11 +32,10 @@ from cutjoint.formulate.natural.equations import LagrangianEquations, formulate_
 from cutjoint.formulate.records import CHECKS, RecursiveEquations, SystemEquations
 from cutjoint.methods import METHODS, Formulation, join_or, names_of
 from cutjoint.model.records import Output
-from cutjoint.package.errors import EquationsError
+from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.program.fold import fold
 from cutjoint.program.records import Program
 from cutjoint.program.schedule import schedule
-from cutjoint.run.errors import RunError
 from cutjoint.sparse.pattern import Pattern, places, settle_entries
 from cutjoint.sparse.pivoting import NoPivotError, SingularError
 from cutjoint.sparse.plan import Plan, plan_definite, plan_unsymmetric

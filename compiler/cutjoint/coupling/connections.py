@@ -12,7 +12,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.units import measure
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from cutjoint.coupling.process import ControllerError, SlaveProcess
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.toolchain.temporary import temporary_folder
 
 #: The types that are real numbers, in FMI 2 and 3.

@@ -14,7 +14,7 @@ from threading import Thread
 from typing import Any
 
 from cutjoint.model.text import printable
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.toolchain.keeper import end_session
 
 _START = "from cutjoint.coupling.slave import main; main()"

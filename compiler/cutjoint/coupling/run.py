@@ -16,8 +16,8 @@ import numpy as np
 from cutjoint.coupling.connections import Connections
 from cutjoint.coupling.controller import Controller, ControllerFmu, Port
 from cutjoint.coupling.process import ControllerError
+from cutjoint.package.errors import RunError
 from cutjoint.run.accuracy import SHORTER, STRICTER, compare
-from cutjoint.run.errors import RunError
 from cutjoint.run.result_files import Stream, TableFile, open_table, write_all
 from cutjoint.run.results import Columns, ErrorEstimate, Trajectory
 from cutjoint.run.simulator import Progress

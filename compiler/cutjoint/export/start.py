@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import PLAIN_CLOSURE
 from cutjoint.model.records import COORDINATES, Marker, Model, Output, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import make_simulator_run
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import describe_failure
 from cutjoint.run.scenes import with_closure
 from cutjoint.run.settings import PLAIN_STEPS

@@ -1,15 +1,20 @@
-"""Numbers of a model file that are opened: each becomes a parameter of the name of its place, which a run may change without a compiler."""
+"""Parameters and inputs that a model file does not name.
+
+Numbers that are opened become parameters of the names of their places, which a run may change without a compiler.  Bodies and markers that
+are pushed have forces and torques from outside: loads of inputs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, MutableMapping, Sequence
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
-from cutjoint.model.errors import Problem, nearest
+from cutjoint.elements.forces.body_load import BodyLoad
+from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.expressions import parameter_symbol
 from cutjoint.model.operations import Term
-from cutjoint.model.records import Binding, Parameter, Scalar, Span
+from cutjoint.model.records import Binding, Body, Marker, Model, Parameter, Scalar, Span, Vector
 from cutjoint.model.source import Path
 from cutjoint.model.units import Dimension
 
@@ -63,3 +68,58 @@ def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
     *fields, last = keys or ("",)
     component = _AXES[last] if in_triple and isinstance(last, int) and last < len(_AXES) else str(last)
     return ".".join(filter(None, (element, *map(str, fields), component)))
+
+
+# Forces from outside
+
+#: The units of the inputs of a pushed body or marker, by the ends of their names.
+PUSHES = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
+
+
+def with_pushes(model: Model, names: Sequence[str]) -> Model:
+    """The model with a force (N) at the centre of mass of each body that is named, or at a marker, and a torque (N m), in global axes.
+
+    They are the inputs ``NAME.push.fx`` to ``NAME.push.tz``, of value 0 where nobody gives one.
+
+    Raises:
+        ModelError: the model has no such body or marker, or a name is given twice.
+    """
+    places: dict[str, Body | Marker] = {**{x.name: x for x in model.bodies}, **{x.name: x for x in model.markers}}
+    if problems := list(_faults(model, names, places)):
+        raise ModelError(problems)
+    parameters, forces = [*model.parameters], [*model.forces]
+    for name in names:
+        place = places[name]
+        added = [
+            Parameter(
+                name=f"{name}.push.{end}", symbol=parameter_symbol(f"{name}.push.{end}"), value=0.0, unit=unit, binding=Binding.INPUT,
+                span=place.span,
+            )
+            for end, unit in PUSHES.items()
+        ]  # fmt: skip
+        parameters += added
+        x, y, z, *torque = (parameter.symbol for parameter in added)
+        forces += [_load(f"{name}.push", place, (x, y, z)), _load(f"{name}.twist", place, tuple(torque), is_torque=True)]
+    return replace(model, parameters=tuple(parameters), forces=tuple(forces))
+
+
+def _faults(model: Model, names: Sequence[str], places: dict[str, Body | Marker]) -> Iterator[Problem]:
+    taken = {force.name for force in model.forces}
+    for number, name in enumerate(names):
+        fault = ""
+        if name not in places:
+            fault, hint = "the model has no body or marker of this name", nearest(name, places)
+        elif name in names[:number]:
+            fault, hint = "is given twice", "write it once"
+        elif taken & {f"{name}.push", f"{name}.twist"}:
+            fault, hint = "the model has a force of its own that is called so", "give that another name"
+        if fault:
+            yield Problem(span=model.span, element=f"push '{name}'", message=fault, hint=hint)
+
+
+def _load(name: str, place: Body | Marker, components: Vector, *, is_torque: bool = False) -> BodyLoad:
+    at, body = (place.point, place.body) if isinstance(place, Marker) else (place.centre_of_mass, place.name)
+    return BodyLoad(
+        name=name, body=body, point=None if is_torque else at, axes="global", components=components, moving_only=False, active=True,
+        span=place.span,
+    )  # fmt: skip

@@ -1,11 +1,15 @@
 """The errors that are told to users: one class of all, and beneath it a class for each stage.
 
-`EquationsError` stands here, since several folders raise it; every other class stands in the folder that raises it.
+Errors that several folders raise stand here, every other class in the folder that raises it.
 """
 
 
 class CutjointError(Exception):
     """An error that its user can mend; the text says where and how."""
+
+
+class RunError(CutjointError, ValueError):
+    """A run was asked for that the model, the scene or the method cannot do."""
 
 
 class EquationsError(CutjointError):
@@ -21,3 +25,11 @@ class MissingPartialsError(EquationsError):
         last = "has no second derivatives, which are needed here; use the method recursive"
         super().__init__(f"function '{function}': {last if second else first}")
         self.function = function
+
+
+class ToolchainError(CutjointError, RuntimeError):
+    """The C++ side is missing something or refused the code, or the cache cannot be written."""
+
+
+class MissingToolsError(ToolchainError):
+    """A tool that makes code is not installed."""

@@ -15,9 +15,9 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import Body, Guard, Model, Output, Scene, Tyre
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.sampling import run_scene
-from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 
 # Light links

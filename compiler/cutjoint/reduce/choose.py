@@ -22,16 +22,15 @@ from cutjoint.compile.prepared import made_with
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Implementation, names_of
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.reduce.measure import Truth, distance, find_truth, fraction, time_run
 from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequence
 from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.platforms import machine
 
 #: The share of the accuracy that a choice may use, since it is measured against a truth that has an error of its own.

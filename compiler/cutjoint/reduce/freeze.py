@@ -17,10 +17,10 @@ from cutjoint.elements.interaction import Point
 from cutjoint.model.errors import ModelError
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Reaction, Scalar, Scene, Vector
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.records import bodies_of, hand_over
 from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
-from cutjoint.run.errors import RunError
 from cutjoint.run.simulator import SimulatorError
 
 #: A joint is idle that moves by less than a scene's tolerance, else than this (m and rad).

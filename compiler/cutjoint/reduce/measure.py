@@ -16,10 +16,10 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate

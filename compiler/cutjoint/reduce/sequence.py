@@ -16,7 +16,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.outcome import Note, Outcome
 from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import Binding, Controller, Model, Scalar, Scene
-from cutjoint.package.errors import EquationsError
+from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.reduce.approximations import lighten_links, roll_straight
 from cutjoint.reduce.freeze import freeze_idle
@@ -28,7 +28,6 @@ from cutjoint.reduce.planar import drop_idle_equations, flatten
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.records import Pass
 from cutjoint.reduce.weld import weld_bodies
-from cutjoint.run.errors import RunError
 
 #: The motion of a reduced model: that of the full one, the same while guards hold, or near it.
 MOTIONS = ("exact", "guarded", "approximate")

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from cutjoint.model.records import Plot
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.figures import Line, as_png, draw
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import TIME, Array, Trajectory, read_table

@@ -25,8 +25,8 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
 from cutjoint.run.inputs import GivenInput
 from cutjoint.run.record import Settings

@@ -12,7 +12,7 @@ from typing import Any
 
 from cutjoint.model.records import Model
 from cutjoint.model.text import read_number
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import open_table, write_all
 from cutjoint.run.run_file import parameter_values

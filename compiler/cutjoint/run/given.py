@@ -8,8 +8,8 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
-from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 

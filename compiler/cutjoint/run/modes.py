@@ -14,8 +14,8 @@ from cutjoint.formulate.inputs import held_name
 from cutjoint.methods import LINEARISED
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.model.records import Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.record import RunFile
 from cutjoint.run.results import FailureReport
 from cutjoint.run.roads import WheelRoad

@@ -20,7 +20,7 @@ from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
 from cutjoint.model.records import Binding, Body, Model, Scalar, Scene
 from cutjoint.model.starts import fault_of_quaternion, normalised
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings

@@ -7,7 +7,7 @@ from math import fmod
 
 from cutjoint.methods import INTEGRATORS, join_or
 from cutjoint.model.records import Controller, Model, Scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 
 #: The most samples of a controller in a run.
 MOST_SAMPLES = 1e8

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from cutjoint.model.records import Model, Numerics, Road, Scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 
 
 def find_scene(model: Model, name: str | None) -> Scene:

@@ -23,8 +23,8 @@ from cutjoint.methods import (
 )
 from cutjoint.model.ranges import MOST_STEPS, SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import STEP, Numerics, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import IMPLEMENTATIONS
-from cutjoint.run.errors import RunError
 from cutjoint.run.record import Settings, Stabilisation
 from cutjoint.run.scenes import with_settings
 

@@ -10,9 +10,9 @@ from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.model.pushing import with_pushes
+from cutjoint.model.opening import with_pushes
 from cutjoint.model.records import Model, Scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.given import Given, take_model
 from cutjoint.stepping.library import Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation

@@ -14,8 +14,8 @@ from queue import Empty, Queue
 from time import monotonic
 from typing import Any
 
+from cutjoint.package.errors import RunError
 from cutjoint.package.version import __version__
-from cutjoint.run.errors import RunError
 from cutjoint.sweeps.kernel import require_loadable
 from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.work import Chunk, Rows, Work

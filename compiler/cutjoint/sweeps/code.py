@@ -20,8 +20,8 @@ from cutjoint.formulate.records import Column
 from cutjoint.model.expressions import variable
 from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.model.starts import UNIT_BOUND
+from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
-from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import changing, sources_of_parts
 from cutjoint.sweeps.expressions import symbol_of
 from cutjoint.sweeps.kernel import Kernel, find_target

@@ -16,7 +16,7 @@ import numpy as np
 from cutjoint.model.evaluate import evaluate_runs
 from cutjoint.model.mass import can_exist
 from cutjoint.model.records import Binding
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import MASSES, following, parameter_values
 from cutjoint.sweeps.document import Design, LatinHypercube, Listed, Sobol, SobolIndices
 from cutjoint.sweeps.records import Array, Kind, Study, of_kind

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.sweeps.records import Array
 
 if TYPE_CHECKING:

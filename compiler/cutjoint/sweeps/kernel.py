@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.run.settings import StepSettings
 from cutjoint.sweeps.records import Array, Counts
 from cutjoint.toolchain.compiler import find_compiler, processor
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 
 # Machines

@@ -12,7 +12,7 @@ import sympy
 from cutjoint.compile.folders import choose_steps
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.result_files import naming_output
 from cutjoint.run.scenes import in_scene
 from cutjoint.run.simulation import simulate

@@ -10,7 +10,7 @@ from queue import Empty, Queue
 from threading import Thread
 from typing import Any
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 
 #: Seconds to wait for an answer; the look-up of a name, which nothing can end, may take as long again.
 _PATIENCE = 4.0

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import OutputError, is_stream, resolved
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.work import Rows

@@ -23,10 +23,10 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLOSURE, Events, Implementation, join_or, names_of
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
 from cutjoint.run.given import Given, take_model
 from cutjoint.run.inputs import input_entries

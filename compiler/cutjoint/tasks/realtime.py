@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from cutjoint.compile.pipeline import take_artifact
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath, path_of
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
 from cutjoint.run.given import Given
 from cutjoint.run.result_files import RunTables

@@ -20,8 +20,8 @@ from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops
 from cutjoint.model.quantities import POSE, Element, quantities, unit_of
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
-from cutjoint.run.errors import RunError
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
 from cutjoint.run.given import Given, take_model
 from cutjoint.run.modes import NotReachedError, linearise_at

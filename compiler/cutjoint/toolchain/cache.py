@@ -22,7 +22,7 @@ from typing import Any
 
 import platformdirs
 
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_folder
 from cutjoint.toolchain.trust import Trust, trust_of
 

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain import keeper
-from cutjoint.toolchain.errors import ToolchainError
 
 #: The keepers of tools that are at work, also those of threads that nobody waits for.
 _at_work: set[subprocess.Popen[str]] = set()

@@ -8,10 +8,10 @@ import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder, runtime_folder
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import PACKAGES, Compiler
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.flags import are_known, require_flags
 from cutjoint.toolchain.temporary import is_plain
 from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file

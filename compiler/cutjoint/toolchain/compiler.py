@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from cutjoint.package.errors import MissingToolsError, ToolchainError
 from cutjoint.package.locations import binaries_folder
-from cutjoint.toolchain.errors import MissingToolsError, ToolchainError
 
 #: Debian's packages of the tools, and of all that generated code needs; wheels for a platform have the rest of it.
 TOOLS = "g++ cmake ninja-build"

@@ -15,11 +15,11 @@ from secrets import token_hex
 from typing import Any
 
 from cutjoint.emit.source import Generated, Source
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.build import build, is_built
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.compiler import find_compiler
 from cutjoint.toolchain.drivers import Kind, interpreter_is_there
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.objects import missing_sources
 from cutjoint.toolchain.waits import forecast
 

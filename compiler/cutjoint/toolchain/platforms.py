@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, require_tools
-from cutjoint.toolchain.errors import ToolchainError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from secrets import token_hex
 
 from filelock import FileLock, Timeout
 
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.errors import ToolchainError
 
 #: The beginning of locks' names, those of the cache too, and of the temporary folders beside them.
 PREFIX = "cutjoint-"

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cutjoint.toolchain.errors import ToolchainError
+from cutjoint.package.errors import ToolchainError
 
 #: The environment variable with the name or number of a group that shares the cache.
 GROUP = "CUTJOINT_CACHE_GROUP"

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.digests import digest_of
-from cutjoint.toolchain.errors import ToolchainError
 
 
 @dataclass(frozen=True, kw_only=True)

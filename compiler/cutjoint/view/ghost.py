@@ -13,7 +13,7 @@ from zlib import crc32
 
 import numpy as np
 
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 from cutjoint.view.glb import TRIANGLES, Glb, GltfNode, Primitive, read_glb
 from cutjoint.view.motions import turned
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part

@@ -16,9 +16,9 @@ from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
 from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import OutputError

@@ -15,8 +15,8 @@ from cutjoint.formulate.inputs import TIME
 from cutjoint.kernels.directions import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.report.explain.document import is_reduced
-from cutjoint.run.errors import RunError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint_bench.export.records import Matrix, Mechanism, PeerGear, PeerJoint, Place, RigidBody

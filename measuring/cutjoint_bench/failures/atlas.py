@@ -13,11 +13,10 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
+from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.run_file import parameter_values
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint_bench.cutjoint_contenders import TOLERANCES, has_added, identity
 from cutjoint_bench.failures.outcomes import OUTCOMES, Truth, identify, known_truth, try_run
 from cutjoint_bench.progress import Say, silently

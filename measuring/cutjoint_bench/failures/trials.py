@@ -10,12 +10,11 @@ from typing import Any
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.errors import ModelError
+from cutjoint.package.errors import RunError, ToolchainError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Array
 from cutjoint.run.scenes import with_settings
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.errors import ToolchainError
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.cutjoint_contenders import has_added, identity

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from cutjoint.package.errors import ToolchainError
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import cache_folder, find_or_make
 from cutjoint.toolchain.compiler import find_compiler, resolve
-from cutjoint.toolchain.errors import ToolchainError
 
 
 def compile_program(folder: Path, options: Sequence[str]) -> Path:

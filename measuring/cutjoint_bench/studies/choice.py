@@ -24,12 +24,12 @@ from cutjoint.methods import METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.version import __version__
 from cutjoint.reduce.choose import Candidate, choose, searches, timed
 from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, at_step
-from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.platforms import machine

@@ -28,8 +28,8 @@ from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import STEP, Model, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.digests import digest_of

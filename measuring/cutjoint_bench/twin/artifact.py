@@ -11,10 +11,10 @@ from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, join_and, names_of
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.report.explain.document import is_reduced
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.topology.reading import read_model

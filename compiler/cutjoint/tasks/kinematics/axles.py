@@ -12,7 +12,7 @@ from cutjoint.analysis.closing import Array
 from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Force, Joint, Model, PointSpring, Scalar, Span, Vector
-from cutjoint.run.errors import RunError
+from cutjoint.package.errors import RunError
 
 #: The name of a force that carries a wheel, where it is neither of kind tyre nor of kind wheel.
 TYRE = "tyre"

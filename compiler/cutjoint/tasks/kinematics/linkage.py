@@ -16,9 +16,9 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematic
 from cutjoint.formulate.recursive.loops import derive_loops
 from cutjoint.methods import PLAIN_CLOSURE, join_and
 from cutjoint.model.records import AxialForce, Force, PointSpring
+from cutjoint.package.errors import RunError
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.program.interpret import interpret_blocks
-from cutjoint.run.errors import RunError
 from cutjoint.tasks.kinematics.axles import SIDES, Axle, Wheel
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import TOLERANCE

@@ -9,8 +9,8 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array
 from cutjoint.model.ranges import fault_of_setting
+from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
-from cutjoint.run.errors import RunError
 from cutjoint.run.inputs import given_inputs
 from cutjoint.run.results import Columns
 from cutjoint.run.run_file import parameter_values
