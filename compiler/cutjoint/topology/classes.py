@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from os.path import commonprefix
+from itertools import takewhile
 from typing import Any, TypeAlias
 
 import sympy
@@ -180,8 +180,9 @@ def joint_ends(tree: Sequence[TreeJoint], cuts: Sequence[Joint]) -> dict[str, tu
 
 def _instance(bodies: Sequence[str]) -> str:
     """The innermost instance, "name.", that all bodies stand in; "" if there is none."""
-    shared = commonprefix([name.split(".")[:-1] for name in bodies])
-    return "".join(f"{name}." for name in shared)
+    first, *others = (name.split(".")[:-1] for name in bodies)
+    shared = takewhile(lambda depth: all(way[:depth] == first[:depth] for way in others), range(1, len(first) + 1))
+    return "".join(f"{first[depth - 1]}." for depth in shared)
 
 
 def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instance: str) -> tuple[str, tuple[int, ...], str]:
