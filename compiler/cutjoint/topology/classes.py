@@ -85,7 +85,7 @@ class _Attached:
         self._gears = _by_body(graph.gears, self._geared)
         self._ends = joint_ends(graph.tree, graph.cuts)
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
-        self._named = tuple(element.name for element in (*model.states, *model.signals))
+        self._named = (*(state.name for state in model.states), *(signal.name for signal in model.signals))
         self._shapes = self._numbered_shapes()
         self._children: dict[str, list[str]] = {}
         self.sizes = dict.fromkeys(self._joint_of, 1)
