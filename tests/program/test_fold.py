@@ -51,7 +51,40 @@ def geared(count: int) -> str:
     return pendulums(count).replace("kind: spherical,", hinge).replace("scenes:", f"gears:\n{gears}scenes:")
 
 
+DAMPED = """\
+cutjoint: 1
+name: damped
+gravity: [0, -9.81, 0]
+bodies:
+  bar: {mass: 5, centre_of_mass: [0, 0, 0], inertia: [2, 2, 2]}
+joints:
+  slide: {kind: prismatic, bodies: [ground, bar], at: [0, 0, 0], axis: [1, 0, 0]}
+signals:
+  sway: bar.vx/3
+submodels:
+  arm:
+    connectors: [carrier]
+    parameters: [stiff, sway]
+    bodies:
+      rod: {mass: 2, centre_of_mass: [1, -0.5, 0.2], inertia: [0.5, 0.4, 0.3]}
+    joints:
+      pin: {kind: revolute, bodies: [carrier, rod], at: [1, 0, 0.2], axis: [0, 0, 1]}
+    forces:
+      drag: {kind: joint_force, joint: pin, law: -torque}
+    states:
+      lag: {start: 0.1, rate: turns - 3*lag}
+    signals:
+      turns: pin.angle_rate + sway*rod.vx
+      torque: stiff*atan(lag) + turns**3
+instances:
+  one: {use: arm, connect: {carrier: bar}, with: {stiff: 2, sway: sway}}
+  two: {use: arm, connect: {carrier: bar}, with: {stiff: 5, sway: sway}, mirror: z}
+scenes:
+  swing: {end: 1}
+"""
+
 CASES = {
+    "arms with signals and states": (lambda: DAMPED, "swing"),
     "iltis, straight": (lambda: (MODELS / "iltis.yaml").read_text(), "simul1s"),
     "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),

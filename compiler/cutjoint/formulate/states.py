@@ -17,9 +17,9 @@ from cutjoint.program.vary import Inputs, Variation
 Entry = tuple[int, int, Block]
 
 
-def state_rates(translator: Translator, model: Model) -> dict[str, Block]:
+def state_rates(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:
     """f of each state by its name."""
-    return {state.name: translator.scalar(state.rate) for state in model.states}
+    return {state.name: b.record(translator.scalar(state.rate), "state_rate", state.name) for state in model.states}
 
 
 def state_residuals(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:
@@ -28,7 +28,8 @@ def state_residuals(b: Builder, translator: Translator, model: Model) -> dict[st
     for state in model.states:
         with b.section("force_residual", state.name, "x' - f", state.span.place):
             change = b.symbol(f"vdot:{state.name}", 1, BindingTime.ITERATION)
-            residuals[f"force_residual:{state.name}"] = b.sub(change, translator.scalar(state.rate))
+            residual = b.sub(change, translator.scalar(state.rate))
+            residuals[f"force_residual:{state.name}"] = b.record(residual, "state_residual", state.name)
     return residuals
 
 
@@ -53,7 +54,7 @@ def state_tangent(
 ) -> Iterator[Entry]:
     """The derivatives of the states' equations by the states, of a symmetric tangent those of each by its own state: most states drive
     others that do not act on them, whose symmetric part may have no positive pivots."""
-    rates = state_rates(translator, model)
+    rates = state_rates(b, translator, model)
     changes = {s.name: by_state(b, s.name, damping) for s in model.states}
     for i, row in enumerate(model.states):
         with b.section("tangent", row.name, "1 - df/dx", row.span.place):

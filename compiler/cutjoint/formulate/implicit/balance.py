@@ -213,7 +213,7 @@ def inertial_tangent(motions: Motions, of: Mapping[str, Composite]) -> Iterator[
 def coupled_tangent(motions: Motions, layout: StateLayout, model: Model, system: SharedForces) -> Iterator[Entry]:
     """The tangent of forces and first-order states by each other: the states' equations by the joints' motions, and the joints' by the
     states."""
-    b, rates = motions.k.builder, state_rates(motions.k.translator, model)
+    b, rates = motions.k.builder, state_rates(motions.k.builder, motions.k.translator, model)
     variations = motions.variations() if model.states else {}
     for place, state in enumerate(model.states, start=layout.speeds):
         change = by_state(b, state.name, motions.weights.damping)

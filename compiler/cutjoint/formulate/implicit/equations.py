@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 from cutjoint.formulate.forces import guard_function, margin_slots
 from cutjoint.formulate.implicit.balance import (
@@ -224,6 +225,11 @@ class _System:
             if not is_zero(value):
                 name = f"tangent:{row},{column}"
                 results[name] = self.b.add(results[name], value) if name in results else value
+        places = {m.row: (m.body, m.index) for m in motions.all()}
+        places |= {layout.speeds + i: (state.name, 0) for i, state in enumerate(model.states)}
+        for (row, one), (column, other) in product(places.items(), repeat=2) if model.states else ():
+            if max(row, column) >= layout.speeds and (found := results.get(f"tangent:{row},{column}")) is not None:
+                self.b.record(found, "tangent", one[0], other[0], which=(one[1], other[1]))
         return results
 
     def _motions(self) -> Motions:

@@ -283,7 +283,7 @@ class _System:
     def _coupling(self) -> dict[str, Block]:
         """The entries of forces by first-order states, and of these by coordinates and speeds."""
         b, motions, model, (damping, stiffness, _) = self.b, self.motions, self.start.topology.model, self._weights()
-        offset, rates, results = self._offsets(), state_rates(motions.translator, model), dict[str, Block]()
+        offset, rates, results = self._offsets(), state_rates(self.b, motions.translator, model), dict[str, Block]()
         nodes = [(node, motions.node(node)) for node in self.layout.coordinates]
         differentiator = Differentiator(b, {block for _, m in nodes for block in (m.x, m.v)} | motions.states)
         for place, state in enumerate(model.states, start=self.state.speeds):

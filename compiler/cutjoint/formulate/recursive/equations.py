@@ -105,7 +105,7 @@ def formulate_recursive(
     )  # fmt: skip
     layout = relative_layout(charts, _closures(loops), model.states)
     accelerations = {f"vdot:{c.joint}": solution.vdot[c.joint] for c in charts}
-    accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(k.translator, model).items()}
+    accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(b, k.translator, model).items()}
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
     switches = [*find_switches(b, switching), *laws.switches]
