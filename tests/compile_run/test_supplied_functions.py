@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.functions import supply
@@ -160,3 +162,21 @@ def test_what_is_no_number_ends_the_run(tmp_path: Path) -> None:
 def test_code_that_does_not_compile_is_told(tmp_path: Path) -> None:
     with pytest.raises(CutjointError, match=r"functions:\d+"):
         run(supplied(tmp_path, CODE.replace("3 * a[1];", "3 * b[1];")), "recursive")
+
+
+def test_a_sweep_has_the_code_of_the_command_line(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "f.cpp").write_text(CODE, encoding="utf-8")
+    (tmp_path / "called.yaml").write_text(MODEL, encoding="utf-8")
+    (tmp_path / "written.yaml").write_text(written().text, encoding="utf-8")
+    study = "cutjoint_study: 1\nmodel: {}.yaml\nparameters: {{k: {{from: 1, to: 2}}}}\ndesign: {{sobol: 8}}\n"
+    study += "objectives: {{far: {{end: a.knee.angle}}}}\nflags: -O1\n"
+    found = []
+    for name, more in (("called", ["--functions", str(tmp_path / "f.cpp")]), ("written", [])):
+        (tmp_path / f"{name}_study.yaml").write_text(study.format(name), encoding="utf-8")
+        words = ["sweep", tmp_path / f"{name}_study.yaml", "--out", tmp_path / f"{name}.parquet", *more]
+        result = CliRunner().invoke(main, [str(word) for word in words])
+        assert result.exit_code == 0, result.output
+        found.append(parquet.read_table(tmp_path / f"{name}.parquet")["far"].to_numpy())
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+    assert np.ptp(found[0]) > 0

@@ -36,7 +36,7 @@ def command(
     model: Path, fmus: tuple[Path, ...], scene: str | None, connections: tuple[str, ...], communication: float | None, limit: float | None,
     method: str | None, tolerance: float | None, integrator: str | None, events: str | None, dt: float | None, end: float | None,
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
-    view: Path | None,
+    view: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL beside FMUs for co-simulation: their outputs drive the inputs of the same names, and they read outputs."""
     read_files = {"the model": model, **{_words_of(fmu, fmus): fmu for fmu in fmus}}
@@ -45,7 +45,7 @@ def command(
         require_view(view, "--view")
     parameters = options.read_parameters(changes)
     asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
-    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened))
+    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened, functions=functions))
     with ExitStack() as opened_fmus:
         controllers = [opened_fmus.enter_context(open_controller(fmu, CALL_LIMIT if limit is None else limit)) for fmu in fmus]
         connected = connect(controllers, read, chosen, _named(connections))

@@ -10,18 +10,19 @@ from cutjoint.report.tasks import time_tables
 from cutjoint.run.failures import describe_failure, describe_rest
 from cutjoint.run.outputs import require_apart
 from cutjoint.tasks.realtime import run_in_real_time
+from cutjoint.topology.reading import read_model
 
 
 @table.command("realtime")
 def command(
     model: Path, scene: str | None, method: str, dt: float | None, end: float | None, iterations: int | None, changes: tuple[str, ...],
-    priority: int | None, processor: int | None, out: Path | None,
+    priority: int | None, processor: int | None, out: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL by the trapezoidal rule against the wall clock: how long steps take, and how many miss their deadline."""
     require_apart({"the model": model}, tables={"--out": out})
     parameters = options.read_parameters(changes)
     with options.progress_bar(f"compiling {model.name}"):
-        artifact = compile_model(model, scene=scene, method=method)
+        artifact = compile_model(read_model(model, functions=functions), scene=scene, method=method)
     with options.progress_bar(f"running {artifact.scene.name}"):
         times = run_in_real_time(
             artifact, dt=dt, end=end, iterations=iterations, parameters=parameters, out=out, check=False, priority=priority,

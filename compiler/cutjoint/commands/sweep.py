@@ -30,7 +30,8 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 @table.command("sweep")
 def command(
-    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, replays: int
+    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, replays: int,
+    functions: Path | None,
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
 
@@ -39,7 +40,7 @@ def command(
     out = Path(f"{study.stem}.parquet") if out is None else out
     if threads is not None and scheduler is not None:
         raise RunError("--threads: they are those of this machine; the workers of --scheduler have their own")
-    read = read_study(study)
+    read = read_study(study, functions=functions)
     for earlier in read.model.notes:
         options.err.print(earlier, markup=False)
     model = study.parent / read.model.span.file

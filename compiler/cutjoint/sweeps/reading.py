@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.model.errors import ModelError, Problems, nearest
+from cutjoint.model.functions import supply
 from cutjoint.model.operations import ExpressionError
 from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
@@ -43,14 +44,15 @@ def element_of(path: Keys) -> tuple[str, int]:
     return ("design", 1) if path[:1] == ("design",) else ("study", 0)
 
 
-def read_study(path: AnyPath) -> Study:
-    """Read a study file and the model that it names.
+def read_study(path: AnyPath, *, functions: AnyPath | None = None) -> Study:
+    """Read a study file and the model that it names; ``functions`` is a C++ file with the code of functions that this declares.
 
     Raises:
         ModelError: the study or its model is wrong; it has all problems.
         RunError: a library that the design needs is not installed.
     """
-    return read_study_text(read_text(Path(path)), str(path))
+    study = read_study_text(read_text(Path(path)), str(path))
+    return study if functions is None else replace(study, model=supply(study.model, functions))
 
 
 def read_study_text(text: str, file: str) -> Study:

@@ -57,7 +57,7 @@ def replay(study: Study, run: int, view: Path) -> Path:
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)
     read = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
-    model = in_scene(read, scene)
+    model = in_scene(replace(read, code=study.model.code), scene)
     artifact = compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
         artifact, parameters=parameters,
