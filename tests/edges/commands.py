@@ -25,7 +25,7 @@ _BESIDE = {"over": ["--view=out_view.html"], "beside": ["--plots=out_plots"]}
 #: Files other than models that options and arguments read.
 READ = {"cases": TABLE, "study": STUDY}
 #: Options and arguments that read a file of which users have none here.
-_UNREADY = ("over", "fmu", "beside")
+_UNREADY = ("over", "fmus", "beside", "functions")
 
 
 def commands() -> dict[str, click.Command]:

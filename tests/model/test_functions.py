@@ -88,7 +88,7 @@ def test_code_that_is_missing_is_named(tmp_path: Path) -> None:
         require_code(read())
     with pytest.raises(ModelError, match=r"m\.yaml:6:3: function 'push': .*functions\.cpp has no cutjoint_push; write extern \"C\" void"):
         supplied(tmp_path, code=CODE.replace("cutjoint_push", "my_cutjoint_push"))
-    with pytest.raises(ModelError, match=r"m\.yaml:2:1: model: .*none\.cpp, the code of its functions: No such file or directory"):
+    with pytest.raises(ModelError, match=r"none\.cpp:1:1: .*cannot be read: No such file or directory"):
         supply(read(), tmp_path / "none.cpp")
     without = MODEL.replace("-pull(position, 2*rate) - 3*push(position)", "0").replace(", {twice: 2*push(slide.displacement)}", "")
     lines = [line for line in without.splitlines() if not line.startswith(("functions:", "  pull:", "  push:"))]

@@ -101,7 +101,9 @@ def test_a_state_is_set(press: cutjoint.Simulation, method: str) -> None:
     other.set_state(press.time, press.coordinates.array, press.speeds.array)
     assert other.time == press.time
     assert np.array_equal(other.coordinates.array, press.coordinates.array)
-    zero = 1e-9 if method in ("augmented", "classical") else 1e-12  # accelerations of natural coordinates round, beside hundreds
+    # accelerations of natural coordinates round, beside hundreds; those of Newton's steps are as the iteration leaves them, a share of the
+    # largest, and rates are projected behind it
+    zero = {"augmented": 1e-9, "classical": 1e-9, "recursive-newton": 1e-6 * np.abs(press.accelerations.array).max()}.get(method, 1e-12)
     assert other.accelerations.array == pytest.approx(press.accelerations.array, rel=1e-5, abs=zero)
     with pytest.raises(ValueError, match="coordinates and"):
         other.set_state(0.0, np.zeros(1), np.zeros(2))

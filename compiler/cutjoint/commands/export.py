@@ -39,7 +39,7 @@ def command(
         return
     require_fmu(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
-        poses=poses or None, push=pushed or None,
+        poses=poses or None, push=pushed or None, functions=functions,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     exporter = EXPORTERS.load(peer)

@@ -42,7 +42,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
 from cutjoint.run.scenes import find_case, with_closure, with_loops
 from cutjoint.run.settings import Options
-from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.toolchain.later import TakesLong
 from cutjoint.topology.reading import read_model
 
@@ -174,8 +174,8 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
         additions = find_additions(solver)
         if request.precision != DEFAULT_PRECISION or additions or model.functions:
             patience = inf  # only generated code has that
-        if request.implementation == Implementation.GENERATED:
-            find_compiler()
+        if request.implementation == Implementation.GENERATED and must_interpret():
+            find_compiler()  # whose error says what is missing
         choices = CompileOptions(method=method, precision=request.precision, additions=additions)
         return compile_scene(model, scene, choices, patience=patience)
 

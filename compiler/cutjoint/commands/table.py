@@ -226,9 +226,9 @@ OPTIONS: Mapping[str, Row] = {
     "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="As many as processors otherwise."),
     "sweep.threads": click.option("--threads", type=Setting("threads"), help="Of this machine; as many as processors otherwise."),
-    "priority": click.option("--priority", type=click.IntRange(1, 99), help="Real-time priority of the steps (SCHED_FIFO), for which the "
+    "priority": click.option("--priority", type=Setting("priority"), help="Real-time priority of the steps (SCHED_FIFO), for which the "
         "user needs a right; that of other programs otherwise."),
-    "processor": click.option("--processor", type=click.IntRange(0), help="Number of the processor that steps run on; any otherwise."),
+    "processor": click.option("--processor", type=Setting("processor"), help="Number of the processor that steps run on; any otherwise."),
     "connections": click.option("--connect", "connections", metavar="PORT=NAME", multiple=True, help="An input or output of an FMU, and "
         "the output or input of the model, or of another FMU as FILE:PORT, that it belongs to, where names differ."),
     "communication": click.option("--communication-step", "communication", type=Setting("dt"), help="Time between exchanges of values; "

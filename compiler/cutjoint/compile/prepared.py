@@ -97,8 +97,8 @@ def _has_other_unit(value: float, unit: str) -> bool:
 
 def find_cached_run(request: Request, parameters: Mapping[str, float]) -> PreparedRun | None:
     """The cached run for this request and the present files, with parameters (SI units) changed; None if there is none."""
-    if not request.model.is_file():
-        return None  # a pipe can be read once
+    if not _can_be_read_again(request):
+        return None
     try:
         with request.model.open("rb") as stream:
             content = stream.read(_LARGEST).removeprefix(codecs.BOM_UTF8)
@@ -126,12 +126,19 @@ def digests_of(files: Iterable[str]) -> dict[str, str]:
 
 def cache_run(request: Request, text: str, prepared: PreparedRun) -> None:
     """Cache a run prepared from the text of a model, with the parameters of that text; a cache that cannot be written is no error."""
+    if request.functions is not None and not _can_be_read_again(request):
+        return
     with suppress(PackageNotFoundError, ToolchainError):  # installed without versions, or a cache that cannot be written
         write_record(_cache_path(request, text.encode()), _as_json(prepared))
 
 
+def _can_be_read_again(request: Request) -> bool:
+    """Return whether the files that a request names are no pipes, which can be read once."""
+    return request.model.is_file() and (request.functions is None or request.functions.is_file())
+
+
 def _cache_path(request: Request, content: bytes) -> Path:
-    code = None if request.functions is None else sha256(request.functions.read_bytes()).hexdigest()
+    code = None if request.functions is None else [*digests_of([str(request.functions)]).values()]
     asked = {**asdict(request), "model": str(request.model), "functions": code}
     about = [sha256(content).hexdigest(), asked, *made_with(), *_made_beside(request)]
     return cache_folder() / "runs" / f"{sha256(json.dumps(about).encode()).hexdigest()[:32]}.json"

@@ -18,7 +18,7 @@ from cutjoint.model import document
 from cutjoint.model.errors import ModelError, Problem, Problems
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import Model, Scalar, Span, SuppliedFunction
-from cutjoint.model.source import Source
+from cutjoint.model.source import Source, read_text
 from cutjoint.package.errors import MissingPartialsError
 from cutjoint.package.locations import AnyPath
 
@@ -112,11 +112,7 @@ def supply(model: Model, path: AnyPath) -> Model:
     """
     if not model.functions:
         raise _error(model.span, "model", f"it declares no functions, and {path} is to have their code", "leave the file out")
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "is not UTF-8"
-        raise _error(model.span, "model", f"{path}, the code of its functions: {why}", "name a C++ file") from None
+    text = read_text(Path(path))
     missing = [f for f in model.functions if not re.search(rf"\b{PREFIX}{f.name}\b", text)]
     if missing:
         raise ModelError(tuple(

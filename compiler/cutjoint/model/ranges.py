@@ -37,6 +37,8 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "travel": {"least": 1e-6, "most": 1.0},
     "turn": {"least": 1e-6, "most": 10.0},
     "points": {"least": 3, "most": 1001},
+    "priority": {"least": 1, "most": 99},
+    "processor": {"least": 0, "most": 65535},
     "radius": {"least": 1e-3, "most": 10.0},
     "share": {"least": 0.0, "most": 1.0},
 }
@@ -52,7 +54,9 @@ LENGTHS = frozenset({"travel", "radius"})
 PLACES = frozenset({"accuracy", "tolerance", "turn"})
 
 #: Settings that count something.
-WHOLE = frozenset({"iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions", "points"})
+WHOLE = frozenset(
+    {"iterations", "multiplier_updates", "loop_terms", "threads", "replay", "replays", "repetitions", "points", "priority", "processor"}
+)
 
 
 def fault_of(value: float, *, above: float = -inf, least: float = -inf, most: float = inf) -> str:
