@@ -112,3 +112,7 @@ def _is_utf_8(text: str) -> bool:
 @click.version_option(package_name="cutjoint")
 def main() -> None:
     """A model compiler for multibody dynamics: from one YAML file to case-specific C++."""
+
+
+if __name__ == "__main__":
+    main()

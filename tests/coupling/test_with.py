@@ -259,6 +259,13 @@ def test_fmus_that_cannot_be_coupled(changes: tuple[tuple[str, str], ...], messa
     assert message.format(fmu=fmu) in words_of(result)
 
 
+def test_a_model_without_inputs_has_none_to_drive(controller: Path, tmp_path: Path) -> None:
+    model = tmp_path / "still.yaml"
+    model.write_text(PUSHED.replace("-given", "-position").replace("parameters: { given: {value: 0, unit: N, binding: input} }\n", ""))
+    result = simulate(model, controller, tmp_path / "out.csv", "--connect", "force=push")
+    assert "--connect force=push: 'push' is no input of model 'pushed'; it has none" in words_of(result)
+
+
 def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
     assert f"{POLE}: this is no FMU, which is a ZIP archive" in words_of(simulate(POLE, POLE, tmp_path / "out.csv"))
 

@@ -150,7 +150,7 @@ def _matched(
             _require_fit(fmu.path, port, name, there[name])
             yield port, name
         elif port.name in named:
-            raise RunError(f"--connect {port.name}={name}: '{name}' is no {what}; {nearest(name, there, 'there is')}")
+            raise RunError(f"--connect {port.name}={name}: '{name}' is no {what}; {nearest(name, there, 'there is') or 'it has none'}")
 
 
 def _require_fit(path: Path, port: Port, name: str, unit: str) -> None:
