@@ -151,7 +151,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::pose_singular: return "not tried: another dt, or the methods augmented and recursive, which can cross such poses";
     case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; not tried: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
-    case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator sdirk4, which chooses its steps";
+    case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator radau5, which chooses its steps";
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; not tried: a smaller dt, or another limit";
