@@ -337,3 +337,26 @@ class LawForce(Force):
         unit = law.variables[law.position]
         measured = {} if self.joint_of else law.variables
         return {"force": law.unit, **measured, "stiffness": f"{law.unit}/{unit}", "damping": f"{law.unit}*s/{unit}"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnJoint(Force):
+    """A force on one scalar coordinate of a joint, named as in the joint's kind, in ``unit`` "m" or "rad"."""
+
+    joint: str
+    coordinate: str
+    unit: str
+
+    @property
+    def joint_of(self) -> str:
+        """The joint of the force."""
+        return self.joint
+
+    @property
+    def coordinate_of(self) -> str:
+        """The coordinate of the force."""
+        return self.coordinate
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """A force counts as its coordinate does."""
+        return of_coordinate if quantity == "force" else 1

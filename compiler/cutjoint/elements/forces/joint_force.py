@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, Reader, Shape
+from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, OnJoint, Reader, Shape
 from cutjoint.elements.interactions import OnCoordinate
 
 _SLIDE = Law({"position": "m", "rate": "m/s"}, "N")
@@ -19,7 +19,7 @@ def law_on(unit: str) -> Law:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointForce(LawForce):
+class JointForce(OnJoint, LawForce):
     """A generalised force on one scalar coordinate of a joint, named as in the joint's kind, in ``unit`` "m" or "rad".
 
     ``law`` is in N (N m on an angle) over ``position``, ``rate`` of the coordinate, ``t`` and parameters.
@@ -34,10 +34,6 @@ class JointForce(LawForce):
         forms=(_SLIDE, _TURN),
     )
 
-    joint: str
-    coordinate: str
-    unit: str
-
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
@@ -49,20 +45,6 @@ class JointForce(LawForce):
         """The variables and units of the law."""
         return law_on(self.unit)
 
-    @property
-    def joint_of(self) -> str:
-        """The joint of the force."""
-        return self.joint
-
-    @property
-    def coordinate_of(self) -> str:
-        """The coordinate of the force."""
-        return self.coordinate
-
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the force: its law counts the other way where its coordinate does."""
         return replace(self, law=mirror.reflected(self.law, signs.get(self.joint, {}).get(self.coordinate, 1)))
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """A force counts as its coordinate does."""
-        return of_coordinate if quantity == "force" else 1

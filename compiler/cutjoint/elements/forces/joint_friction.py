@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import Bristle, Force, ForceElement, ForceField, Mirror, Reader, Shape
+from cutjoint.elements.force import Bristle, ForceElement, ForceField, Mirror, OnJoint, Reader, Shape
 from cutjoint.elements.interactions import Rubbing
 from cutjoint.elements.terms import Scalar
 
@@ -15,7 +15,7 @@ _OF_LOAD = {"preload": "N", "radius": "m", "arm": "m", "thrust_radius": "m"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointFriction(Force):
+class JointFriction(OnJoint):
     """Coulomb and Stribeck friction on one scalar coordinate of a joint, in ``unit`` "m" or "rad".
 
     The load in N is ``preload`` and what the joint carries: of its reaction the force across the slide or axis, of an angle the force along
@@ -47,9 +47,6 @@ class JointFriction(Force):
         laws=("law",),
     )  # fmt: skip
 
-    joint: str
-    coordinate: str
-    unit: str
     law: Scalar
     bristle: Bristle
     preload: Scalar
@@ -75,20 +72,6 @@ class JointFriction(Force):
         """The force on the coordinate, and the load."""
         return {"force": "N" if self.unit == "m" else "N*m", "load": "N"}
 
-    @property
-    def joint_of(self) -> str:
-        """The joint of the force."""
-        return self.joint
-
-    @property
-    def coordinate_of(self) -> str:
-        """The coordinate of the force."""
-        return self.coordinate
-
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The force itself: it is the same both ways."""
         return self
-
-    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
-        """A force counts as its coordinate does."""
-        return of_coordinate if quantity == "force" else 1
