@@ -1,23 +1,34 @@
-"""Loops with one degree of freedom are replaced by functions of one coordinate that close them: assemblies."""
+"""Loops with one degree of freedom are replaced by functions of one coordinate that close them, assemblies; and from the state of such a
+model to that of the same spanning tree with the loops' equations."""
 
 from __future__ import annotations
 
 import pickle
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
+from typing import Any
 
 import numpy as np
+import sympy
 
-from cutjoint.analysis.assemblies import DriveMotion, Ranges, Wanted, accuracy, drive_motion, fit
-from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, driven_by_time
+from cutjoint.analysis.assemblies import Ranges, Wanted, accuracy, fit
+from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError
+from cutjoint.analysis.body_poses import find_followers
 from cutjoint.analysis.leads import Followed, fastest_joints, find_leads, follow, spanning_cuts
-from cutjoint.formulate.inputs import input_functions
+from cutjoint.formulate.inputs import TIME, input_functions
 from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.layout import Chart
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.formulate.recursive.fitted import driven_by_time
+from cutjoint.formulate.recursive.kinematics import derive_poses
+from cutjoint.formulate.translate import Translator
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_and
 from cutjoint.model.outcome import Note, Outcome
-from cutjoint.model.records import Assembly, Interval, Joint, Model, Scene
+from cutjoint.model.records import Assembly, Interval, Joint, Model, Scalar, Scene
+from cutjoint.program.blocks import BindingTime, Builder
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.topology.blocks import Block, find_blocks
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import Topology, degrees
@@ -122,9 +133,12 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     if len(given) > 1:
         raise NoAssemblyError(f"the scene gives {join_and(given)}, and one of them may lead")
     drive = block.drives[0] if block.drives else None
-    motion = drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
+    motion = _drive_motion(model, drive, scene.end, input_functions(model, scene)) if drive is not None else None
     u = motion.range if motion is not None else Interval(lower=0.0, upper=0.0)
-    first = BlockLoops(driven_by_time(topology, drive), block)
+    moved = drive.name if drive is not None else None
+    first = BlockLoops(driven_by_time(topology, moved), block)
+    if first.open and u.half > 0:
+        raise NoAssemblyError("its geometry has open parameters, and its guide moves")
     if not given and scene.pose != "equilibrium":
         _require_closed(first, motion)
     if motion is not None and motion.rate != 0 and not {key.rpartition(".")[0] for key in scene.rates} & names:
@@ -134,7 +148,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     while True:
         cuts = spanning_cuts(block, joint, used)
         tree, closing = split(model, {cut.name for cut in topology.cuts} - names | cuts)
-        loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), drive), block)
+        loops = BlockLoops(driven_by_time(replace(topology, tree=tree, cuts=closing), moved), block)
         leads = find_leads(loops, follow(loops, u.middle, seen.curves))
         best = next((lead for lead in leads if not given or lead.joint.name in given), None)
         own = next((lead for lead in leads if lead.joint is joint), None)
@@ -149,7 +163,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
     if u.half > 0 and terms > DEAREST:
         raise NoAssemblyError(f"its guide moves, and functions of two numbers with {terms} terms take longer than its loops")
     assembly = Assembly(
-        leader=joint.name, drive=drive.name if drive is not None else None, carrier=block.carrier,
+        leader=joint.name, drive=moved, carrier=block.carrier,
         bodies=tuple(t.child for t in tree if t.child in block.bodies), cuts=tuple(j.name for j in block.joints if j.name in cuts),
         functions=functions if drive is not None else replace(functions, drive_range=None), span=joint.span,
     )  # fmt: skip
@@ -164,7 +178,7 @@ DEAREST = 500
 _CLOSED = 1e-8
 
 
-def _require_closed(loops: BlockLoops, motion: DriveMotion | None) -> None:
+def _require_closed(loops: BlockLoops, motion: _DriveMotion | None) -> None:
     """Refuse a block that its start would move: the loops' equations share such a motion out among all bodies."""
     gap = np.abs(loops.evaluate(loops.design(), np.full(1, motion.start if motion is not None else 0.0))[0]).max(initial=0.0)
     if gap > _CLOSED:
@@ -186,3 +200,55 @@ def _require_simple(model: Model, block: Block) -> None:
         raise NoAssemblyError("a gear couples its joints")
     if all(body.is_massless for body in model.bodies if body.name in bodies):
         raise NoAssemblyError("its bodies have no mass")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _DriveMotion:
+    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate
+    at the start."""
+
+    range: Interval
+    start: float
+    rate: float
+
+
+def _drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, Scalar]) -> _DriveMotion:
+    """The motion of a guide until ``end`` (s) with the ``laws`` of inputs."""
+    assert drive.guide is not None
+    b = Builder()
+    law = sympy.sympify(drive.guide[0]).subs(laws)
+    values = {p.symbol: b.number(p.value) for p in model.parameters}
+    translator = Translator(b, {**values, TIME: b.symbol("t", 1, BindingTime.STEP)})
+    blocks = [translator.scalar(law), translator.scalar(sympy.diff(law, TIME))]
+    found = interpret_blocks(blocks, {"t": np.linspace(0.0, end, 2001)[:, np.newaxis]}, {})
+    places, rates = (np.broadcast_to(found[block], (2001, 1, 1))[:, 0, 0] for block in blocks)
+    lower, upper = float(places.min()), float(places.max())
+    wider = 0.1 * (upper - lower)
+    return _DriveMotion(range=Interval(lower=lower - wider, upper=upper + wider), start=float(places[0]), rate=float(rates[0]))
+
+
+def without_functions(topology: Topology) -> Model:
+    """The model with the equations of all loops, cut where it is cut beside its functions: the joints of the tree stay the same."""
+    cut = {joint.name for joint in (*topology.cuts, *topology.held)}
+    joints = tuple(replace(joint, cut=joint.name in cut) for joint in topology.model.joints)
+    return replace(topology.model, joints=joints, assemblies=())
+
+
+def state_of_loops(
+    functions: RecursiveEquations, loops: RecursiveEquations, kept: Mapping[str, Any], parameters: Mapping[str, float]
+) -> dict[str, Any]:  # fmt: skip
+    """The state (``begin`` of a run file) from which a run goes on by the equations of ``loops``: one that a run with ``functions`` has
+    ``kept``, with open ``parameters`` (SI units)."""
+    t, q, v = (np.array([kept[name]], dtype=float) for name in ("t", "q", "v"))
+    places = dict(zip(functions.coordinate_names, q[0], strict=True))
+    speeds = dict(zip(functions.speed_names, v[0], strict=True))
+    followers = find_followers(derive_poses(functions.topology, functions.scene), t, q, v, parameters)
+    charts: Mapping[str, Chart] = {chart.joint: chart for chart in loops.charts}
+    for joint, (place, rate) in followers.items():
+        chart = charts[joint]
+        places |= {f"{joint}.{name}": value for name, value in zip(chart.coordinate_names, place[0], strict=True)}
+        speeds |= {f"{joint}.{name}": value for name, value in zip(chart.speed_names, rate[0], strict=True)}
+    return {
+        "t": kept["t"], "q": {name: float(places[name]) for name in loops.coordinate_names},
+        "v": {name: float(speeds[name]) for name in loops.speed_names}, "held": kept["held"],
+    }  # fmt: skip

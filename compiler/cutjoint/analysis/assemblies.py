@@ -12,19 +12,25 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-import sympy
 from numpy.polynomial import chebyshev
 
 from cutjoint.analysis.block_loops import BlockLoops, NoAssemblyError, Poses
 from cutjoint.analysis.closing import Array
 from cutjoint.analysis.leads import STEP, Lead, turns_of
-from cutjoint.formulate.inputs import TIME
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.translate import Translator
-from cutjoint.model.records import Interval, Joint, LoopFunctions, Model, Scalar, Series
-from cutjoint.program.blocks import BindingTime, Builder
-from cutjoint.program.interpret import interpret_blocks
-from cutjoint.program.series import derivative, fourier_derivative
+from cutjoint.formulate.recursive.fitted import driven_by_time, joints_of, without_assemblies
+from cutjoint.model.records import Assembly, Interval, LoopFunctions, Series
+from cutjoint.program.series import (
+    chebyshev_integral,
+    chebyshev_series,
+    derivative,
+    fourier_derivative,
+    fourier_integral,
+    harmonics,
+    set_constants,
+)
+from cutjoint.topology.blocks import Block
+from cutjoint.topology.records import Topology
 
 #: The most terms of a function by u, and the nodes across q at which loops are closed.
 MOST_ACROSS, NODES_ACROSS = 20, 24
@@ -32,10 +38,12 @@ MOST_ACROSS, NODES_ACROSS = 20, 24
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a turn."""
+    """The wanted functions: their ``tolerance`` (m, rad), and the most ``terms`` on a range, which may be fewer than those on a turn; they
+    have ``spare`` ones besides."""
 
     tolerance: float
     terms: int
+    spare: int = 0
 
     @property
     def nodes(self) -> int:
@@ -53,6 +61,9 @@ class Wanted:
         return 5 * self.harmonics // 2
 
 
+#: The spare terms of functions that are found anew with other geometry, and may then need more.
+SPARE = 2
+
 #: The ranges that functions reached, by the ways of the coordinates that lead: an equal or mirrored block reaches as far.
 Ranges: TypeAlias = dict[tuple[float, ...], Interval]
 
@@ -63,6 +74,8 @@ def fit(loops: BlockLoops, lead: Lead, u: Interval, wanted: Wanted, known: Range
     Raises:
         NoAssemblyError: no range is long enough.
     """
+    if loops.open:
+        wanted = replace(wanted, terms=wanted.terms - SPARE, spare=SPARE)
     way = *(round(x, 9) for x in (lead.lower, lead.upper, lead.value)), *(u.lower, u.upper)
     if (found := known.get(way)) is not None:
         with suppress(NoAssemblyError):
@@ -123,9 +136,10 @@ def _terms(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wante
     longest = 0.0
     for _, rates in slopes.values():
         for i in range(rates.shape[-1]):
-            c = np.abs(_chebyshev(rates[:, i, np.newaxis])[:, 0]) / max(1.0, float(np.abs(rates).max()))
+            c = np.abs(chebyshev_series(rates[:, i, np.newaxis])[:, 0]) / max(1.0, float(np.abs(rates).max()))
             left = 1e-3 * float(np.log10(float(c[wanted.terms:].sum()) + 1e-16))
-            longest = max(longest, _length(_integral(rates[:, i, np.newaxis], interval), interval.half, wanted.tolerance) + left)
+            whole = chebyshev_integral(rates[:, i, np.newaxis], interval.half)
+            longest = max(longest, _length(whole, interval.half, wanted.tolerance) + left)
     return longest
 
 
@@ -141,22 +155,26 @@ def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted:
     gap, rate_gap = _gaps(loops, lead, found, wanted)
     if not gap < _ALLOWED * wanted.tolerance or not rate_gap < _ALLOWED * wanted.tolerance * _largest_slope(found):
         raise NoAssemblyError(f"its functions leave a gap of {gap:.1g}, which opens at {rate_gap:.1g}")
-    return replace(found, gap=gap, rate_gap=rate_gap)
+    return replace(found, gap=gap, rate_gap=rate_gap, open=loops.open, nodes=len(nodes), allowed=_ALLOWED * wanted.tolerance)
 
 
 def _sampled(
     loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted: Wanted
 ) -> tuple[Array, dict[str, tuple[Array, Array]]]:  # fmt: skip
     """The nodes, and by joint the coordinates and slopes at them, those of the drive next to each other, (nodes, k)."""
-    if lead.turns:
-        nodes = lead.value + (2 * np.arange(wanted.nodes_around) / wanted.nodes_around - 1) * np.pi
-    else:
-        nodes = interval.middle + interval.half * np.cos(np.pi * (np.arange(wanted.nodes) + 0.5) / wanted.nodes)[::-1]
+    nodes = _nodes(interval, wanted.nodes_around if lead.turns else wanted.nodes, turns=lead.turns)
     values = np.full(1, u.middle)
     if u.half > 0:
         values = u.middle + u.half * np.cos(np.pi * (np.arange(NODES_ACROSS) + 0.5) / NODES_ACROSS)[::-1]
     grid = _grid(loops, lead, nodes, values, u.middle)
-    return nodes, {chart.joint: _coordinates(loops, chart, grid, lead) for chart in loops.own if chart.joint != lead.joint.name}
+    return nodes, {chart.joint: _coordinates(loops, chart, grid, lead.place) for chart in loops.own if chart.joint != lead.joint.name}
+
+
+def _nodes(interval: Interval, count: int, *, turns: bool) -> Array:
+    """Chebyshev nodes on a range, or equidistant ones on a full turn about its middle."""
+    if turns:
+        return np.asarray(interval.middle + (2 * np.arange(count) / count - 1) * np.pi)
+    return np.asarray(interval.middle + interval.half * np.cos(np.pi * (np.arange(count) + 0.5) / count)[::-1])
 
 
 def _grid(loops: BlockLoops, lead: Lead, nodes: Array, values: Array, middle: float) -> Poses:
@@ -195,9 +213,10 @@ def _guess(loops: BlockLoops, lead: Lead, chart: Chart, nodes: Array) -> Array:
     return q
 
 
-def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, lead: Lead) -> tuple[Array, Array]:
-    """The coordinates that series have, scalars and then Rodrigues parameters, and their slopes by q, (n, k)."""
-    slopes, first = loops.slopes(poses, lead.place), loops.speeds[chart.joint]
+def _coordinates(loops: BlockLoops, chart: Chart, poses: Poses, leader: int) -> tuple[Array, Array]:
+    """The coordinates that series have, scalars and then Rodrigues parameters, and their slopes by the speed of the number ``leader``,
+    (n, k)."""
+    slopes, first = loops.slopes(poses, leader), loops.speeds[chart.joint]
     places = [poses.q[:, chart.q : chart.q + chart.scalars]]
     rates = [slopes[:, first : first + chart.scalars]]
     if chart.ball:
@@ -219,27 +238,19 @@ def _series(places: Array, slopes: Array, interval: Interval, u: Interval, lead:
     """A series through values and slopes (nodes, nodes across)."""
     if lead.turns:
         return _turning_series(places, slopes, nodes, wanted)
-    whole = _integral(slopes, interval)
-    x = (nodes - interval.middle) / interval.half
-    whole[0] = np.mean(places - chebyshev.chebval(x, whole).T, axis=0)
+    whole = chebyshev_integral(slopes, interval.half)
+    set_constants(whole, places, (nodes - interval.middle) / interval.half)
     size = _length(whole, interval.half, wanted.tolerance)
     if size > wanted.terms:
         raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
-    return Series(coefficients=_rows(_across(whole[:size], u, wanted.tolerance)))
-
-
-def _integral(slopes: Array, interval: Interval) -> Array:
-    """Coefficients (n + 1, m) of the integrals of slopes (n, m) at the nodes, the constants left out."""
-    whole = np.zeros((len(slopes) + 1, slopes.shape[1]))
-    whole[1:] = chebyshev.chebint(_chebyshev(slopes), scl=interval.half)[1:]
-    return whole
+    return Series(coefficients=_rows(_across(whole[: size + wanted.spare], u, wanted.tolerance)))
 
 
 def _across(whole: Array, u: Interval, tolerance: float) -> Array:
     """Coefficients (n, m) by polynomials of u, from their values (n, nodes across)."""
     if whole.shape[1] == 1:
         return whole
-    found = _chebyshev(whole.T)
+    found = chebyshev_series(whole.T)
     size = _length(found, 1.0, tolerance)  # slopes by the drive beside half of its range: in a second it moves about so far
     if size > MOST_ACROSS:
         raise NoAssemblyError(f"a function would need more than {MOST_ACROSS} terms of the drive")
@@ -264,27 +275,13 @@ def _length(c: Array, half: float, tolerance: float) -> int:
     return longest
 
 
-def _chebyshev(values: Array) -> Array:
-    """Coefficients (n, m) of the polynomials through values (n, m) at the Chebyshev nodes."""
-    n = len(values)
-    x = np.cos(np.pi * (np.arange(n) + 0.5) / n)[::-1]
-    table = chebyshev.chebvander(x, n - 1)
-    found = table.T @ values * (2 / n)
-    found[0] /= 2
-    return np.asarray(found)
-
-
 def _turning_series(places: Array, slopes: Array, nodes: Array, wanted: Wanted) -> Series:
     """A trigonometric series through values and slopes at equidistant nodes."""
     if slopes.shape[1] > 1:
         raise NoAssemblyError("it makes full turns, and a drive moves it")
-    n = len(nodes)
-    order = np.arange(1, n // 2)
-    cosine, sine = (2 / n * f(np.outer(order, nodes)) @ slopes for f in (np.cos, np.sin))
     growth = float(np.round(slopes.mean())) + 0.0  # full turns; what slides comes back
-    whole = np.zeros((2 * len(order) + 1, 1))
-    whole[1::2], whole[2::2] = -sine / order[:, np.newaxis], cosine / order[:, np.newaxis]
-    whole[0] = np.mean(places - growth * nodes[:, np.newaxis] - _harmonics(nodes, len(whole)) @ whole)
+    whole = fourier_integral(places, slopes, nodes, growth)
+    order = np.arange(1, len(nodes) // 2)
     amplitude = np.abs(whole[1::2]) + np.abs(whole[2::2])
     bent = (np.concatenate([[1.0], order**2])[:, np.newaxis] * np.concatenate([np.abs(whole[:1]), amplitude]))[:, 0]
     tail = np.cumsum(bent[::-1])[::-1]
@@ -292,19 +289,11 @@ def _turning_series(places: Array, slopes: Array, nodes: Array, wanted: Wanted) 
     harmonics = int(np.argmax(small)) if small.any() else len(small)
     if harmonics > wanted.harmonics:
         raise NoAssemblyError("a function would need too many harmonics")
-    return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1]), slope=growth)
+    return Series(coefficients=_rows(whole[: 2 * max(harmonics, 2) - 1 + 2 * wanted.spare]), slope=growth)
 
 
 def _rows(c: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(x) for x in row) for row in c)
-
-
-def _harmonics(q: Array, size: int) -> Array:
-    """1, cos q, sin q, cos 2q, sin 2q, ... as columns (n, size)."""
-    order = np.arange(1, size // 2 + 1)
-    basis = np.ones((len(q), size))
-    basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(q, order)), np.sin(np.outer(q, order))
-    return basis
 
 
 def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order: int = 0) -> Array:
@@ -313,7 +302,7 @@ def evaluate(series: Series, functions: LoopFunctions, q: Array, u: Array, order
     for _ in range(order):
         c = fourier_derivative(c) if functions.turns else derivative(c, functions.range.half)
     x = (q - functions.range.middle) / functions.range.half
-    basis = _harmonics(q, len(c)) if functions.turns else np.asarray(chebyshev.chebvander(x, len(c) - 1))
+    basis = harmonics(q, len(c)) if functions.turns else np.asarray(chebyshev.chebvander(x, len(c) - 1))
     across, drive = np.ones((len(q), 1)), functions.drive_range
     if drive is not None and drive.half > 0:
         across = np.asarray(chebyshev.chebvander((u - drive.middle) / drive.half, c.shape[1] - 1))
@@ -393,26 +382,37 @@ def _largest_slope(functions: LoopFunctions) -> float:
     return max(1.0, *(float(np.abs(slope).max()) for slope in slopes))
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveMotion:
-    """The motion of a guide in a scene: its ``range``, a tenth wider on both sides, or one value where it stands still; its value and rate
-    at the start."""
+def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float]) -> LoopFunctions:
+    """The functions of an assembly with open geometry by other ``parameters`` (SI units), as runtime core/loop_fits.hpp finds them; its
+    own where its loops do not close over the range."""
+    model, functions, moved = topology.model, assembly.functions, assembly.drive
+    model = replace(model, parameters=tuple(replace(p, value=parameters.get(p.name, p.value)) for p in model.parameters))
+    block = Block(carrier=assembly.carrier, bodies=assembly.bodies, joints=joints_of(model, assembly), drives=())
+    loops = BlockLoops(driven_by_time(without_assemblies(replace(topology, model=model)), moved), block)
+    leader, interval = loops.speeds[assembly.leader], functions.range
+    nodes = _nodes(interval, functions.nodes, turns=functions.turns)
+    u = np.full(len(nodes), functions.drive_range.middle if functions.drive_range is not None else 0.0)
+    poses = loops.close(place(loops, assembly.leader, functions, nodes, u)[0], u, leader)
+    if poses is None:
+        return functions
+    series = {}
+    for chart in loops.own:
+        if chart.joint == assembly.leader:
+            continue
+        found = []
+        whole_values, whole_slopes = _coordinates(loops, chart, poses, leader)
+        for i, one in enumerate(functions.series[chart.joint]):
+            values, slopes = whole_values[:, i : i + 1], whole_slopes[:, i : i + 1]
+            if functions.turns:
+                whole = fourier_integral(values, slopes, nodes, one.slope)
+            else:
+                whole = chebyshev_integral(slopes, interval.half)
+                set_constants(whole, values, (nodes - interval.middle) / interval.half)
+            found.append(replace(one, coefficients=_rows(whole[: len(one.coefficients)])))
+        series[chart.joint] = tuple(found)
+    return replace(functions, series={joint: series[joint] for joint in functions.series})
 
-    range: Interval
-    start: float
-    rate: float
 
-
-def drive_motion(model: Model, drive: Joint, end: float, laws: Mapping[Scalar, Scalar]) -> DriveMotion:
-    """The motion of a guide until ``end`` (s) with the ``laws`` of inputs."""
-    assert drive.guide is not None
-    b = Builder()
-    law = sympy.sympify(drive.guide[0]).subs(laws)
-    values = {p.symbol: b.number(p.value) for p in model.parameters}
-    translator = Translator(b, {**values, TIME: b.symbol("t", 1, BindingTime.STEP)})
-    blocks = [translator.scalar(law), translator.scalar(sympy.diff(law, TIME))]
-    found = interpret_blocks(blocks, {"t": np.linspace(0.0, end, 2001)[:, np.newaxis]}, {})
-    places, rates = (np.broadcast_to(found[block], (2001, 1, 1))[:, 0, 0] for block in blocks)
-    lower, upper = float(places.min()), float(places.max())
-    wider = 0.1 * (upper - lower)
-    return DriveMotion(range=Interval(lower=lower - wider, upper=upper + wider), start=float(places[0]), rate=float(rates[0]))
+def coefficients(functions: LoopFunctions) -> Array:
+    """All coefficients of functions of one number, and a margin, as programs read them (`formulate/recursive/fitted.py`)."""
+    return np.array([*(row[0] for found in functions.series.values() for one in found for row in one.coefficients), 1.0])

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from cutjoint.analysis.closing import Array, design_coordinates, retract
-from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.layout import Chart
-from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.recursive.loops import derive_loops
-from cutjoint.methods import PLAIN_CLOSURE
-from cutjoint.model.records import GROUND, Joint
-from cutjoint.program import blocks
+from cutjoint.formulate.recursive.fitted import BlockEquations, derive_block
+from cutjoint.model.records import Joint
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.program.lower import reachable_blocks
@@ -93,22 +90,14 @@ class BlockLoops:
         return tuple(joint for joint in self.topology.cuts if joint.name in names)
 
     @cached_property
-    def _blocks(self) -> tuple[list[blocks.Block], list[blocks.Block]]:
-        """The residuals of the cut joints, and their rates."""
-        model, b = self.topology.model, Builder()
-        above = {t.child: t for t in self.topology.tree}
-        needed = {GROUND}
-        for body in {end for joint in self.block.joints for end in (joint.base, joint.follower)}:
-            while body not in needed:
-                needed.add(body)
-                body = above[body].parent
-        part = replace(self.topology, tree=tuple(t for t in self.topology.tree if t.child in needed))
-        k = derive_kinematics(b, make_translator(b, model), part, {c.joint: c for c in self.charts})
-        loops = derive_loops(k, self.cuts, make_numbers(b, self.cuts, PLAIN_CLOSURE))
-        residuals, rates = [loop.residual for loop in loops], [loop.rate for loop in loops]
-        if any(x.op == "symbol" and x.data == "parameters" for x in reachable_blocks([*residuals, *rates])):
-            raise NoAssemblyError("its geometry has open parameters")
-        return residuals, rates
+    def _blocks(self) -> BlockEquations:
+        return derive_block(Builder(), self.topology, self.block.joints, self.cuts)
+
+    @cached_property
+    def open(self) -> bool:
+        """True where the geometry has open parameters."""
+        reached = reachable_blocks([*self._blocks.residuals, *self._blocks.rates])
+        return any(x.op == "symbol" and x.data == "parameters" for x in reached)
 
     def design(self, count: int = 1) -> Array:
         """q of the design position, (count, coordinates)."""
@@ -116,7 +105,7 @@ class BlockLoops:
 
     def evaluate(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Residual (n, m) and Jacobian (n, m, speeds) at coordinates (n, coordinates) and values of the drive (n,)."""
-        residuals, rates = self._blocks
+        residuals, rates = self._blocks.residuals, self._blocks.rates
         inputs = {
             "t": u[:, np.newaxis, np.newaxis], "motion": np.zeros(1), "numerics": np.ones(3),
             "parameters": np.array([p.value for p in open_parameters(self.topology.model)]),
@@ -175,14 +164,6 @@ def _without(jacobian: Array, column: int | None) -> Array:
 
 def _with_zero(step: Array, column: int | None, value: float = 0.0) -> Array:
     return step if column is None else np.insert(step, column, value, axis=1)
-
-
-def driven_by_time(topology: Topology, drive: Joint | None) -> Topology:
-    """The topology whose drive is at the time, so that numbers for the time move it."""
-    if drive is None:
-        return topology
-    moved = replace(drive, guide=(TIME,))
-    return replace(topology, tree=tuple(replace(t, joint=moved) if t.joint.name == drive.name else t for t in topology.tree))
 
 
 def size_of(block: Block) -> float:

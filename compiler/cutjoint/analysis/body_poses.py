@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.analysis.assemblies import coefficients, refit
 from cutjoint.formulate.inputs import INPUTS, LAW_TIME
 from cutjoint.formulate.natural.poses import Span, SpanEquations
 from cutjoint.formulate.recursive.kinematics import PoseEquations
@@ -50,9 +51,11 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
     values = np.array([parameters[p.name] for p in equations.parameters])
     laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
     given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
+    opened = [a for a in equations.topology.model.assemblies if a.functions.open]
     return {
         "t": t[:, np.newaxis],
         "parameters": values,
+        **{f"series:{a.leader}": coefficients(refit(equations.topology, a, parameters)) for a in opened},
         INPUTS: np.concatenate([np.zeros((t.size, 0)), *given], axis=1),
         **{f"q:{c.joint}": q[:, c.q : c.q + len(c.coordinate_names)] for c in equations.charts},
     }

@@ -216,6 +216,6 @@ def way_on(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
     if not topology.model.assemblies or scene.on_violation != "restart":
         return None
-    from cutjoint.analysis.handing_over import without_functions  # others do not wait for what this imports
+    from cutjoint.analysis.assembled import without_functions  # others do not wait for what this imports
 
     return lambda: compiled(without_functions(topology), with_loops(scene, Loops.EXACT))

@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from textwrap import wrap
 from typing import Any
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
 from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
-from cutjoint.emit.view import FunctionView, Viewer
+from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
-from cutjoint.formulate.records import POSES, Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.poses import posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
@@ -28,6 +29,7 @@ LANES = 8
 #: Comments of the functions that store values of a stage.
 _STAGES = {
     "load": "Values that depend on parameters alone; the roads must outlive the class.",
+    "load_values": "Values that depend on parameters alone, with coefficients of the functions of loops.",
     "begin_step": "Values that depend on time.",
     "start_step": "Values that depend on time and on inputs.",
 }
@@ -229,7 +231,7 @@ def _class(
 ) -> CppClass:  # fmt: skip
     viewer = Viewer(program, equations, conditions)
     names = [f.name for f in equations.functions if f.name not in unused]
-    views = {"load": viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
+    views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
     records, lane_types = _records(viewer), viewer.lane_types()
     roads = [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())]
     supplied = [signature_of(f) for f in equations.topology.model.functions]
@@ -237,10 +239,13 @@ def _class(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
         arrays=_arrays(equations), records=records, lane_types=lane_types, roads=roads, input_values=equations.input_values,
-        supplied=supplied,
+        supplied=supplied, fits=_fits(equations),
         has_members=bool(records or lane_types or roads or equations.input_values),
     )  # fmt: skip
-    runtime = {"contract": True, "inputs": equations.input_values, "lanes": lane_types, "road": roads, "supplied": supplied}
+    runtime = {
+        "contract": True, "inputs": equations.input_values, "loop_fits": equations.fits, "lanes": lane_types, "road": roads,
+        "supplied": supplied,
+    }  # fmt: skip
     return CppClass(
         name=page.class_name,
         header=Piece(text=text, headers=(*(f"cutjoint/core/{name}.hpp" for name, needed in runtime.items() if needed), *needs)),
@@ -268,6 +273,26 @@ def _arrays(equations: Equations) -> list[str]:
     return [f"{name:<{width}}  {words}" for name, words in used.items()]
 
 
+def _fits(equations: Equations) -> dict[str, object] | None:
+    """The tables of loops that are fitted; None where there are none."""
+    if not equations.fits:
+        return None
+    described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
+    lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
+    return {
+        "leaders": ", ".join(fit.assembly.leader for fit in equations.fits),
+        "loops": [
+            f".rows = {d['rows']}, .functions = {len(d['start'])}, .nodes = {d['nodes']}, .turns = {str(d['turns']).lower()}, "
+            f".middle = {d['middle']!r}, .half = {d['half']!r}, .allowed = {d['allowed']!r}" for d in described
+        ],
+        "functions": [
+            f"{{.terms = {len(c)}, .growth = {growth!r}}}" for d in described for c, growth in zip(d["start"], d["growth"], strict=True)
+        ],
+        "start": [line for text in lines for line in wrap(text, LINE)], "length": sum(fit.length for fit in equations.fits),
+        "work": max(fit.work for fit in equations.fits), "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
+    }  # fmt: skip
+
+
 def _records(viewer: Viewer) -> list[dict[str, object]]:
     """The records of stored values."""
     stages = ((BindingTime.PARAM, "Loaded", "loaded_", "parameters alone"), (BindingTime.STEP, "Step", "step_", "time and inputs"))
@@ -280,6 +305,8 @@ def _records(viewer: Viewer) -> list[dict[str, object]]:
 
 def _about(name: str, program: Program) -> str:
     """The comment of a function."""
+    if name.startswith(CLOSE):
+        return f"Residual of a block of loops, and its derivatives by q and by each function.  {program.operations(name)} operations."
     return _STAGES[name] if name in _STAGES else f"{_ABOUT[name]}  {program.operations(name)} operations."
 
 

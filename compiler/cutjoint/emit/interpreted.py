@@ -95,13 +95,16 @@ def _description(equations: RecursiveEquations | SystemEquations) -> dict[str, A
 def _assemble(program: Program, equations: Equations, arrays: Mapping[str, int]) -> dict[str, Any]:
     """The memory and the functions."""
     assembler, values = _Assembler(program, equations), equations.input_values
-    for name, length in {**arrays, "parameters": len(equations.parameters), "t": 1, "motion": 1, "input": values}.items():
+    arrays = {**arrays, "parameters": len(equations.parameters), "t": 1, "motion": 1, "input": values}
+    if fits := equations.fits:
+        arrays |= {"place": max(1 + len(fit.description()["start"]) for fit in fits), "series": sum(fit.length for fit in fits)}
+    for name, length in arrays.items():
         assembler.add_array(name, length)
     for name, nodes in (("load", program.loaded), ("begin_step", program.stepped)):
         assembler.assemble(name, nodes, (), early=True)
     for f in program.functions:
         assembler.assemble(f.name, f.statements, f.results)
-    return {"inputs": values, **assembler.finish()}
+    return {"inputs": values, **({"fits": [fit.description() for fit in fits]} if fits else {}), **assembler.finish()}
 
 
 @dataclass

@@ -135,6 +135,8 @@ class Viewer:
             return identifier(self._equations.slots[symbol].names[index])
         if symbol == "penalties":
             return f"penalty_{self._equations.topology.closing[index].name.replace('.', '_')}"
+        if symbol in self._equations.slots:  # a coefficient
+            return identifier(f"c_{symbol.partition(':')[2]}_{index}")
         return f"p_{identifier(self._equations.parameters[index].name)}" if symbol == "parameters" else f"{symbol}_now"
 
     def members(self, binding: BindingTime) -> tuple[tuple[str, str], ...]:
@@ -154,7 +156,13 @@ class Viewer:
     def load(self) -> FunctionView:
         """The stage of parameters."""
         keeping = ("roads_ = roads;",) if self._roads else ()
-        return self._early("load", self._equations.load_arguments, self._program.loaded, BindingTime.PARAM, dict(self._inputs), keeping)
+        arguments = (*self._equations.load_arguments, *(["const Real* series"] if self._equations.fits else []))
+        return self._early(self.load_name, arguments, self._program.loaded, BindingTime.PARAM, dict(self._inputs), keeping)
+
+    @property
+    def load_name(self) -> str:
+        """The function that loads parameters; where loops are fitted, what the class calls with the coefficients of these."""
+        return "load_values" if self._equations.fits else "load"
 
     @property
     def step_name(self) -> str:
@@ -257,7 +265,7 @@ class Viewer:
     ) -> FunctionView:  # fmt: skip
         lines = (r.partition(_NOTE)[0] for r in results)
         text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *lines])
-        const = "" if name in ("load", "begin_step", "start_step") else " const"
+        const = "" if name in ("load", "load_values", "begin_step", "start_step") else " const"
         used = [a if _mentions(text, a.rpartition(" ")[2]) else a.rpartition(" ")[0] for a in arguments]
         return FunctionView(
             declaration=f"{name}({', '.join(arguments)}){const}", signature=f"{name}({', '.join(used)}){const}",

@@ -27,7 +27,8 @@ def is_active(force: Force, scene: Scene) -> bool:
 
 def guards_of(model: Model, scene: Scene) -> tuple[Guard | Assembly, ...]:
     """The guards of forces that the scene has switched on, and assemblies, whose functions have ranges."""
-    return *forces_guarded(model, scene), *(assembly for assembly in model.assemblies if not assembly.functions.turns or assembly.drive)
+    ranges = (one for one in model.assemblies if not one.functions.turns or one.drive or one.functions.open)
+    return *forces_guarded(model, scene), *ranges
 
 
 def guards_in(equations: Equations) -> tuple[Guard | Assembly | LeftOut, ...]:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from cutjoint.formulate.layout import Chart, Closure, Slot, StateLayout
-from cutjoint.model.records import Output, Parameter, Scene, Span
+from cutjoint.model.records import Assembly, Output, Parameter, Scene, Span
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.records import Topology
 
@@ -76,6 +76,39 @@ class Function:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopFit:
+    """What finds the functions of an assembly when parameters are loaded: the ``function`` with its ``slots``, its number of ``rows``, and
+    the place of its coefficients, from ``first`` on."""
+
+    assembly: Assembly
+    function: Function
+    slots: Mapping[str, Slot]
+    rows: int
+    first: int
+
+    @property
+    def length(self) -> int:
+        """The number of its coefficients, and its margin."""
+        return sum(map(len, self.description()["start"])) + 1
+
+    @property
+    def work(self) -> int:
+        """The numbers that its search works on (`work_of_fit`)."""
+        start = self.description()["start"]
+        n, m, most = len(start), self.rows, 1 + max(map(len, start))
+        return (n + 1) + m * (n + 2) + n * n + 4 * n + (n + 2) * most
+
+    def description(self) -> dict[str, Any]:
+        """What runtime core/loop_fits.hpp reads: coefficients of the model's own numbers, ``start``, by function."""
+        f = self.assembly.functions
+        series = [one for found in f.series.values() for one in found]
+        return {
+            "rows": self.rows, "nodes": f.nodes, "turns": f.turns, "middle": f.range.middle, "half": f.range.half, "allowed": f.allowed,
+            "growth": [one.slope for one in series], "start": [[row[0] for row in one.coefficients] for one in series],
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
 class LeftOut:
     """An equation that is not held since others imply it in the only pose known: its residual is watched; ``span`` is its element's."""
 
@@ -91,7 +124,7 @@ class Equations:
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
     arguments of the generated ``load``.
     ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills, with
-    values of controllers.  ``left_out`` are equations that guards watch.
+    values of controllers.  ``left_out`` are equations that guards watch, ``fits`` find functions of loops with the parameters.
     """
 
     topology: Topology
@@ -109,6 +142,7 @@ class Equations:
     inputs: tuple[Parameter, ...] = ()
     input_values: int = 0
     left_out: tuple[LeftOut, ...] = ()
+    fits: tuple[LoopFit, ...] = ()
 
     def __repr__(self) -> str:
         sizes = f"{self.unknowns} unknowns, {len(self.equation_names)} equations of loops, {len(self.columns)} columns"
@@ -234,6 +268,9 @@ class SystemEquations(Equations):
         slots = {name: Slot(array="tangent", offset=place, names=(name,)) for name, place in places.items()}
         return replace(self, slots={**self.slots, **slots})
 
+
+#: The beginning of the names of functions that open loops whose functions are fitted.
+CLOSE = "close_"
 
 #: The function of poses (`recursive/poses.py`).
 POSES = "poses"

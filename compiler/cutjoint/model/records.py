@@ -340,6 +340,9 @@ class LoopFunctions:
     They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
     Where ``turns`` they are trigonometric polynomials over a full turn, else polynomials over the range.  ``gap`` (m, rad) is the largest
     residual of the cut joints that was found, ``rate_gap`` the largest rate of one at the speed q' = 1.
+
+    Where the geometry is ``open`` these are the functions of the model's own numbers, and coefficients are found anew when parameters are
+    loaded: loops are closed to a gap of ``allowed`` at ``nodes`` values of q.
     """
 
     series: Mapping[str, tuple[Series, ...]]
@@ -348,6 +351,9 @@ class LoopFunctions:
     turns: bool
     gap: float
     rate_gap: float
+    open: bool = False
+    nodes: int = 0
+    allowed: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

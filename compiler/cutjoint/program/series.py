@@ -25,3 +25,45 @@ def fourier_derivative(coefficients: Array) -> Array:
     order = np.arange(1, len(coefficients) // 2 + 1)[:, np.newaxis]
     found[1::2], found[2::2] = order * coefficients[2::2], -order * coefficients[1::2]
     return found
+
+
+def chebyshev_series(values: Array) -> Array:
+    """Coefficients (n, m) of the polynomials through values (n, m) at the Chebyshev nodes."""
+    n = len(values)
+    x = np.cos(np.pi * (np.arange(n) + 0.5) / n)[::-1]
+    table = chebyshev.chebvander(x, n - 1)
+    found = table.T @ values * (2 / n)
+    found[0] /= 2
+    return np.asarray(found)
+
+
+def chebyshev_integral(slopes: Array, half: float) -> Array:
+    """Coefficients (n + 1, m) of the integrals of slopes (n, m) at the nodes of an interval of half the length ``half``, the constants left
+    out."""
+    whole = np.zeros((len(slopes) + 1, slopes.shape[1]))
+    whole[1:] = chebyshev.chebint(chebyshev_series(slopes), scl=half)[1:]
+    return whole
+
+
+def set_constants(whole: Array, places: Array, x: Array) -> None:
+    """Set the constants of Chebyshev series (n, m) by values (nodes, m) at places from -1 to 1."""
+    whole[0] = np.mean(places - chebyshev.chebval(x, whole).T, axis=0)
+
+
+def harmonics(q: Array, size: int) -> Array:
+    """1, cos q, sin q, cos 2q, sin 2q, ... as columns (n, size)."""
+    order = np.arange(1, size // 2 + 1)
+    basis = np.ones((len(q), size))
+    basis[:, 1::2], basis[:, 2::2] = np.cos(np.outer(q, order)), np.sin(np.outer(q, order))
+    return basis
+
+
+def fourier_integral(places: Array, slopes: Array, nodes: Array, growth: float) -> Array:
+    """Coefficients (2 n + 1, 1) of a trigonometric series through values and slopes (nodes, 1), beside what grows with q."""
+    n = len(nodes)
+    order = np.arange(1, n // 2)
+    cosine, sine = (2 / n * f(np.outer(order, nodes)) @ slopes for f in (np.cos, np.sin))
+    whole = np.zeros((2 * len(order) + 1, 1))
+    whole[1::2], whole[2::2] = -sine / order[:, np.newaxis], cosine / order[:, np.newaxis]
+    whole[0] = np.mean(places - growth * nodes[:, np.newaxis] - harmonics(nodes, len(whole)) @ whole)
+    return whole

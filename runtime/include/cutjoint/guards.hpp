@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cutjoint/core/loop_fits.hpp"
 #include "cutjoint/mechanism.hpp"
 #include "cutjoint/state.hpp"
 
@@ -25,8 +26,11 @@ Failure failure_of_guards(const std::vector<Guard>& guards, const std::vector<Re
     return Failure("equation '" + name + "' (" + place + ") stands open: it was left out, since others implied it in the only pose that was known", t,
                    number, name, static_cast<double>(-margins[worst]),
                    "the joint is not held there, as of loops that close in one pose only: look at its axes and points, or take method augmented or recursive");
-  Failure failure("the guard of '" + name + "' (" + place + ") is violated: " + (ends ? "the functions of its loops end there" : "the force would act"),
-                  t, number, name, static_cast<double>(-margins[worst]),
+  const bool opens = ends && static_cast<double>(margins[worst]) <= margin_of_open_loops;
+  const std::string what = opens  ? "its loops do not close over the range of their functions with these parameters"
+                           : ends ? "the functions of its loops end there"
+                                  : "the force would act";
+  Failure failure("the guard of '" + name + "' (" + place + ") is violated: " + what, t, number, name, opens ? 1 : static_cast<double>(-margins[worst]),
                   ends ? "run with loops: exact, with on_violation: restart, or with more loop_terms" : "run the full model, or with on_violation: restart");
   failure.guards = violated;
   return failure;

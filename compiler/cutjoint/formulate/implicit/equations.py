@@ -55,6 +55,7 @@ from cutjoint.formulate.records import (
     system_functions,
 )
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
+from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.friction import rub, rubbed
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
@@ -109,6 +110,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     dynamic_residual = system_of.dynamic_residual()
     switching = [*dynamic_residual.values(), *k.guided_rates]  # a jump of a guide that no force feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
+    fits = loop_fits(b, topology)
     switches = [*find_switches(b, switching), *laws.switches]
     domains = [*find_domains(b, dynamic_residual.values()), *laws.domains]
     functions = system_functions(
@@ -123,14 +125,15 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         columns=tuple(Column(name=o.column, unit=unit_of(model, o)) for o in outputs),
         functions=(
             *functions, *guard_function(margins), *events_function(switches), *domains_function(domains), *laws.functions,
-            *sample_function(b, k.translator, model, reporter.quantity),
+            *sample_function(b, k.translator, model, reporter.quantity), *(fit.function for fit in fits),
         ), method="recursive-newton",
         slots={
             **_slots(start), **column_slots(outputs), **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains),
-            **laws.slots, **energy_slots(), **sample_slots(model),
+            **laws.slots, **energy_slots(), **sample_slots(model), **fit_slots(fits),
         },
         start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
+        fits=fits,
     )  # fmt: skip
 
 

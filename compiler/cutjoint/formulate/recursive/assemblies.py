@@ -17,8 +17,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
-from cutjoint.formulate.recursive.following import leading
+from cutjoint.formulate.recursive.following import fitted, leading
 from cutjoint.formulate.recursive.kinematics import Kinematics, drive_of
 from cutjoint.formulate.recursive.loops import LoopClosure, by_joint, transport
 from cutjoint.formulate.recursive.recursion import BodySystem, KnownMotions
@@ -124,8 +125,11 @@ def range_margins(k: Kinematics) -> dict[str, Block]:
             for place, side in sides:
                 x = b.mul(b.number(1 / max(side.half, STILL)), b.sub(place, b.number(side.middle)))
                 found.append(b.sub(b.number(1.0), b.mul(x, x)))
+            if functions.open:
+                column = fitted(b, assembly)
+                found.append(b.element(column, column.shape[0] - 1))
             if found:
-                smallest = found[0] if len(found) == 1 else b.call("where", b.call("lt", *found), *found)
+                smallest = reduce(lambda one, other: b.call("where", b.call("lt", one, other), one, other), found)
                 margins[assembly.leader] = b.name(smallest, "margin", assembly.leader)
     return margins
 

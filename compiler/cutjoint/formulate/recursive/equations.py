@@ -17,6 +17,7 @@ from cutjoint.formulate.inputs import (
 from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
+from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
 from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
 from cutjoint.formulate.recursive.friction import RubbedMotion, rub, rubbed
 from cutjoint.formulate.recursive.gears import derive_gears
@@ -108,6 +109,7 @@ def formulate_recursive(
     accelerations |= {f"vdot:{name}": rate for name, rate in state_rates(b, k.translator, model).items()}
     switching = [*accelerations.values(), *k.guided_rates]  # a jump of a guide that no acceleration feels has work too
     laws = derive_scene_inputs(b, model, scene, switching)
+    fits = loop_fits(b, topology)
     switches = [*find_switches(b, switching), *laws.switches]
     domains = [*find_domains(b, accelerations.values()), *laws.domains]
     functions = (
@@ -135,6 +137,7 @@ def formulate_recursive(
         *laws.functions,
         *sample_function(b, k.translator, model, reporter.quantity),
         *(poses_function(k, model) if poses else ()),
+        *(fit.function for fit in fits),
     )  # fmt: skip
     return RecursiveEquations(
         topology=topology, scene=scene, builder=b, state=layout, parameters=open_parameters(model),
@@ -144,11 +147,11 @@ def formulate_recursive(
             **layout.chart_slots({"q": "q"}, {"v": "v", "vdot": "vdot", "dz": "dz"}),
             **layout.closure_slots(("lambda", "correction", "residual", "rate", "gap")), **column_slots(outputs),
             **margin_slots(model, scene), **value_slots(switches), **domain_slots(domains), **laws.slots, **energy_slots(),
-            **sample_slots(model),
+            **sample_slots(model), **fit_slots(fits),
             **(pose_slots(model) if poses else {}),
         },
         axes=k.axes, switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs,
-        input_values=laws.length,
+        input_values=laws.length, fits=fits,
         load_arguments=("const Real* parameters", "const Stabilisation<Real>& stabilisation", "const Road<Real>* roads"),
     )  # fmt: skip
 

@@ -11,7 +11,7 @@ velocity 2/(1 + g^2) (g' + g x g').
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -46,7 +46,10 @@ class _Value:
 
 def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) -> Following:
     """The motion of a joint of an assembly; ``drive`` has u with its rate and acceleration."""
-    values = [_evaluate(b, assembly, series, drive) for series in assembly.functions.series[joint.name]]
+    values = [
+        _evaluate(b, assembly, series, coefficients, drive)
+        for series, coefficients in zip(assembly.functions.series[joint.name], _opened(b, assembly, joint), strict=True)
+    ]
     scalars = values[: len(joint.element.coordinates)]
     place, slope = [x.place for x in scalars], [x.slope for x in scalars]
     rate, bend = [x.rate for x in scalars], [x.bend for x in scalars]
@@ -65,22 +68,59 @@ def follow(b: Builder, joint: Joint, assembly: Assembly, drive: Drive | None) ->
 def _turn(b: Builder, values: Sequence[_Value]) -> tuple[tuple[Block, ...], tuple[Block, Block, Block]]:
     """The quaternion of a ball; its angular velocity by q', the whole one, and the angular acceleration without q''."""
     g, slope, rate, bend = (b.column([getattr(x, name) for x in values]) for name in ("place", "slope", "rate", "bend"))
-    one = b.number(1.0)
-    share = b.call("div", b.number(2.0), b.add(one, b.dot(g, g)))
-    root = b.call("sqrt", b.mul(b.number(0.5), share))
-    turned = [b.scale(share, b.add(x, b.cross(g, x))) for x in (slope, rate, bend)]
-    slowed = b.scale(b.mul(share, b.dot(g, rate)), turned[1])
-    quaternion = (root, *(b.mul(root, b.element(g, i)) for i in range(3)))
+    quaternion = quaternion_of(b, g)
+    turned = [turned_by(b, g, x) for x in (slope, rate, bend)]
+    slowed = b.scale(b.mul(_share(b, g), b.dot(g, rate)), turned[1])
     return quaternion, (turned[0], turned[1], b.sub(turned[2], slowed))
 
 
-def _evaluate(b: Builder, assembly: Assembly, series: Series, drive: Drive | None) -> _Value:
+def _share(b: Builder, g: Block) -> Block:
+    return b.call("div", b.number(2.0), b.add(b.number(1.0), b.dot(g, g)))
+
+
+def quaternion_of(b: Builder, g: Block) -> tuple[Block, Block, Block, Block]:
+    """The quaternion of Rodrigues parameters (3, 1), scalar first."""
+    root = b.call("sqrt", b.mul(b.number(0.5), _share(b, g)))
+    x, y, z = (b.mul(root, b.element(g, i)) for i in range(3))
+    return root, x, y, z
+
+
+def turned_by(b: Builder, g: Block, rate: Block) -> Block:
+    """The angular velocity (3, 1) of Rodrigues parameters and their rates (3, 1)."""
+    return b.scale(_share(b, g), b.add(rate, b.cross(g, rate)))
+
+
+def coefficients_of(functions: LoopFunctions) -> int:
+    """The number of coefficients of all series."""
+    return sum(len(row) for series in functions.series.values() for one in series for row in one.coefficients)
+
+
+def _opened(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | None]:
+    """The coefficients of a joint's series where they are loaded with parameters."""
+    functions, first = assembly.functions, 0
+    for name, found in functions.series.items():
+        for series in found:
+            size = len(series.coefficients)
+            if name == joint.name:
+                yield b.take(fitted(b, assembly), (first, first + size)) if functions.open else None
+            first += size
+
+
+def fitted(b: Builder, assembly: Assembly) -> Block:
+    """The coefficients of all series of an assembly with open geometry, one behind the other, and the margin of its fit."""
+    return b.symbol(f"series:{assembly.leader}", coefficients_of(assembly.functions) + 1, BindingTime.PARAM)
+
+
+def _evaluate(b: Builder, assembly: Assembly, series: Series, opened: Block | None, drive: Drive | None) -> _Value:
     q, rate = leading(b, assembly)
     c = np.array(series.coefficients)
     functions = assembly.functions
     basis = _turning_basis(b, q, len(c)) if functions.turns else _basis(b, q, functions.range, len(c))
     b.label(basis, f"T_{assembly.leader}".replace(".", "_"), rows=tuple(map(str, range(len(c)))))
-    place, slope, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
+    if opened is not None:
+        place, slope, bend = (b.dot(_derived(b, opened, functions, order), basis) for order in range(3))
+    else:
+        place, slope, bend = (_value(b, c, functions, basis, drive, (order, 0)) for order in range(3))
     if series.slope:
         growth = b.number(series.slope)
         place, slope = b.add(place, b.mul(growth, q)), b.add(slope, growth)
@@ -106,6 +146,17 @@ def _value(b: Builder, c: Array, functions: LoopFunctions, basis: Block, drive: 
     for _ in range(orders[0]):
         column = _slopes(b, column, functions.range.half)
     return b.dot(column, basis)
+
+
+def _derived(b: Builder, column: Block, functions: LoopFunctions, order: int) -> Block:
+    """The coefficients of a derivative by q."""
+    for _ in range(order):
+        if functions.turns:
+            whole = fourier_derivative(np.eye(column.shape[0]))
+            column = b.mul(b.const([list(row) for row in whole]), column)
+        else:
+            column = _slopes(b, column, functions.range.half)
+    return column
 
 
 def _slopes(b: Builder, column: Block, half: float) -> Block:

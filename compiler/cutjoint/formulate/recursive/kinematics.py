@@ -373,6 +373,7 @@ class PoseEquations:
     over LAW_TIME.
     """
 
+    topology: Topology
     charts: tuple[Chart, ...]
     parameters: tuple[Parameter, ...]
     laws: tuple[Block, ...]
@@ -389,7 +390,8 @@ def derive_poses(topology: Topology, scene: Scene) -> PoseEquations:
     origin = (sympy.Integer(0),) * 3
     laws = derive_scene_inputs(b, model, scene, (), events=False)
     return PoseEquations(
-        charts=charts, parameters=open_parameters(model), laws=tuple(law for f in laws.functions for law in f.results.values()),
+        topology=topology, charts=charts, parameters=open_parameters(model),
+        laws=tuple(law for f in laws.functions for law in f.results.values()),
         rotations={name: k.frames[name].R for name in topology.order},
         shifts={name: k.absolute(name, k.point(name, origin)) for name in topology.order},
         followers={m.tree_joint.joint.name: m.place_and_speeds(b) for m in k.motions.values() if m.slope is not None},

@@ -79,11 +79,14 @@ class InterpretedMechanism final : public AnyMechanism<double> {
  public:
   explicit InterpretedMechanism(const Json& document)
       : description_(read_description(document.at("description"))), program_(document, description_.roads.size()),
-        inputs_(program_, document, description_.inputs.size(), description_.held()) {
+        inputs_(program_, document, description_.inputs.size(), description_.held()),
+        fits_(program_, document, description_.parameters.size()) {
     const Argument q{"q", description_.coordinates.size()}, v{"v", description_.speeds.size()}, vdot{"vdot", v.length};
     const std::size_t m = description_.equations.size();
     const Argument lambda{"lambda", m}, parameters{"parameters", description_.parameters.size()};
-    load_ = program_.read("load", {parameters, {"stabilisation", 3}, {"penalties", description_.cuts.size()}}, {});
+    const Argument stabilisation{"stabilisation", 3}, penalties{"penalties", description_.cuts.size()};
+    load_ = program_.read("load", {parameters, stabilisation, penalties}, {});
+    if (fits_.size() > 0) load_ = program_.read("load", {parameters, stabilisation, penalties, {"series", fits_.size()}}, {});
     evaluate_ = program_.read("evaluate", {q, v, lambda}, {vdot, {"correction", m}});
     constraint_residual_ = program_.read("constraint_residual", {q, v}, {{"residual", m}, {"rate", m}});
     report_ = program_.read("report", {q, v, vdot, lambda}, {{"column", description_.columns.size()}});
@@ -100,6 +103,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
   void load(const double* parameters, const Stabilisation<double>& stabilisation, const Road<double>* roads) override {
     const double numbers[] = {stabilisation.penalty, stabilisation.damping_ratio, stabilisation.frequency};
     program_.use_roads(roads);
+    if (fits_.size() > 0) return program_.call(load_, {parameters, numbers, stabilisation.penalties, fits_.find(program_, parameters)}, {});
     program_.call(load_, {parameters, numbers, stabilisation.penalties}, {});
   }
 
@@ -139,6 +143,7 @@ class InterpretedMechanism final : public AnyMechanism<double> {
   Description description_;
   mutable Program program_;  ///< its memory has the values of the last call
   StepBeginning inputs_;
+  LoopFitsOfProgram fits_;
   Function load_, evaluate_, constraint_residual_, report_, energy_, project_, sample_, guard_, events_, domains_;
 };
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "cutjoint/core/inputs.hpp"
+#include "cutjoint/core/loop_fits.hpp"
 #include "cutjoint/interpreter/operations.hpp"
 #include "cutjoint/json.hpp"
 
@@ -135,6 +136,61 @@ class Program {
   std::vector<double> memory_;
   std::vector<Operation> operations_;
   const Road<double>* roads_ = nullptr;
+};
+
+/// The fits of loops' functions, which `load` begins with.
+class LoopFitsOfProgram {
+ public:
+  /// Of a program with so many parameters.
+  LoopFitsOfProgram(const Program& program, const Json& document, std::size_t parameters) {
+    if (!document.contains("fits")) return;
+    std::size_t work = 0, count = 0;
+    for (const Json& described : document.at("fits")) {
+      Block& block = blocks_.emplace_back();
+      for (const Json& coefficients : described.at("start")) {
+        const std::size_t j = block.functions.size();
+        block.functions.push_back({static_cast<int>(coefficients.size()), described.at("growth").at(j).get<double>()});
+        for (const Json& c : coefficients) block.start.push_back(c.get<double>());
+      }
+      const std::size_t n = block.functions.size(), rows = described.at("rows").get<std::size_t>();
+      if (n == 0 || n > 1000 || rows == 0 || rows > 1000 || block.start.size() > 100000) refuse("its loops have no functions");
+      block.loops = {.rows = static_cast<int>(rows), .functions = static_cast<int>(n), .nodes = described.at("nodes").get<int>(),
+                     .turns = described.at("turns").get<bool>(), .middle = described.at("middle").get<double>(),
+                     .half = described.at("half").get<double>(), .allowed = described.at("allowed").get<double>()};
+      if (block.loops.nodes < 1 || block.loops.nodes > 10000) refuse("its loops have no nodes");
+      block.close = program.read(("close_" + std::to_string(blocks_.size() - 1)).c_str(), {{"parameters", parameters}, {"place", n + 1}},
+                                 {{"opening", rows}, {"by_place", rows * (n + 1)}});
+      work = std::max(work, static_cast<std::size_t>(work_of_fit(block.loops, block.functions.data())));
+      count += block.start.size() + 1;
+    }
+    work_.resize(work);
+    found_.resize(count);
+  }
+
+  std::size_t size() const { return found_.size(); }
+
+  /// Find all coefficients, which stay until the next search.
+  const double* find(Program& program, const double* parameters) {
+    double* found = found_.data();
+    for (const Block& block : blocks_) {
+      const auto close = [&](const double* place, double* opening, double* by_place) {
+        program.call(block.close, {parameters, place}, {opening, by_place});
+      };
+      LoopFitting<double, decltype(close)>(block.loops, block.functions.data(), block.start.data(), work_.data(), close).find(found);
+      found += block.start.size() + 1;
+    }
+    return found_.data();
+  }
+
+ private:
+  struct Block {
+    LoopFit loops{};
+    std::vector<FittedFunction> functions;
+    std::vector<double> start;
+    Function close;
+  };
+  std::vector<Block> blocks_;
+  std::vector<double> work_, found_;
 };
 
 /// The functions of a step's beginning, by time and inputs, and the source of the inputs.

@@ -52,12 +52,15 @@ class InterpretedSystem final : public AnySystem<double> {
       : description_(read_system_description(document.at("description"))), program_(document, description_.roads.size()),
         factorisation_(document.at("tables"), description_.pattern.symmetric, description_.pattern.size,
                        static_cast<int>(description_.pattern.row.size()), description_.factors),
-        inputs_(program_, document, description_.inputs.size(), description_.held()) {
+        inputs_(program_, document, description_.inputs.size(), description_.held()),
+        fits_(program_, document, description_.parameters.size()) {
     const std::size_t n = description_.unknowns().size(), m = description_.equations.size();
     const Argument q{"q", description_.coordinates.size()}, v{"v", n}, vdot{"vdot", n}, lambda{"lambda", m}, penalty{"penalty", 1};
     const Argument force_residual{"force_residual", n}, residual{"residual", m};
     const Argument relative_q{"relative_q", start.coordinates.size()}, relative_v{"relative_v", start.speeds.size()};
-    load_ = program_.read("load", {{"parameters", description_.parameters.size()}}, {});
+    const Argument parameters{"parameters", description_.parameters.size()};
+    load_ = program_.read("load", {parameters}, {});
+    if (fits_.size() > 0) load_ = program_.read("load", {parameters, {"series", fits_.size()}}, {});
     initial_coordinates_ = program_.read("initial_coordinates", {relative_q, relative_v}, {q, v});
     dynamic_residual_ = program_.read("dynamic_residual", {q, v, vdot, lambda, penalty}, {force_residual, residual});
     linearise_ = program_.read("linearise", {q, v, vdot, lambda, penalty, {"weights", 3}, {"weights.turns", turns_of(description_.charts)}},
@@ -77,6 +80,7 @@ class InterpretedSystem final : public AnySystem<double> {
 
   void load(const double* parameters, const Road<double>* roads) override {
     program_.use_roads(roads);
+    if (fits_.size() > 0) return program_.call(load_, {parameters, fits_.find(program_, parameters)}, {});
     program_.call(load_, {parameters}, {});
   }
 
@@ -132,6 +136,7 @@ class InterpretedSystem final : public AnySystem<double> {
   mutable Program program_;  ///< its memory has the values of the last call
   Factorisation factorisation_;
   StepBeginning inputs_;
+  LoopFitsOfProgram fits_;
   Function load_, initial_coordinates_, dynamic_residual_, linearise_, constraint_residual_, apply_jacobian_transposed_, apply_jacobian_;
   Function report_, energy_, sample_, guard_, events_, domains_;
 };

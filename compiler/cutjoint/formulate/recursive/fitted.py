@@ -1,0 +1,165 @@
+"""Loops whose geometry is open: functions that close them are found when parameters are loaded.
+
+`runtime core/loop_fits.hpp` closes such loops at the nodes of their functions and makes series of what it finds.  For that the program has
+a function for each assembly: residual and Jacobian of the joints that the assembly's functions close, by the place of the block, the
+coordinates that `following.py` has series for::
+
+    place = (q, s)        J = (Phi_q, Phi_s)        s' = -Phi_s^-1 Phi_q
+
+The coefficients are the symbol ``series:leader``, known when parameters are; its last element is a margin, negative where the loops do not
+close over the range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
+from cutjoint.formulate.layout import Chart, Slot
+from cutjoint.formulate.records import CLOSE, Function, LoopFit
+from cutjoint.formulate.recursive.following import coefficients_of, quaternion_of, turned_by
+from cutjoint.formulate.recursive.kinematics import derive_kinematics
+from cutjoint.formulate.recursive.loops import derive_loops
+from cutjoint.methods import PLAIN_CLOSURE
+from cutjoint.model.records import GROUND, Assembly, Joint, Model
+from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.lower import reachable_blocks
+from cutjoint.topology.records import Topology
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockEquations:
+    """The residuals of joints that close loops and their rates, with the charts of the tree that leads to them."""
+
+    charts: tuple[Chart, ...]
+    residuals: tuple[Block, ...]
+    rates: tuple[Block, ...]
+
+
+def derive_block(b: Builder, topology: Topology, joints: Sequence[Joint], cuts: tuple[Joint, ...]) -> BlockEquations:
+    """The equations of ``cuts`` among the ``joints`` of a block, in a topology without assemblies."""
+    model, charts = topology.model, make_charts(topology)
+    above = {t.child: t for t in topology.tree}
+    needed = {GROUND}
+    for body in {end for joint in joints for end in (joint.base, joint.follower)}:
+        while body not in needed:
+            needed.add(body)
+            body = above[body].parent
+    part = replace(topology, tree=tuple(t for t in topology.tree if t.child in needed))
+    k = derive_kinematics(b, make_translator(b, model), part, {c.joint: c for c in charts})
+    loops = derive_loops(k, cuts, make_numbers(b, cuts, PLAIN_CLOSURE))
+    return BlockEquations(
+        charts=charts, residuals=tuple(loop.residual for loop in loops), rates=tuple(loop.rate for loop in loops)
+    )  # fmt: skip
+
+
+def driven_by_time(topology: Topology, drive: str | None) -> Topology:
+    """The topology whose drive is at the time, so that numbers for the time move it."""
+    tree = (replace(t, joint=replace(t.joint, guide=(TIME,))) if t.joint.name == drive else t for t in topology.tree)
+    return topology if drive is None else replace(topology, tree=tuple(tree))
+
+
+def without_assemblies(topology: Topology) -> Topology:
+    """The same spanning tree with the joints that functions close among its cut joints."""
+    return replace(topology, model=replace(topology.model, assemblies=()), cuts=(*topology.cuts, *topology.held), held=())
+
+
+def joints_of(model: Model, assembly: Assembly) -> tuple[Joint, ...]:
+    """The joints of an assembly's block, in the order of the model."""
+    names = {assembly.leader, *assembly.functions.series, *assembly.cuts}
+    return tuple(joint for joint in model.joints if joint.name in names)
+
+
+def loop_fits(b: Builder, topology: Topology) -> tuple[LoopFit, ...]:
+    """The fits of all assemblies with open geometry."""
+    fits: list[LoopFit] = []
+    first = 0
+    for assembly in topology.model.assemblies:
+        if assembly.functions.open:
+            fits.append(_fit(b, topology, assembly, first, len(fits)))
+            first += coefficients_of(assembly.functions) + 1
+    return tuple(fits)
+
+
+def fit_slots(fits: Sequence[LoopFit]) -> dict[str, Slot]:
+    """The places of their inputs and results."""
+    return {symbol: slot for fit in fits for symbol, slot in fit.slots.items()}
+
+
+def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number: int) -> LoopFit:
+    own, whole = Builder(), driven_by_time(without_assemblies(topology), assembly.drive)
+    joints = joints_of(topology.model, assembly)
+    cuts = tuple(joint for joint in topology.held if joint.name in assembly.cuts)
+    equations = derive_block(own, whole, joints, cuts)
+    functions, leader = assembly.functions, assembly.leader
+    count = 1 + sum(map(len, functions.series.values()))
+    place = b.symbol(f"place:{leader}", count, BindingTime.ITERATION)
+    with b.section("functions", leader, "residual and Jacobian of the joints that functions close, by the place", assembly.span.place):
+        known = _places(b, equations.charts, assembly, place)
+        parameters = open_parameters(topology.model)
+        known["parameters"] = b.symbol(f"fitted:{leader}", len(parameters), BindingTime.ITERATION)
+        known["t"] = b.number(functions.drive_range.middle if functions.drive_range is not None else 0.0)
+        residual = _substituted(b, equations.residuals, known)
+        columns = [_substituted(b, equations.rates, known | moved) for moved in _moved(b, equations.charts, assembly, place)]
+    rows = residual.shape[0]
+    slots = {
+        f"fitted:{leader}": Slot(array="parameters", offset=0, names=tuple(p.name for p in parameters)),
+        f"place:{leader}": Slot(array="place", offset=0, names=tuple(map(str, range(count)))),
+        f"opening:{leader}": Slot(array="opening", offset=0, names=tuple(map(str, range(rows)))),
+        f"by_place:{leader}": Slot(array="by_place", offset=0, names=tuple(map(str, range(rows * count)))),
+        f"series:{leader}": Slot(array="series", offset=first, names=tuple(map(str, range(coefficients_of(functions) + 1)))),
+    }
+    function = Function(
+        name=f"{CLOSE}{number}", arguments=("const Real* parameters", "const Real* place", "Real* opening", "Real* by_place"),
+        results={f"opening:{leader}": residual, f"by_place:{leader}": b.stack([[column] for column in columns])},
+    )  # fmt: skip
+    return LoopFit(assembly=assembly, function=function, slots=slots, rows=rows, first=first)
+
+
+def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> dict[str, Block]:
+    """The coordinates of all joints of a tree by the place; those beside the block are in the design position."""
+    known, first = {}, 1
+    for chart in charts:
+        series = assembly.functions.series.get(chart.joint)
+        if chart.joint == assembly.leader:
+            known[f"q:{chart.joint}"] = b.element(place, 0)
+        elif series is None:
+            ball = [b.number(float(i == 0)) for i in range(4)] if chart.ball else []
+            known[f"q:{chart.joint}"] = b.column([*[b.number(0.0)] * chart.scalars, *ball])
+    for joint, series in assembly.functions.series.items():
+        chart = next(chart for chart in charts if chart.joint == joint)
+        scalars = [b.element(place, first + i) for i in range(chart.scalars)]
+        turned = quaternion_of(b, b.take(place, (first + chart.scalars, first + len(series)))) if chart.ball else ()
+        known[f"q:{joint}"] = b.column([*scalars, *turned])
+        first += len(series)
+    return known
+
+
+def _moved(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> Iterator[dict[str, Block]]:
+    """The speeds of all joints of a tree at a unit rate of each element of the place in turn."""
+    still = {f"v:{c.joint}": b.zero(len(c.speed_names)) for c in charts}
+    yield still | {f"v:{assembly.leader}": b.number(1.0)}
+    first = 1
+    for joint, series in assembly.functions.series.items():
+        chart = next(chart for chart in charts if chart.joint == joint)
+        for i in range(len(series)):
+            unit = b.identity(len(series))
+            column = b.take(unit, (0, len(series)), (i, i + 1))
+            if i >= chart.scalars:
+                g = b.take(place, (first + chart.scalars, first + len(series)))
+                turned = turned_by(b, g, b.take(column, (chart.scalars, len(series))))
+                column = b.stack([[b.zero(chart.scalars)], [turned]]) if chart.scalars else turned
+            yield still | {f"v:{joint}": column}
+        first += len(series)
+
+
+def _substituted(b: Builder, blocks: Sequence[Block], known: Mapping[str, Block]) -> Block:
+    """Blocks of another builder beneath each other, made again with other inputs; inputs that are not ``known`` are nought."""
+    made: dict[Block, Block] = {}
+    for block in reachable_blocks(blocks):
+        if block.op == "symbol":
+            made[block] = known.get(str(block.data), b.zero(*block.shape))
+        else:
+            made[block] = b.again(block, [made[a] for a in block.args])
+    return b.stack([[made[block]] for block in blocks])

@@ -1,0 +1,264 @@
+// Functions that close loops whose geometry is open: found when parameters are loaded.
+#pragma once
+
+#include <cmath>
+#include <initializer_list>
+
+#include "cutjoint/core/selection.hpp"
+
+namespace cutjoint {
+
+/// The loops of a block: residuals in `rows`, by `functions` of the coordinate q that leads.  They are closed at `nodes` values of q: on a range about
+/// its `middle`, of length 2 `half`, or on a full turn about it.  A gap below `allowed` (m, rad) is none.
+struct LoopFit {
+  int rows, functions, nodes;
+  bool turns;
+  double middle, half, allowed;
+};
+
+/// The margin of loops that stay open; that of a range is not so small.
+inline constexpr double margin_of_open_loops = -1e9;
+
+/// A function of q: its coefficients, and its rate that is no series.
+struct FittedFunction {
+  int terms;
+  double growth;
+};
+
+/// All coefficients of a block, one function behind the other.
+constexpr int coefficients_of(const LoopFit& loops, const FittedFunction* functions) {
+  int count = 0;
+  for (int j = 0; j < loops.functions; ++j) count += functions[j].terms;
+  return count;
+}
+
+/// The most terms of a function, and one that an integral takes besides.
+constexpr int most_terms(const LoopFit& loops, const FittedFunction* functions) {
+  int most = 0;
+  for (int j = 0; j < loops.functions; ++j) most = functions[j].terms > most ? functions[j].terms : most;
+  return most + 1;
+}
+
+/// The numbers that a search works on.
+constexpr int work_of_fit(const LoopFit& loops, const FittedFunction* functions) {
+  const int n = loops.functions, m = loops.rows;
+  return (n + 1) + m * (n + 2) + n * n + 4 * n + (n + 2) * most_terms(loops, functions);
+}
+
+/// The node of a number, or with `fine` the place of a grid that is twice as fine.
+inline double node_of(const LoopFit& loops, int i, bool fine) {
+  constexpr double pi = 3.141592653589793;
+  if (fine) return loops.middle + (loops.turns ? pi : loops.half) * (double(i) / loops.nodes - 1);
+  if (loops.turns) return loops.middle + (2.0 * i / loops.nodes - 1) * pi;
+  return loops.middle - loops.half * std::cos(pi * (i + 0.5) / loops.nodes);
+}
+
+/// The terms of series at q, and their slopes: Chebyshev polynomials on the range, or 1, cos q, sin q, cos 2q, ...
+template <class Real>
+void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* slope) {
+  value[0] = Real(1);
+  slope[0] = Real(0);
+  if (loops.turns) {
+    for (int k = 1; k < count; ++k) {
+      const int order = (k + 1) / 2;
+      const double cosine = std::cos(order * q), sine = std::sin(order * q);
+      value[k] = Real(k % 2 ? cosine : sine);
+      slope[k] = Real(k % 2 ? -order * sine : order * cosine);
+    }
+    return;
+  }
+  const double x = (q - loops.middle) / loops.half;
+  double before = 1, now = x, rate_before = 0, rate = 1 / loops.half;
+  for (int k = 1; k < count; ++k) {
+    value[k] = Real(now);
+    slope[k] = Real(rate);
+    const double next = 2 * x * now - before, rate_next = 2 * (x * rate + now / loops.half) - rate_before;
+    before = now, now = next, rate_before = rate, rate = rate_next;
+  }
+}
+
+/// The search for the functions of a block.  `Close` is called with a block's place, q and then what each function is there, and gives the
+/// residual and its derivatives by each number of the place in turn.
+template <class Real, class Close>
+class LoopFitting {
+ public:
+  LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
+      : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
+        place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), slope_(upper_ + n_ * n_),
+        step_(slope_ + n_), offset_(step_ + n_), mean_(offset_ + n_), sums_(mean_ + n_), terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
+
+  /// Find all coefficients, and then a margin, which is negative where loops stay open; the coefficients are then those of `start`.
+  void find(Real* found) {
+    const int middle = node_by_design();
+    for (int i = 0; i < n_; ++i) mean_[i] = Real(0);
+    for (int i = 0; i < n_ * length_; ++i) sums_[i] = Real(0);
+    for (int i = 0; i < n_; ++i) offset_[i] = Real(0);
+    for (int node = middle; node < loops_.nodes; ++node) add_node(node);
+    for (int i = 0; i < n_; ++i) offset_[i] = Real(0);
+    for (int node = middle - 1; node >= 0; --node) add_node(node);
+    integrate(found);
+    check(found);
+  }
+
+ private:
+  using Chosen = Selection<Real>;
+
+  /// The node next to the design position, where all geometries are closed and functions are followed from.
+  int node_by_design() const {
+    int nearest = 0;
+    for (int i = 1; i < loops_.nodes; ++i)
+      if (std::abs(node_of(loops_, i, false)) < std::abs(node_of(loops_, nearest, false))) nearest = i;
+    return nearest;
+  }
+
+  Real product(const Real* a, const Real* b) const {
+    Real sum = a[0] * b[0];
+    for (int i = 1; i < m_; ++i) sum = sum + a[i] * b[i];
+    return sum;
+  }
+
+  /// Slopes -Phi_s^-1 Phi_q and the step -Phi_s^-1 Phi by Gram and Schmidt; of redundant rows the least squares.
+  void solve() {
+    using std::sqrt;
+    for (int j = 0; j < n_; ++j) {
+      Real* const column = by_place_ + m_ * (j + 1);
+      const Real size = sqrt(product(column, column));
+      upper_[j * n_ + j] = size;
+      for (int i = 0; i < m_; ++i) column[i] = column[i] / size;
+      for (int k = j + 1; k < n_; ++k) upper_[j * n_ + k] = without(column, by_place_ + m_ * (k + 1));
+      slope_[j] = without(column, by_place_);
+      step_[j] = without(column, opening_);
+    }
+    for (Real* const x : {slope_, step_})
+      for (int j = n_ - 1; j >= 0; --j) {
+        Real sum = -x[j];
+        for (int k = j + 1; k < n_; ++k) sum = sum - upper_[j * n_ + k] * x[k];
+        x[j] = sum / upper_[j * n_ + j];
+      }
+  }
+
+  /// The share of a unit column in another, which is taken out of it.
+  Real without(const Real* column, Real* other) const {
+    const Real share = product(column, other);
+    for (int i = 0; i < m_; ++i) other[i] = other[i] - share * column[i];
+    return share;
+  }
+
+  /// The value of a series at the terms that were computed last.
+  template <class Number>
+  Real sum_of(const Number* coefficients, int count, const Real* terms) const {
+    Real sum(0);
+    for (int k = 0; k < count; ++k) sum = sum + Real(coefficients[k]) * terms[k];
+    return sum;
+  }
+
+  void add_node(int node) {
+    const double q = node_of(loops_, node, false);
+    terms_at(loops_, q, length_, terms_, slopes_);
+    place_[0] = Real(q);
+    const double* c = start_;
+    for (int j = 0; j < n_; c += functions_[j++].terms)
+      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + offset_[j];
+    for (int steps = 0; steps < most_steps; ++steps) {
+      close_(place_, opening_, by_place_);
+      solve();
+      for (int j = 0; j < n_; ++j) place_[j + 1] = place_[j + 1] + step_[j];
+      Real size(0);
+      for (int j = 0; j < n_; ++j) size = size + step_[j] * step_[j];
+      if (!Chosen::any(Real(closed * closed) < size)) break;
+    }
+    c = start_;
+    for (int j = 0; j < n_; c += functions_[j++].terms) {
+      const Real straight = place_[j + 1] - Real(functions_[j].growth * q);
+      offset_[j] = straight - sum_of(c, functions_[j].terms, terms_);
+      mean_[j] = mean_[j] + straight;
+      for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * slope_[j];
+      const Real steep = slope_[j] * slope_[j];
+      Chosen::take(steepest_ < steep, steep, steepest_);
+    }
+  }
+
+  /// Series of slopes become those of the functions.
+  void integrate(Real* found) const {
+    for (int j = 0; j < n_; found += functions_[j++].terms) {
+      const Real* const sums = sums_ + j * length_;
+      found[0] = mean_[j] * Real(1.0 / loops_.nodes);
+      for (int k = 1; k < functions_[j].terms; ++k) {
+        const int order = (k + 1) / 2;
+        if (loops_.turns)
+          found[k] = Real((k % 2 ? -2.0 : 2.0) / (loops_.nodes * order)) * sums[k % 2 ? k + 1 : k - 1];
+        else
+          found[k] = Real(loops_.half / (loops_.nodes * k)) * (sums[k - 1] - sums[k + 1]);
+      }
+    }
+  }
+
+  /// The margin: all gaps, and the rates at which they open beside the steepest slope, on a grid twice as fine.
+  void check(Real* found) {
+    const int fine = 2 * loops_.nodes + 1;
+    const Real gap(loops_.allowed * loops_.allowed), rate = gap * steepest_;
+    Real held(0);
+    for (int i = 0; i < fine; ++i) {
+      const double q = node_of(loops_, i, true);
+      terms_at(loops_, q, length_, terms_, slopes_);
+      place_[0] = Real(q);
+      const Real* c = found;
+      for (int j = 0; j < n_; c += functions_[j++].terms) {
+        place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_);
+        slope_[j] = Real(functions_[j].growth) + sum_of(c, functions_[j].terms, slopes_);
+      }
+      close_(place_, opening_, by_place_);
+      for (int row = 0; row < m_; ++row) {
+        Real opens = by_place_[row];
+        for (int j = 0; j < n_; ++j) opens = opens + by_place_[m_ * (j + 1) + row] * slope_[j];
+        Chosen::take(Chosen::both(opening_[row] * opening_[row] <= gap, opens * opens <= rate), held + Real(1), held);
+      }
+    }
+    const int count = coefficients_of(loops_, functions_);
+    Real margin(margin_of_open_loops);
+    Chosen::take(Real(fine * m_ - 0.5) < held, Real(1), margin);
+    for (int k = 0; k < count; ++k) Chosen::take(margin < Real(0), Real(start_[k]), found[k]);
+    found[count] = margin;
+  }
+
+  static constexpr double closed = 1e-11;  ///< the last step of Newton's iteration, which converges quadratically
+  static constexpr int most_steps = 12;
+
+  const LoopFit& loops_;
+  const FittedFunction* functions_;
+  const double* start_;
+  const Close& close_;
+  int n_, m_, length_;
+  Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
+  Real *upper_, *slope_, *step_;        ///< R of the decomposition
+  Real *offset_;                        ///< of the functions of the last node from those of `start_`
+  Real *mean_, *sums_, *terms_, *slopes_;
+  Real steepest_ = Real(1);
+};
+
+/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads.
+template <class Real, class Fits>
+class LoopFits {
+ public:
+  template <class Generated>
+  const Real* find(const Generated& generated, const Real* parameters) {
+    Real work[Fits::work];
+    Real* found = found_;
+    const FittedFunction* functions = Fits::functions;
+    const double* start = Fits::start;
+    for (int block = 0; block < Fits::blocks; ++block) {
+      const auto close = [&](const Real* place, Real* opening, Real* by_place) { generated.close(block, parameters, place, opening, by_place); };
+      const LoopFit& loops = Fits::loops[block];
+      LoopFitting<Real, decltype(close)>(loops, functions, start, work, close).find(found);
+      found += coefficients_of(loops, functions) + 1;
+      start += coefficients_of(loops, functions);
+      functions += loops.functions;
+    }
+    return found_;
+  }
+
+ private:
+  Real found_[Fits::length];
+};
+
+}  // namespace cutjoint
