@@ -234,22 +234,22 @@ def test_a_block_in_a_branch_of_other_loops_stays() -> None:
     assert [joint.cut for joint in outcome.model.joints] == [joint.cut for joint in model.joints]
 
 
-OPEN = SWING.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace(
-    "bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)  # fmt: skip
+OPENED_GUIDE = STEERED.replace("at: [-0.15, 0.1, 0.45]", "at: [behind, 0.1, 0.45]").replace(
+    "parameters: {", "parameters: {behind: {value: -0.15, unit: m, binding: param}, ", 1)  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         (FIVE_BAR % "", "it has 2 degrees of freedom beside 'ground', and one is wanted"),
-        (OPEN % "", "its geometry has open parameters"),
+        (OPENED_GUIDE, "its geometry has open parameters, and its guide moves"),
         (SWING.replace("joints:", "gears: {g: {joints: [a.angle, d.angle], ratio: 1}}\njoints:") % "", "a gear couples its joints"),
         (SWING % ", positions: {d.angle: 0.1}", "the scene gives a and d, and one of them may lead"),
     ],
 )  # fmt: skip
 def test_blocks_that_stay_say_why(text: str, reason: str) -> None:
     model = read_model_text(text, "swing.yaml")
-    outcome = assemble_loops(model, model.scenes["fall"])
+    outcome = assemble_loops(model, next(iter(model.scenes.values())))
     assert not outcome.model.assemblies
     assert [note.words for note in outcome.left] == [f"stays in a loop: {reason}"]
 
@@ -327,12 +327,19 @@ def test_a_scene_compiles_its_loops() -> None:
     assert generate(model, scene, scene.outputs, method="classical").equations.topology.cuts
 
 
+#: The same with a point that stays open, in place of the mass.
+HIGH = HELD.replace("heavy: {value: 1, unit: kg", "heavy: {value: 1, unit: m").replace("mass: heavy", "mass: 1").replace(
+    "at: [0, 0, 1]", "at: [0, 0, heavy]"
+)  # fmt: skip
+
+
 @pytest.mark.heavy
-def test_every_host_has_the_table_of_the_command_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("text", "other"), [(HELD, 3.0), (HIGH, 1.01)], ids=["mass", "point"])
+def test_every_host_has_the_table_of_the_command_line(text: str, other: float, tmp_path: Path) -> None:
     """An FMU, a folder of C++, a batch and a sweep have the table of the command line."""
     fmpy = pytest.importorskip("fmpy")
     file = tmp_path / "swing.yaml"
-    file.write_text(HELD.replace("end: 3", "end: 0.5").replace("a.angle_rate: 4.0", "a.angle_rate: 0.5"), encoding="utf-8")
+    file.write_text(text.replace("end: 3", "end: 0.5").replace("a.angle_rate: 4.0", "a.angle_rate: 0.5"), encoding="utf-8")
     artifact = compile_model(file, out=tmp_path / "folder")
     assert not artifact.mechanism.closures
     known = simulate(artifact, error=False, inputs={"push": 0.0})
@@ -341,10 +348,11 @@ def test_every_host_has_the_table_of_the_command_line(tmp_path: Path) -> None:
     written = tmp_path / "swing.fmu"
     written.write_bytes(make_fmu(model, model.scenes["fall"], version=3).pack(sources=False, binary=True, picture=b""))
     table = fmpy.simulate_fmu(str(written), stop_time=0.5, output_interval=0.05)
-    batch = simulate_batch(compile_batch(file), [{"heavy": 1.0}, {"heavy": 3.0}])
+    batch = simulate_batch(compile_batch(file), [{"heavy": 1.0}, {"heavy": other}])
     study = tmp_path / "study.yaml"
+    variables = f"{{heavy: [1, {other}], push: [0]}}"
     study.write_text(
-        "cutjoint_study: 1\nmodel: swing.yaml\nparameters: {heavy: [1, 3], push: [0]}\ndesign: grid\nobjectives: {place: {end: bar.x}}\n",
+        f"cutjoint_study: 1\nmodel: swing.yaml\nparameters: {variables}\ndesign: grid\nobjectives: {{place: {{end: bar.x}}}}\n",
         encoding="utf-8",
     )  # fmt: skip
     swept = perform_study(read_study(study), tmp_path / "table.parquet").table["place"].to_pylist()

@@ -411,8 +411,3 @@ def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float
             found.append(replace(one, coefficients=_rows(whole[: len(one.coefficients)])))
         series[chart.joint] = tuple(found)
     return replace(functions, series={joint: series[joint] for joint in functions.series})
-
-
-def coefficients(functions: LoopFunctions) -> Array:
-    """All coefficients of functions of one number, and a margin, as programs read them (`formulate/recursive/fitted.py`)."""
-    return np.array([*(row[0] for found in functions.series.values() for one in found for row in one.coefficients), 1.0])

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.analysis.assemblies import coefficients, refit
+from cutjoint.analysis.assemblies import refit
 from cutjoint.formulate.inputs import INPUTS, LAW_TIME
 from cutjoint.formulate.natural.poses import Span, SpanEquations
+from cutjoint.formulate.recursive.following import fitted_inputs
 from cutjoint.formulate.recursive.kinematics import PoseEquations
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import interpret_blocks
@@ -52,10 +53,11 @@ def _inputs(equations: PoseEquations, t: Array, q: Array, parameters: Mapping[st
     laws = interpret_blocks(equations.laws, {LAW_TIME: t[:, np.newaxis], "parameters": values}, {})
     given = [np.broadcast_to(laws[law][..., 0], (t.size, 1)) for law in equations.laws]
     opened = [a for a in equations.topology.model.assemblies if a.functions.open]
+    fitted = (replace(a, functions=refit(equations.topology, a, parameters)) for a in opened)
     return {
         "t": t[:, np.newaxis],
         "parameters": values,
-        **{f"series:{a.leader}": coefficients(refit(equations.topology, a, parameters)) for a in opened},
+        **fitted_inputs(fitted),
         INPUTS: np.concatenate([np.zeros((t.size, 0)), *given], axis=1),
         **{f"q:{c.joint}": q[:, c.q : c.q + len(c.coordinate_names)] for c in equations.charts},
     }

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.formulate.inputs import HELD, INPUTS, LAW_TIME, LAW_VALUES
 from cutjoint.formulate.layout import Chart
 from cutjoint.formulate.records import Equations, RecursiveEquations
+from cutjoint.formulate.recursive.following import fitted_inputs
 from cutjoint.program.blocks import Block
 from cutjoint.program.interpret import RoadTable, interpret_blocks
 from cutjoint.topology.geometry import TOLERANCE
@@ -104,6 +105,7 @@ def make_inputs(equations: RecursiveEquations, q: Array, v: Array, t: float = 0.
     parameters = np.array([p.value for p in equations.parameters])
     inputs = {
         **evaluate_scene_inputs(equations, parameters, t),
+        **fitted_inputs(equations.topology.model.assemblies),
         "t": np.full(1, t),
         "motion": np.zeros(1),
         "parameters": parameters,

@@ -239,7 +239,7 @@ def _class(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
         arrays=_arrays(equations), records=records, lane_types=lane_types, roads=roads, input_values=equations.input_values,
-        supplied=supplied, fits=_fits(equations),
+        supplied=supplied, fits=_fits(program, equations),
         has_members=bool(records or lane_types or roads or equations.input_values),
     )  # fmt: skip
     runtime = {
@@ -273,11 +273,14 @@ def _arrays(equations: Equations) -> list[str]:
     return [f"{name:<{width}}  {words}" for name, words in used.items()]
 
 
-def _fits(equations: Equations) -> dict[str, object] | None:
+def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     """The tables of loops that are fitted; None where there are none."""
     if not equations.fits:
         return None
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
+    length, work = sum(fit.length for fit in equations.fits), max(fit.work for fit in equations.fits)
+    closing = [program.graph.nodes[n].data for f in program.functions if f.name.startswith(CLOSE) for n in f.statements]
+    places = {symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")}
     lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
     return {
         "leaders": ", ".join(fit.assembly.leader for fit in equations.fits),
@@ -288,8 +291,8 @@ def _fits(equations: Equations) -> dict[str, object] | None:
         "functions": [
             f"{{.terms = {len(c)}, .growth = {growth!r}}}" for d in described for c, growth in zip(d["start"], d["growth"], strict=True)
         ],
-        "start": [line for text in lines for line in wrap(text, LINE)], "length": sum(fit.length for fit in equations.fits),
-        "work": max(fit.work for fit in equations.fits), "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
+        "start": [line for text in lines for line in wrap(text, LINE)], "parameters": ", ".join(map(str, sorted(places))),
+        "length": length, "work": work, "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
     }  # fmt: skip
 
 

@@ -36,6 +36,7 @@ _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
 _DYNAMICS = "cutjoint/core/dynamics.hpp"
 _SUPPLIED = "cutjoint/core/supplied.hpp"
+_FITS = "cutjoint/core/loop_fits.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
 #: The headers of the standard library that the C interface needs besides those of the core.
@@ -191,7 +192,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
     more = [*([_DERIVATIVES] if has_derivatives else []), *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
-    return [*lanes, *supplied, _CORE, steps.header, *more]
+    fits = [_FITS] if parts.mechanism.fits else []
+    return [*lanes, *supplied, *fits, _CORE, steps.header, *more]
 
 
 def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, object]:
@@ -406,6 +408,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
     stored += 16 * len(parts.poses) + 2
+    fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
+    stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
     return 8 * (stored + assembly + masses + others + 512)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 from cutjoint.formulate.inputs import TIME, make_charts, make_numbers, make_translator, open_parameters
 from cutjoint.formulate.layout import Chart, Slot
@@ -22,7 +23,7 @@ from cutjoint.formulate.recursive.following import coefficients_of, quaternion_o
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import derive_loops
 from cutjoint.methods import PLAIN_CLOSURE
-from cutjoint.model.records import GROUND, Assembly, Joint, Model
+from cutjoint.model.records import GROUND, Assembly, Joint, Model, Series
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.topology.records import Topology
@@ -105,9 +106,9 @@ def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number:
     rows = residual.shape[0]
     slots = {
         f"fitted:{leader}": Slot(array="parameters", offset=0, names=tuple(p.name for p in parameters)),
-        f"place:{leader}": Slot(array="place", offset=0, names=tuple(map(str, range(count)))),
-        f"opening:{leader}": Slot(array="opening", offset=0, names=tuple(map(str, range(rows)))),
-        f"by_place:{leader}": Slot(array="by_place", offset=0, names=tuple(map(str, range(rows * count)))),
+        f"place:{leader}": Slot(array="place", offset=0, names=("q", *_named(functions.series))),
+        f"opening:{leader}": Slot(array="opening", offset=0, names=("",) * rows),
+        f"by_place:{leader}": Slot(array="by_place", offset=0, names=("",) * (rows * count)),
         f"series:{leader}": Slot(array="series", offset=first, names=tuple(map(str, range(coefficients_of(functions) + 1)))),
     }
     function = Function(
@@ -115,6 +116,10 @@ def _fit(b: Builder, topology: Topology, assembly: Assembly, first: int, number:
         results={f"opening:{leader}": residual, f"by_place:{leader}": b.stack([[column] for column in columns])},
     )  # fmt: skip
     return LoopFit(assembly=assembly, function=function, slots=slots, rows=rows, first=first)
+
+
+def _named(series: Mapping[str, Sequence[Series]]) -> tuple[str, ...]:
+    return tuple(f"{joint}_{i}" if len(found) > 1 else joint for joint, found in series.items() for i in range(len(found)))
 
 
 def _places(b: Builder, charts: Sequence[Chart], assembly: Assembly, place: Block) -> dict[str, Block]:
@@ -160,6 +165,8 @@ def _substituted(b: Builder, blocks: Sequence[Block], known: Mapping[str, Block]
     for block in reachable_blocks(blocks):
         if block.op == "symbol":
             made[block] = known.get(str(block.data), b.zero(*block.shape))
+        elif block.op == "const":
+            made[block] = b.const(cast(Sequence[Sequence[float]], block.data))
         else:
             made[block] = b.again(block, [made[a] for a in block.args])
     return b.stack([[made[block]] for block in blocks])

@@ -11,7 +11,7 @@ velocity 2/(1 + g^2) (g' + g x g').
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -93,6 +93,14 @@ def turned_by(b: Builder, g: Block, rate: Block) -> Block:
 def coefficients_of(functions: LoopFunctions) -> int:
     """The number of coefficients of all series."""
     return sum(len(row) for series in functions.series.values() for one in series for row in one.coefficients)
+
+
+def fitted_inputs(assemblies: Iterable[Assembly]) -> dict[str, Array]:
+    """The coefficients of assemblies with open geometry, and a margin, by their symbols, as `fitted` has them."""
+    return {
+        f"series:{a.leader}": np.array([*(row[0] for found in a.functions.series.values() for one in found for row in one.coefficients), 1])
+        for a in assemblies if a.functions.open
+    }  # fmt: skip
 
 
 def _opened(b: Builder, assembly: Assembly, joint: Joint) -> Iterator[Block | None]:

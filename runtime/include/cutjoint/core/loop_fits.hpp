@@ -2,7 +2,10 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
+#include <cstring>
 #include <initializer_list>
+#include <iterator>
 
 #include "cutjoint/core/selection.hpp"
 
@@ -17,7 +20,7 @@ struct LoopFit {
 };
 
 /// The margin of loops that stay open; that of a range is not so small.
-inline constexpr double margin_of_open_loops = -1e9;
+inline constexpr double margin_of_open_loops = -1e300;
 
 /// A function of q: its coefficients, and its rate that is no series.
 struct FittedFunction {
@@ -42,14 +45,13 @@ constexpr int most_terms(const LoopFit& loops, const FittedFunction* functions) 
 /// The numbers that a search works on.
 constexpr int work_of_fit(const LoopFit& loops, const FittedFunction* functions) {
   const int n = loops.functions, m = loops.rows;
-  return (n + 1) + m * (n + 2) + n * n + 4 * n + (n + 2) * most_terms(loops, functions);
+  return (n + 1) + m * (n + 2) + n * n + 6 * n + (n + 2) * most_terms(loops, functions);
 }
 
-/// The node of a number, or with `fine` the place of a grid that is twice as fine.
-inline double node_of(const LoopFit& loops, int i, bool fine) {
+/// A node by its number; halves are between nodes, -1/2 and `nodes` - 1/2 the ends of a range.
+inline double node_of(const LoopFit& loops, double i) {
   constexpr double pi = 3.141592653589793;
-  if (fine) return loops.middle + (loops.turns ? pi : loops.half) * (double(i) / loops.nodes - 1);
-  if (loops.turns) return loops.middle + (2.0 * i / loops.nodes - 1) * pi;
+  if (loops.turns) return loops.middle + (2 * i / loops.nodes - 1) * pi;
   return loops.middle - loops.half * std::cos(pi * (i + 0.5) / loops.nodes);
 }
 
@@ -85,16 +87,16 @@ class LoopFitting {
   LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
       : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
         place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), slope_(upper_ + n_ * n_),
-        step_(slope_ + n_), offset_(step_ + n_), mean_(offset_ + n_), sums_(mean_ + n_), terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
+        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + n_), mean_(before_ + n_), sums_(mean_ + n_), terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
 
   /// Find all coefficients, and then a margin, which is negative where loops stay open; the coefficients are then those of `start`.
   void find(Real* found) {
     const int middle = node_by_design();
     for (int i = 0; i < n_; ++i) mean_[i] = Real(0);
     for (int i = 0; i < n_ * length_; ++i) sums_[i] = Real(0);
-    for (int i = 0; i < n_; ++i) offset_[i] = Real(0);
+    for (int i = 0; i < 2 * n_; ++i) offset_[i] = Real(0);
     for (int node = middle; node < loops_.nodes; ++node) add_node(node);
-    for (int i = 0; i < n_; ++i) offset_[i] = Real(0);
+    for (int i = 0; i < 2 * n_; ++i) offset_[i] = Real(0);
     for (int node = middle - 1; node >= 0; --node) add_node(node);
     integrate(found);
     check(found);
@@ -107,7 +109,7 @@ class LoopFitting {
   int node_by_design() const {
     int nearest = 0;
     for (int i = 1; i < loops_.nodes; ++i)
-      if (std::abs(node_of(loops_, i, false)) < std::abs(node_of(loops_, nearest, false))) nearest = i;
+      if (std::abs(node_of(loops_, i)) < std::abs(node_of(loops_, nearest))) nearest = i;
     return nearest;
   }
 
@@ -126,10 +128,10 @@ class LoopFitting {
       upper_[j * n_ + j] = size;
       for (int i = 0; i < m_; ++i) column[i] = column[i] / size;
       for (int k = j + 1; k < n_; ++k) upper_[j * n_ + k] = without(column, by_place_ + m_ * (k + 1));
-      slope_[j] = without(column, by_place_);
+      found_slope_[j] = without(column, by_place_);
       step_[j] = without(column, opening_);
     }
-    for (Real* const x : {slope_, step_})
+    for (Real* const x : {found_slope_, step_})
       for (int j = n_ - 1; j >= 0; --j) {
         Real sum = -x[j];
         for (int k = j + 1; k < n_; ++k) sum = sum - upper_[j * n_ + k] * x[k];
@@ -153,23 +155,28 @@ class LoopFitting {
   }
 
   void add_node(int node) {
-    const double q = node_of(loops_, node, false);
+    const double q = node_of(loops_, node);
     terms_at(loops_, q, length_, terms_, slopes_);
     place_[0] = Real(q);
     const double* c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms)
-      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + offset_[j];
-    for (int steps = 0; steps < most_steps; ++steps) {
+      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + (Real(2) * offset_[j] - before_[j]);
+    auto moves = Chosen::all_if(true);
+    for (int steps = 0; steps < most_steps && Chosen::any(moves); ++steps) {
       close_(place_, opening_, by_place_);
       solve();
-      for (int j = 0; j < n_; ++j) place_[j + 1] = place_[j + 1] + step_[j];
       Real size(0);
-      for (int j = 0; j < n_; ++j) size = size + step_[j] * step_[j];
-      if (!Chosen::any(Real(closed * closed) < size)) break;
+      for (int j = 0; j < n_; ++j) {
+        size = size + step_[j] * step_[j];
+        Chosen::take(moves, place_[j + 1] + step_[j], place_[j + 1]);
+        Chosen::take(moves, found_slope_[j], slope_[j]);
+      }
+      moves = Chosen::both(moves, Real(closed * closed) < size);
     }
     c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms) {
       const Real straight = place_[j + 1] - Real(functions_[j].growth * q);
+      before_[j] = offset_[j];
       offset_[j] = straight - sum_of(c, functions_[j].terms, terms_);
       mean_[j] = mean_[j] + straight;
       for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * slope_[j];
@@ -193,13 +200,13 @@ class LoopFitting {
     }
   }
 
-  /// The margin: all gaps, and the rates at which they open beside the steepest slope, on a grid twice as fine.
+  /// The margin: all gaps, and the rates at which they open beside the steepest slope, between the nodes.
   void check(Real* found) {
-    const int fine = 2 * loops_.nodes + 1;
+    const int between = loops_.nodes + 1;
     const Real gap(loops_.allowed * loops_.allowed), rate = gap * steepest_;
     Real held(0);
-    for (int i = 0; i < fine; ++i) {
-      const double q = node_of(loops_, i, true);
+    for (int i = 0; i < between; ++i) {
+      const double q = node_of(loops_, i - 0.5);
       terms_at(loops_, q, length_, terms_, slopes_);
       place_[0] = Real(q);
       const Real* c = found;
@@ -216,7 +223,7 @@ class LoopFitting {
     }
     const int count = coefficients_of(loops_, functions_);
     Real margin(margin_of_open_loops);
-    Chosen::take(Real(fine * m_ - 0.5) < held, Real(1), margin);
+    Chosen::take(Real(between * m_ - 0.5) < held, Real(1), margin);
     for (int k = 0; k < count; ++k) Chosen::take(margin < Real(0), Real(start_[k]), found[k]);
     found[count] = margin;
   }
@@ -230,18 +237,19 @@ class LoopFitting {
   const Close& close_;
   int n_, m_, length_;
   Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
-  Real *upper_, *slope_, *step_;        ///< R of the decomposition
-  Real *offset_;                        ///< of the functions of the last node from those of `start_`
+  Real *upper_, *slope_, *found_slope_, *step_;  ///< R of the decomposition, slopes of the node and of the last iteration
+  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, and of the node before
   Real *mean_, *sums_, *terms_, *slopes_;
   Real steepest_ = Real(1);
 };
 
-/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads.
+/// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads, and finds it anew where geometry has changed.
 template <class Real, class Fits>
 class LoopFits {
  public:
   template <class Generated>
   const Real* find(const Generated& generated, const Real* parameters) {
+    if (is_found(parameters)) return found_;
     Real work[Fits::work];
     Real* found = found_;
     const FittedFunction* functions = Fits::functions;
@@ -254,11 +262,22 @@ class LoopFits {
       start += coefficients_of(loops, functions);
       functions += loops.functions;
     }
+    for (std::size_t i = 0; i < count; ++i) of_[i] = parameters[Fits::parameters[i]];
+    known_ = true;
     return found_;
   }
 
  private:
-  Real found_[Fits::length];
+  static constexpr std::size_t count = std::size(Fits::parameters);
+
+  bool is_found(const Real* parameters) const {
+    for (std::size_t i = 0; i < count; ++i)
+      if (std::memcmp(&of_[i], &parameters[Fits::parameters[i]], sizeof(Real)) != 0) return false;
+    return known_;
+  }
+
+  Real found_[Fits::length], of_[count];  ///< coefficients, and the parameters that they are of
+  bool known_ = false;
 };
 
 }  // namespace cutjoint
