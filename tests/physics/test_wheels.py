@@ -166,6 +166,24 @@ def test_a_braked_wheel_is_parked_on_a_slope() -> None:
     assert np.abs(found["cart.x"]).max() < 1e-12
 
 
+def test_a_wheel_rolls_from_a_pose_at_rest() -> None:
+    """Under its load at once, without slip, and it goes on so: what it loses is its rolling resistance alone, (m l + I/Re) v' = My."""
+    scene = "end: 1, output_step: 0.01, pose: equilibrium, rates: {slide.displacement_rate: 20, w.rolling.bearing.angle_rate: 20/%r}"
+    rolling = ("w.formula.Re.value", "w.rolling.rolls_on.value", "w.rolling.contact.My", "w.rolling.contact.loaded_radius")
+    text, radius = CORNER.replace("outputs: [", f"outputs: [{', '.join(rolling)}, "), 0.3
+    for states, begins in (("", 0), (", states: {w.rolling.rolled: 1}", 1)):
+        for _ in range(3):  # the radius of free rolling is one at speed
+            model = read_model_text(text % (*LEVEL, "62", "", "62", scene % radius + states), "m.yaml", folder=DATA)
+            found = run(model, integrator="trapezoidal", dt=1e-3)
+            radius = float(found["w.formula.Re.value"][0])
+        assert found["w.rolling.rolls_on.value"][0] == begins
+        assert found["w.rolling.contact.Fz"] == pytest.approx((330 + 9.4) * 9.81, rel=0.06)  # a tyre is stiffer at speed
+        _, _, moment, level = (found[name][10:].mean() for name in rolling)
+        lost = moment / ((20 + 330 + 9.4) * level + 0.743 / radius) * 0.9
+        assert found["cart.vx"][-1] - found["cart.vx"][10] == pytest.approx(lost, rel=0.02)
+        assert found["cart.vx"][0] - found["cart.vx"][10] < 0.02
+
+
 @pytest.mark.parametrize(("method", "dt"), [("recursive", 1e-3), ("recursive", 4e-3), ("recursive-newton", 7.5e-3)])
 def test_a_wheel_brakes_to_rest(method: str, dt: float) -> None:
     """It stops where it is, and rocks on its tread: less than 2 um in the last second."""
