@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -42,9 +43,10 @@ KINDS = ("52", "62")
 TOLD = ("Fx", "Fy", "Mx", "My", "Mz", "sigma_x", "sigma_y", "Re")
 
 
-def of_formula(name: str) -> str:
-    """A model that has a formula with the coefficients of a file, and inputs for the motion."""
+def of_formula(name: str, also: Sequence[str] = (), more: str = "") -> str:
+    """A model that has a formula with the coefficients of a file, and inputs for the motion; with further motion and values."""
     formula, wheel, motion = TABLES[name]
+    motion = (*motion, *also)
     part, of_wheel = (yaml.safe_load((library_folder() / f"{file}.yaml").read_text()) for file in (f"formulas/{formula}", wheel))
     used = set(re.findall(r"\w+", " ".join(map(str, part["signals"].values()))))
     parameters = [name for name in of_wheel["parameters"] if name in used]
@@ -67,7 +69,7 @@ submodels:
     submodels: {{f: {json.dumps({key: value for key, value in part.items() if key != 'cutjoint'})}}}
     instances: {{f: {{use: f, with: {{{given}}}}}}}
 instances:
-  bench: {{use: bench, with: {{{given}}}, properties: {name}.tir}}
+  bench: {{use: bench, with: {{{more}{given}}}, properties: {name}.tir}}
 outputs: [{outputs}]
 scenes: {{run: {{end: 1, output_step: 1, numerics: {{dt: 1}}}}}}
 """
@@ -120,8 +122,8 @@ STOP = """end: 6, output_step: 0.05, numerics: {dt: 0.001},
 
 
 @cache
-def corner(kind: str, gravity: tuple[str, str], scene: str) -> Model:
-    return read_model_text(CORNER % (*gravity, kind, MASSES[kind], kind, scene), "m.yaml", folder=DATA)
+def corner(kind: str, gravity: tuple[str, str], scene: str, more: str = "") -> Model:
+    return read_model_text(CORNER % (*gravity, kind, MASSES[kind] + more, kind, scene), "m.yaml", folder=DATA)
 
 
 def run(model: Model, method: str = "recursive", **choices: object) -> Trajectory:
@@ -129,9 +131,9 @@ def run(model: Model, method: str = "recursive", **choices: object) -> Trajector
     return completed(simulate(artifact, error=False, **choices))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_tangent_of_a_wheel(kind: str) -> None:
-    model = corner(kind, LEVEL, STOP)
+@pytest.mark.parametrize(("kind", "more"), [*((kind, "") for kind in KINDS), ("62", ", turn_slip: 1")])
+def test_the_tangent_of_a_wheel(kind: str, more: str) -> None:
+    model = corner(kind, LEVEL, STOP, more)
     start = formulate_recursive(build_topology(model), model.scenes["run"], ())
     system = WithStates(formulate_implicit(start, ()), {name: Hills() for name in start.roads})
     for seed in (0, 1, 2, 4, 5):  # that of 3 has a kink within the step of the differences, and agrees at smaller ones
@@ -260,7 +262,7 @@ joints:
 submodels:
   wheel: {include: library/wheel_mf62}
 instances:
-  w: {use: wheel, connect: {carrier: cart}, with: {x: 0, y: 0.5, z: 0.3, toe: 0.03, camber: 0.02, drive: 80}, properties: mf62.tir%s}
+  w: {use: wheel, connect: {carrier: cart}, with: {x: 0, y: 0.5, z: 0.3, toe: 0.03, camber: 0.02, drive: 80%s}, properties: mf62.tir%s}
 outputs: [cart.y, cart.x, w.rolling.contact.Fy, w.rolling.contact.Mz, w.rolling.contact.camber]
 scenes:
   run:
@@ -269,9 +271,14 @@ scenes:
 """
 
 
-def test_a_wheel_in_the_mirror_is_the_image() -> None:
-    left, right = (run(read_model_text(PAIR % mirror, "m.yaml", folder=DATA)) for mirror in ("", ", mirror: y"))
+@pytest.mark.parametrize("more", ["", ", turn_slip: 1"])
+def test_a_wheel_in_the_mirror_is_the_image(more: str) -> None:
+    """As is a tyre of the right side on a wheel that is drawn there."""
+    drawn = PAIR.replace("y: 0.5", "y: -0.5").replace("toe: 0.03, camber: 0.02", "toe: -0.03, camber: -0.02, TYRESIDE: -1")
+    texts = (PAIR % (more, ""), PAIR % (more, ", mirror: y"), drawn % (more, ""))
+    left, *others = (run(read_model_text(text, "m.yaml", folder=DATA)) for text in texts)
     assert np.abs(left["cart.y"]).max() > 0.5
-    for name in left:
-        sign = 1 if name in ("t", "cart.x") else -1
-        assert right[name] == pytest.approx(sign * left[name], rel=1e-9, abs=1e-9)
+    for right in others:
+        for name in left:
+            sign = 1 if name in ("t", "cart.x") else -1
+            assert right[name] == pytest.approx(sign * left[name], rel=1e-9, abs=1e-9)
