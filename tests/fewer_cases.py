@@ -51,6 +51,9 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/physics/test_lagrangian.py": ("test_every_scene", "test_errors_of_the_scene_as_it_stands"),
     "tests/physics/test_proximal.py": ("test_forty_windows_pass_as_one_does",),
     "tests/physics/test_signals.py": ("test_hosts_of_fmus",),
+    "tests/physics/test_two_track.py": (
+        "test_a_car_on_stiff_tyres_is_the_rigid_one[braking*", "test_a_car_on_stiff_tyres_is_the_rigid_one[sine*",
+    ),
     "tests/physics/test_verification.py": ("test_the_benchmark_has_a_line_for_every_problem",),
     "tests/reduce/test_choose.py": (
         "test_an_impossible_tolerance_says_what_came_nearest", "test_the_chain_keeps_its_tolerance_across_its_singular_pose",

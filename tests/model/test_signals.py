@@ -194,10 +194,8 @@ def test_scenes_begin_with_states_of_their_own() -> None:
         ("states: {§late: 1}", "@: scene 'run': states: unknown state 'late'; states: left.later, right.later"),
         ("states: {§left: 1}", "@: scene 'run': states: unknown state 'left'; states: left.later, right.later"),
         ("states: {left.later: §2*t}", "@: scene 'run': states.left.later: unknown symbol 't'; symbols here: pi"),
-        ("pose: equilibrium, states: §{left.later: 1}",
-         "@: scene 'run': states: the states of an equilibrium are those at rest; remove 'states', or start from the design pose"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_starts_of_scenes(scene: str, expected: str) -> None:
     check(SCENE, f"scenes: {{run: {{end: 1, {scene}}}}}", expected, SUBMODEL)
 

@@ -104,7 +104,7 @@ def carts() -> Model:
 
 
 @cache
-def exact_carts() -> dict[str, np.ndarray]:
+def exact_carts(start: tuple[float, ...] = (0.3, 0, 0, -1, 0.5)) -> dict[str, np.ndarray]:
     """By SciPy, from equations by hand."""
 
     def parts(t: float, y: np.ndarray) -> tuple[float, ...]:
@@ -120,7 +120,7 @@ def exact_carts() -> dict[str, np.ndarray]:
         return [v1, v2, (pull + rod * along) / 2, -8 * x2 - heard + 0.2 * rod - rod * along, (pull - heard) / 0.1]
 
     t = np.linspace(0, 1, 21)
-    y = solve_ivp(derive, (0, 1), [0.3, 0, 0, -1, 0.5], t_eval=t, rtol=1e-12, atol=1e-12).y
+    y = solve_ivp(derive, (0, 1), start, t_eval=t, rtol=1e-12, atol=1e-12).y
     stretch, pushed, rod, _ = parts(t, y)
     return {"one.x": y[0], "two.x": y[1], "heard.value": y[4], "pushed.value": pushed, "stretch.value": stretch, "rod.force": rod}
 
@@ -259,6 +259,36 @@ def test_a_controller_at_rest() -> None:
     rod = 40 * (length - 1)
     assert pull + rod * (x2 - x1) / length == pytest.approx(0, abs=1e-6)
     assert -8 * x2 - pull + 0.2 * rod - rod * (x2 - x1) / length == pytest.approx(0, abs=1e-6)
+
+
+FROM_REST = """
+  from_rest:
+    {end: 1, output_step: 0.05, pose: equilibrium, rates: {right.displacement_rate: -1}, states: {heard: 0.5 N}, numerics: {dt: 2.5e-4}}
+"""
+
+
+def test_a_state_that_is_given_beside_a_pose_at_rest() -> None:
+    """It counts once the pose is found, in which it is at rest, as speeds do."""
+    model = read_model_text(CARTS.rstrip() + FROM_REST, "carts.yaml")
+    rest = find_scene_equilibrium(model, model.scenes["from_rest"]).values
+    assert rest["heard.value"] == pytest.approx(-20 * rest["one.x"] + 6 * rest["two.x"] + 4, abs=1e-6)
+    start = (rest["one.x"], rest["two.x"], 0, -1, 0.5)
+    run = simulate(compile_scene(model, model.scenes["from_rest"], CompileOptions(method="recursive")), error=False)
+    assert error(run, exact_carts(start)) < SECOND
+
+
+@needs_cpp
+def test_a_host_that_starts_at_rest() -> None:
+    """A host gives a state as the scene does; the starts of states in a scene that is drawn do not count at rest."""
+    model = read_model_text(CARTS.rstrip() + FROM_REST, "carts.yaml")
+    rest = find_scene_equilibrium(model, replace(model.scenes["from_rest"], inputs={})).values
+    sim = load_scene(model, model.scenes["from_rest"], method="recursive")
+    assert float(sim.reset().outputs["heard.value"]) == 0.5
+    assert float(sim.reset(speeds={"heard.value": 0.25}).outputs["heard.value"]) == 0.25
+    drawn = load_scene(model, replace(model.scenes["run"], positions={}), method="recursive")
+    assert float(drawn.reset().outputs["heard.value"]) == 0.5
+    assert float(drawn.reset(equilibrium=True).outputs["heard.value"]) == pytest.approx(rest["heard.value"], abs=1e-6)
+    assert float(drawn.reset(equilibrium=False).outputs["heard.value"]) == 0.5
 
 
 def test_modes_are_those_of_the_controlled_motor() -> None:

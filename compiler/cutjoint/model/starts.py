@@ -146,8 +146,6 @@ def read_starts(where: Element, scene: document.Scene, states: Sequence[FirstOrd
         elif not where.scope.directory.misses(name):
             hint = nearest(name, known, "states") or "the model has no states"
             where.fail(f"states: unknown state '{name}'", hint, keys, at_key=True)
-    if starts and scene.pose == "equilibrium":
-        where.fail("states: the states of an equilibrium are those at rest", "remove 'states', or start from the design pose", ("states",))
     return starts
 
 

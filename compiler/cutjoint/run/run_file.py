@@ -153,7 +153,7 @@ def _changing_bodies(model: Model) -> Iterator[Body]:
 def sources_of_parts(model: Model, scene: Scene) -> dict[str, Mapping[str, Scalar]]:
     """The expressions that these parts come from; of a road the wheel's radius."""
     radii = {f.name: f.radius for f in model.forces if f.has_road}
-    states = {} if scene.pose == "equilibrium" else {s.entry: scene.starts.get(s.entry, s.initial) for s in model.states}
+    states = scene.starts if scene.pose == "equilibrium" else {s.entry: scene.starts.get(s.entry, s.initial) for s in model.states}
     return {"positions": scene.positions, "rates": {**states, **scene.rates}, "roads": radii}
 
 

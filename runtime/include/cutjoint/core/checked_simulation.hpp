@@ -212,6 +212,7 @@ class CheckedSimulation {
       if (given.index >= 0) give_coordinate(s, given.index, given.value);
     for (const Given& given : Model::speeds_given)
       if (given.index >= 0) give_speed(s, given.index, given.value);
+    if constexpr (!Model::settings.equilibrium) s->sim.leave_states();
     return call_ok;
   }
 

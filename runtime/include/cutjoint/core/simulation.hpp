@@ -133,6 +133,9 @@ class Simulation {
     given_speeds_.fill(0);
   }
 
+  /// First-order states are where the start has them, and where a pose at rest has them if that is asked for.
+  void leave_states() { std::fill(given_speeds_.begin() + start_sizes.joint_speeds(), given_speeds_.end(), 0); }
+
   /// Find a consistent state.
   Fault start() {
     is_started_ = false;
@@ -143,7 +146,8 @@ class Simulation {
     StateOf<M> begun = start_;
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
-    std::copy_n(start_.v.begin(), start_sizes.joint_speeds(), begun.v.begin());  // a pose at rest has none
+    for (std::size_t i = 0; i < start_sizes.speeds; ++i)  // a pose at rest has no speeds, and its own first-order states but for given ones
+      if (i < start_sizes.joint_speeds() || given_speeds_[i]) begun.v[i] = start_.v[i];
     if (const Fault fault = how.move(begun, given_speeds_)) return at_start(fault);
     penalties_ = how.penalties();
     take_over(begun);
