@@ -20,6 +20,7 @@ from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.poses import digest_of_poses
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, code_file
@@ -65,8 +66,8 @@ class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
-    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can, ``differentiable``
-    whether steps have derivatives: those of a system only where it has no loops to project.
+    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
+    ``differentiable`` whether steps have derivatives: those of a system only where it has no loops to project.
     """
 
     header: str
@@ -84,7 +85,9 @@ _NEWTON = "cutjoint/core/recursive_newton_steps.hpp"
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive": {
-        "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, differentiable=True),
+        "trapezoidal": Steps(
+            header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, differentiable=True
+        ),
         "rk4": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True,
             differentiable=True,
@@ -210,6 +213,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
+        "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
+from cutjoint.formulate.recursive.poses import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library
@@ -15,7 +17,7 @@ from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, 
 
 _NOT_LINEARISED = "load the model with linearise=True"
 _WITHOUT_STEP_DERIVATIVES = (
-    "derivatives of steps are of method recursive with integrator trapezoidal or rk4, and of recursive-newton with trapezoidal without loops"
+    "derivatives of steps are of method recursive with integrator trapezoidal or rk4; without loops of recursive-newton and trapezoidal too"
 )
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
@@ -216,10 +218,20 @@ class Simulation:
         self.library.poses(self.address)
         return self._poses
 
+    def pose_datagram(self) -> bytes:
+        """What ``cutjoint view --live`` shows, to be sent to its UDP port: the digest of the poses, the time and the poses, little-endian.
+
+        Raises:
+            TypeError, SimulationError: as of ``poses``.
+        """
+        poses = self.poses
+        head = struct.pack("<Qd", digest_of_poses(self.library.model, poses.names), self.time)
+        return head + poses.array.astype("<f8").tobytes()
+
     @cached_property
     def _poses(self) -> Poses:
         names = self.library.names["pose"]
-        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), 16)))
+        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), NUMBERS_PER_POSE)))
 
     @property
     def gap(self) -> tuple[float, str | None]:
