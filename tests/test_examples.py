@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import generate
+from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.topology.reading import read_model
+from cutjoint.view.live import Poses
 from tests.conftest import MODELS, ROOT, needs_cpp
-from tests.standalone.folders import compile_object, folder_of, link, run, write
+from tests.standalone.folders import compile_object, link, run, write
 
 pytestmark = needs_cpp
 
@@ -24,7 +32,10 @@ EXAMPLES = ROOT / "examples"
 @pytest.fixture(scope="module")
 def iltis(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the Iltis on a flat road with its object file."""
-    place = write(folder_of((MODELS / "iltis.yaml").read_text(encoding="utf-8"), "iltis.yaml", "simul3"), tmp_path_factory.mktemp("iltis"))
+    model = read_model(MODELS / "iltis.yaml")
+    scene = model.scenes["simul3"]
+    generated = generate(model, scene, scene.outputs, method=DEFAULT_METHOD, poses=True)
+    place = write(make_standalone(generated, equal_steps=True), tmp_path_factory.mktemp("iltis"))
     compile_object(place, "iltis")
     return place
 
@@ -50,10 +61,22 @@ def test_the_vehicle_follows_its_driver_also_from_another_process(iltis: Path) -
 def test_a_vehicle_against_the_clock_catches_up_and_drops_what_is_too_much(iltis: Path) -> None:
     paced = program(iltis, "paced_vehicle")
     begun = time.perf_counter()
-    driven = python(EXAMPLES / "udp_driver.py", paced, "2.5")
+    view = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    view.bind(("127.0.0.1", 0))
+    driven = python(EXAMPLES / "udp_driver.py", paced, "2.5", view.getsockname()[1])
     assert time.perf_counter() - begun > 2.4
     left = float(re.findall(r": (-?[\d.e-]+) m", driven)[0])
     assert left == pytest.approx(0.0195, abs=0.002)  # the driver leaves the lane after two seconds
+    poses, seen = Poses(read_model(MODELS / "iltis.yaml"), pytest.fail), []
+    with view:
+        view.setblocking(False)
+        with suppress(BlockingIOError):  # there are as many as the system keeps
+            while True:
+                assert poses.take(view.recv(65536))
+                seen.append(json.loads(poses.wait(len(seen))[1]))
+    assert len(seen) > 20
+    assert [round(1e3 * each[0]) for each in seen] == sorted({round(1e3 * each[0]) for each in seen})
+    assert seen[-1][1][0] > seen[0][1][0] + 1.0  # the chassis drives on
     with subprocess.Popen([paced, "9", "1.0"], stdout=subprocess.PIPE, text=True) as alone:  # nobody listens there
         time.sleep(0.5)
         alone.send_signal(signal.SIGSTOP)

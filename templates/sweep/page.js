@@ -256,6 +256,20 @@ const listWorst = () => {
     return line;
   }));
 };
+/** The runs that pass, in the digits that the page has. */
+const keptText = () => {
+  const quoted = (word) => (/[",\n]/.test(word) ? `"${word.replaceAll('"', '""')}"` : word);
+  const head = ['run', ...columns.map((c) => quoted(c.unit ? `${c.name} [${c.unit}]` : c.name))];
+  const cell = (c, v) => (v !== v ? '' : c.labels ? quoted(String(shown(c, v))) : +v.toPrecision(7));
+  return [head, ...kept.map((r) => [run[r], ...columns.map((c) => cell(c, c.values[r]))])].map((line) => `${line.join(',')}\n`).join('');
+};
+$('save').addEventListener('click', () => {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(new Blob([keptText()], {type: 'text/csv'}));
+  link.download = `${about.title.replace(/[^\w.-]+/g, '_')}.csv`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+});
 $('copy').addEventListener('click', () => navigator.clipboard?.writeText($('command').textContent));
 
 const draw = () => { placeAxes(); drawLines(); drawPoints(); listWorst(); };

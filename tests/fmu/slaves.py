@@ -13,7 +13,7 @@ from typing import Any
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene
-from cutjoint.view.graph_picture import picture_graph
+from cutjoint.view.graph import picture_graph
 from tests.conftest import MODELS
 from tests.mechanisms.bouncing import bouncing_text
 from tests.mechanisms.driven import DRIVEN, pushed_text

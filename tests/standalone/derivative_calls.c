@@ -15,7 +15,7 @@ static int faults = 0;
     if (!(condition)) printf("line %d: %s\n", __LINE__, #condition), ++faults; \
   } while (0)
 
-static double A[n * n], C[outputs * n], dx[n], rates[n], y[outputs + 1];
+static double X[n * n], P[n * PRESS_PARAMETERS + 1], A[n * n], C[outputs * n], dx[n], rates[n], y[outputs + 1];
 
 static void wrong_calls(void) {
   press_sim* sim = press_create(memory[0], sizeof memory[0]);
@@ -25,6 +25,7 @@ static void wrong_calls(void) {
   EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_NOT_STARTED);
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NOT_STARTED && press_choose(sim) == PRESS_NOT_STARTED);
   EXPECT(press_get_minimal(sim, dx) == PRESS_NOT_STARTED);
+  EXPECT(press_step_derivative(NULL, X, NULL, P) == PRESS_NO_SIMULATION && press_step_derivative(sim, X, NULL, P) == PRESS_NOT_STARTED);
   EXPECT(press_start(sim) == PRESS_OK);
   EXPECT(press_state_name(sim, 0) == NULL && press_state_name(NULL, 0) == NULL);
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX && press_choose_speeds(sim, NULL) == PRESS_NO_ARRAY);
@@ -78,10 +79,33 @@ static void motion(void) {
   }
 }
 
+/* Equal but for rounding: how long iterations go on depends on the directions beside. */
+static int are_close(const double* x, const double* y, int length) {
+  int i, close = 1;
+  for (i = 0; i < length; ++i) close = close && fabs(x[i] - y[i]) <= 1e-12 * (1.0 + fabs(y[i]));
+  return close;
+}
+
+/* Who asks for derivatives of steps has the same steps, and a matrix that is not wanted is skipped. */
+static void steps(void) {
+  static double other_X[n * n], other_P[n * PRESS_PARAMETERS + 1];
+  press_sim *sim = press_create(memory[0], sizeof memory[0]), *other = press_create(memory[1], sizeof memory[1]);
+  int j;
+  EXPECT(press_start(sim) == PRESS_OK && press_start(other) == PRESS_OK);
+  for (j = 0; j < 60; ++j) {
+    EXPECT(press_step_derivative(sim, X, NULL, P) == PRESS_OK);
+    if (j % 3 == 0) EXPECT(press_step(other) == PRESS_OK);
+    if (j % 3 == 1) EXPECT(press_step_derivative(other, other_X, NULL, NULL) == PRESS_OK && are_close(X, other_X, n * n));
+    if (j % 3 == 2) EXPECT(press_step_derivative(other, NULL, NULL, other_P) == PRESS_OK && are_close(P, other_P, n * PRESS_PARAMETERS));
+    EXPECT(memcmp(press_coordinates(sim), press_coordinates(other), PRESS_COORDINATES * sizeof(double)) == 0);
+  }
+}
+
 int main(void) {
   wrong_calls();
   names();
   some_matrices();
   motion();
+  steps();
   return faults;
 }

@@ -1,5 +1,6 @@
 // Derivatives of a folder's interface beside differences of its equations in 113 bits; prints the largest errors of A, B, C, D and of derivatives and
-// outputs along a direction, which has rates of inputs too, as shares of the largest entries.  Arguments: how many steps are taken first, then speeds that are independent, unless the folder chooses.
+// outputs along a direction, which has rates of inputs too, as shares of the largest entries; then those of a step's derivatives by states, inputs and parameters, beside
+// differences of the integrator in 113 bits.  Arguments: how many steps are taken first, then speeds that are independent, unless the folder chooses.
 // MODEL and TITLE are the name of the model, in capitals too, SOURCE is its file.
 #include <cstdio>
 #include <cstdlib>
@@ -30,18 +31,37 @@ struct InQuad<Mechanism<double>> {
   using type = Mechanism<Quad>;
 };
 using Reference = InQuad<code::Mechanism>::type;
+
+/// A step by the trapezoidal rule, or by the explicit method of a folder.
+template <class Steps>
+struct StepInQuad {
+  static core::Fault go(Reference& mechanism, const core::SimulationSettings& settings, core::StateOf<Reference>& state, Quad h) {
+    return core::Trapezoidal<Reference>(mechanism, h, settings.fixed_point).step(state, 1);
+  }
+};
+template <template <class, class> class Steps, class Mechanism, class Method>
+struct StepInQuad<Steps<Mechanism, Method>> {
+  static core::Fault go(Reference& mechanism, const core::SimulationSettings& settings, core::StateOf<Reference>& state, Quad h) {
+    Steps<Reference, Method> steps(mechanism, settings, nullptr);
+    steps.begin(state);
+    return steps.step(state, settings, h, state.t + h, 1);
+  }
+};
 using Numbers = std::vector<Quad>;
 
 constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(FREEDOMS), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
 
 struct Motion {
   Reference mechanism;
-  Quad t;
-  Numbers u = Numbers(3 * inputs + 1), q, reference, delta = Numbers(n), lambda, guess;
+  Quad t, h = 1;  ///< the present time, and the length of a step
+  Numbers u = Numbers(3 * inputs + 1), later[2] = {u, u}, q, v = Numbers(n), vdot = Numbers(n), reference, delta = Numbers(n), lambda, guess;
   std::vector<int> independent, dependent;
 
-  static void fill(void* self, Quad, Quad* input) {
-    for (int i = 0; i < 3 * inputs; ++i) input[i] = static_cast<Motion*>(self)->u[i];
+  /// Inputs of the present time, or of the middle or the end of a step.
+  static void fill(void* self, Quad time, Quad* input) {
+    const Motion& x = *static_cast<Motion*>(self);
+    const Quad share = (time - x.t) / x.h;
+    for (int i = 0; i < 3 * inputs; ++i) input[i] = share < Quad(0.25) ? x.u[i] : x.later[share > Quad(0.75)][i];
   }
 
   std::vector<Quad> residual(const Numbers& v, bool rates) {
@@ -105,13 +125,13 @@ struct Motion {
       for (std::size_t i = 0; i < step.size(); ++i) delta[dependent[i]] -= step[i];
     }
     core::retract<Quad>(Reference::charts, reference.data(), delta.data(), q.data());
-    Numbers rate(n), vdot(n), correction(m), second(n), result(states + outputs);
+    Numbers rate(n), correction(m), second(n), result(states + outputs);
     for (int i = 0; i < f; ++i) rate[independent[i]] = x[f + i];
     if (!dependent.empty()) {
       const Numbers step = solve(residual(speeds(rate), true));
       for (std::size_t i = 0; i < step.size(); ++i) rate[dependent[i]] -= step[i];
     }
-    const Numbers v = speeds(rate);
+    v = speeds(rate);
     for (int iteration = 0; iteration < 400; ++iteration) {
       mechanism.evaluate(q.data(), v.data(), lambda.data(), vdot.data(), correction.data());
       for (int i = 0; i < m; ++i) lambda[i] += correction[i];
@@ -119,6 +139,26 @@ struct Motion {
     core::chart_accelerations<Quad>(Reference::charts, delta.data(), v.data(), vdot.data(), second.data());
     for (int i = 0; i < f; ++i) result[i] = rate[independent[i]], result[f + i] = second[independent[i]];
     mechanism.report(q.data(), v.data(), vdot.data(), lambda.data(), result.data() + states);
+    return result;
+  }
+
+  /// x at the end of a step from x.
+  Numbers step(const Numbers& x, core::SimulationSettings settings) {
+    derive(x);
+    settings.fixed_point.tolerance = 1e-28;
+    settings.fixed_point.iterations = settings.fixed_point.multiplier_updates = 1000;
+    core::StateOf<Reference> state(q.size(), n, m);
+    state.t = t;
+    std::copy(q.begin(), q.end(), state.q.begin());
+    std::copy(v.begin(), v.end(), state.v.begin());
+    std::copy(vdot.begin(), vdot.end(), state.vdot.begin());
+    std::copy_n(lambda.begin(), m, state.lambda.begin());
+    if (StepInQuad<code::Sim::Steps>::go(mechanism, settings, state, h)) std::printf("the step fails ");
+    Numbers end(n), rate(n), result(states);
+    core::displacement<Quad>(Reference::charts, reference.data(), state.q.data(), end.data());
+    core::chart_rates<Quad>(Reference::charts, end.data(), state.v.data(), rate.data());
+    for (int i = 0; i < f; ++i) result[i] = end[independent[i]], result[f + i] = rate[independent[i]];
+    for (int i = 2 * f; i < states; ++i) result[i] = state.v[n - states + i];
     return result;
   }
 };
@@ -201,4 +241,43 @@ int main(int count, char** arguments) {
     (i < states ? exact_dxdot[i] : exact_dy[i - states]) = static_cast<double>((by[1][i] - by[0][i]) / (2 * h));
   print_error(dxdot, exact_dxdot), print_error(dy, exact_dy);
   print_error(A, exact_A), print_error(B, exact_B), print_error(C, exact_C), print_error(D, exact_D);
+
+  motion.u = u;
+  motion.h = Quad(sim->sim.settings().dt);
+#if JOIN(TITLE, _INPUTS) > 0
+  for (int i = 0; i < 2; ++i) {
+    sim->sim.mechanism().begin_step(sim->sim.state().t + (i + 1) * sim->sim.settings().dt / 2, 1.0);
+    std::copy_n(sim->sim.mechanism().last_inputs(), 3 * inputs, motion.later[i].begin());
+  }
+#endif
+  Numbers moved(x.begin(), x.begin() + states);
+  const Numbers first = motion.step(moved, sim->sim.settings());
+  const int p = COUNT(PARAMETERS);
+  std::vector<double> X(states * states), U(states * inputs), P(states * p), exact_X(X.size()), exact_U(U.size()), exact_P(P.size());
+  sim->sim.settings().fixed_point.tolerance = 1e-11;  // as the other step: a derivative has the errors of what it is of
+  const std::vector<double> q(sim->sim.state().q.begin(), sim->sim.state().q.end()), v(sim->sim.state().v.begin(), sim->sim.state().v.end());
+  if (!status) status = OF(set_state)(sim, OF(time)(sim), q.data(), v.data());
+  if ((status = OF(step_derivative)(sim, X.data(), U.data(), P.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
+  const auto put = [&](std::vector<double>& matrix, int width, int column, auto at) {
+    at(h);
+    by[0] = motion.step(moved, sim->sim.settings());
+    at(-h);
+    by[1] = motion.step(moved, sim->sim.settings());
+    at(Quad(0));
+    for (int i = 0; i < states; ++i) matrix[i * width + column] = static_cast<double>((by[0][i] - by[1][i]) / (2 * h));
+  };
+    for (int j = 0; j < states; ++j) put(exact_X, states, j, [&, was = moved[j]](Quad by) { moved[j] = was + by; });
+  for (int j = 0; j < inputs; ++j)
+    put(exact_U, inputs, j, [&, was = motion.u[3 * j], middle = motion.later[0][3 * j], end = motion.later[1][3 * j]](Quad by) {
+      motion.u[3 * j] = was + by, motion.later[0][3 * j] = middle + by, motion.later[1][3 * j] = end + by;
+    });
+  for (int j = 0; j < p; ++j)
+    put(exact_P, p, j, [&, was = parameters[j]](Quad by) {
+      parameters[j] = was + by;
+      core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties);
+    });
+  std::vector<double> end(states), exact_end(states);
+  OF(get_minimal)(sim, end.data());
+  for (int i = 0; i < states; ++i) exact_end[i] = static_cast<double>(first[i]);
+  print_error(X, exact_X), print_error(U, exact_U), print_error(P, exact_P), print_error(end, exact_end);
 }

@@ -18,10 +18,11 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy
+from tests.fmu.slaves import text_of
 from tests.mechanisms.driven import DRIVEN
 from tests.reduce.test_guards import TEXT as HAMMER
 
-from .folders import ALONE, DEFINITIONS, HERE, RANDOM_CALLS, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
+from .folders import ALONE, DEFINITIONS, HERE, RANDOM_CALLS, C, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
 
 pytestmark = needs_cpp
 
@@ -52,6 +53,17 @@ def test_the_code_calls_mathematics_and_nothing_else(
 ) -> None:
     made = compile_object(write(standalone_of(name, scene, method=method), tmp_path), name, compiler=compiler)
     assert not foreign_symbols(made, name)
+
+
+def test_a_folder_goes_without_vector_mathematics(tmp_path: Path) -> None:
+    place, tables = write(folder_of(text_of("axle"), "axle.yaml", "chirp"), tmp_path), []
+    for flags, libraries in (((), ("-lmvec",)), (("-DCUTJOINT_WITHOUT_LIBMVEC",), ())):
+        made = compile_object(place, "axle", flags=flags)
+        called = subprocess.run(["nm", "-u", made], check=True, capture_output=True, text=True).stdout
+        assert ("_ZGV" in called) == bool(libraries)
+        subprocess.run(["gcc", *C, "axle_simulator.c", "axle.o", "-lm", *libraries, "-o", "simulator"], cwd=place, check=True)
+        tables.append(np.genfromtxt(run(place / "simulator", "axle.run").splitlines(), delimiter=",", skip_header=1))
+    assert tables[0] == pytest.approx(tables[1], rel=1e-7, abs=1e-7)  # a few units in the last place at each step
 
 
 @pytest.mark.parametrize("method", ALONE)

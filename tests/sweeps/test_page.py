@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from itertools import product
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -76,6 +77,15 @@ def test_an_axis_filters(page: Page, done: tuple[Path, Sweep]) -> None:
     assert set(np.flatnonzero(stiffness >= low_end + pixel)) <= set(kept) <= set(np.flatnonzero(stiffness >= low_end - pixel))
     assert page.run("document.getElementById('left').textContent") == f"{len(kept)} of 256 pass the filters"
     page.picture(PICTURES / "sweep-filtered.png")
+    saved = page.run(
+        "(() => { const make = URL.createObjectURL; let saved; URL.createObjectURL = (blob) => { saved = blob; return make(blob); };"
+        " document.getElementById('save').click(); URL.createObjectURL = make; return saved.text(); })()"
+    )
+    head, *lines = csv.reader(saved.splitlines())
+    assert [int(line[0]) for line in lines] == kept
+    for name in ("stiffness", "top", "speed", "load"):
+        column = next(i for i, words in enumerate(head) if words.split(" [")[0] == name)
+        assert [float(line[column]) for line in lines] == pytest.approx(done[1][name][kept], rel=6e-7)  # seven digits
     page.run("document.getElementById('reset').click()")
     assert page.run("sweep.kept().length") == 256
 

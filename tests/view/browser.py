@@ -38,8 +38,8 @@ class Page:
         for domain in ("Page", "Runtime", "Log", "Network"):
             self._call(f"{domain}.enable")
 
-    def open(self, file: Path, *, size: tuple[int, int] = (1280, 720), dark: bool = False) -> None:
-        """Open a page and wait until it is ready."""
+    def open(self, file: Path | str, *, size: tuple[int, int] = (1280, 720), dark: bool = False) -> None:
+        """Open a page, a file or an address, and wait until it is ready."""
         self._call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self._call("Emulation.setEmulatedMedia", features=[scheme])
@@ -62,8 +62,8 @@ class Page:
         self.settle()
         return bool(self.run("document.body?.dataset.ready === 'yes'"))
 
-    def _go(self, file: Path) -> None:
-        self._call("Page.navigate", url=file.resolve().as_uri())
+    def _go(self, file: Path | str) -> None:
+        self._call("Page.navigate", url=file if isinstance(file, str) else file.resolve().as_uri())
 
     def run(self, script: str) -> Any:
         """The value of a script, which may be a promise."""

@@ -15,7 +15,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.scenes import find_case
-from cutjoint.view.graph_picture import picture_graph
+from cutjoint.view.graph import picture_graph
 
 #: The optional contents of an FMU, by their options: sources, a binary.
 CONTENTS = {"sources": (True, False), "binary": (False, True), "both": (True, True)}

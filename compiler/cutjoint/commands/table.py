@@ -246,6 +246,9 @@ OPTIONS: Mapping[str, Row] = {
     "sweep.out": click.option("--out", type=_FILE, help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise."),
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
+    "live": click.option("--live", metavar="PORT", type=Setting("live"), help="Follow a running host instead: a page at "
+        "http://localhost:PORT/ shows the poses that come as datagrams at UDP port PORT; 0 is any free port."),
+    "shared": click.option("--shared", is_flag=True, help="Let other machines send poses and see the page."),
     "kinematics.out": click.option("--out", type=_FILE, help="CSV file of all sweeps, in SI units; units go beside it."),
     "axle": click.option("--axle", metavar="NAME", help="The axle, by the words that its wheels' names share, such as front, or the left "
         "and the right body that carries a wheel, as LEFT,RIGHT; may be left out if there is only one."),

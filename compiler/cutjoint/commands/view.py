@@ -5,19 +5,36 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
+from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart
 from cutjoint.topology.reading import read_model
-from cutjoint.view.views import require_view, show_start, write_shown
+from cutjoint.view.live import LiveView
+from cutjoint.view.views import live_page, require_view, show_start, write_shown
 
 
 @table.command("view")
-def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path | None) -> None:
-    """Draw the pose in which a scene of MODEL starts, as a page that a browser opens from the disk."""
+def command(
+    model: Path, scene: str | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path | None, live: int | None, *,
+    shared: bool,
+) -> None:  # fmt: skip
+    """Draw the pose in which a scene of MODEL starts, as a page that a browser opens from the disk, or follow a running host."""
+    if out is not None and live is not None:
+        raise RunError("--live writes no file; leave out --out")
+    if shared and live is None:
+        raise RunError("--shared is of --live PORT")
     out = Path(f"{model.stem}.html") if out is None else out
     require_view(out, "--out")
     require_apart({"the model": model}, documents=[("--out", out)])
     checked = read_model(model, opened=opened)
     checked, chosen = options.take_case(checked, scene)
+    parameters = options.read_parameters(changes)
+    if live is not None:
+        with options.progress_bar(f"drawing {model.name}"):
+            page = live_page(checked, chosen, parameters)
+        view = LiveView(checked, page, live, is_open=shared, tell=lambda trouble: options.err.print(trouble, markup=False))
+        options.out.print(f"http://localhost:{view.port}/ follows datagrams at UDP port {view.port}; Ctrl-C ends it", markup=False)
+        view.serve()
+        return
     with options.progress_bar(f"drawing {model.name}"):
-        write_shown(out, show_start(checked, chosen, options.read_parameters(changes)))
+        write_shown(out, show_start(checked, chosen, parameters))
     options.console_beside(out).print(f"view: {out}", markup=False)

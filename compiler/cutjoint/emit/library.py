@@ -35,7 +35,7 @@ _OF_INSTANCES = _Number(
 
 _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
-    functions=frozenset({"load", "start_step", "begin_step", "scene_inputs", "evaluate", "constraint_residual", "report"}),
+    functions=frozenset({"load", "start_step", "begin_step", "scene_inputs", "evaluate", "constraint_residual", "project", "report"}),
 )  # fmt: skip
 
 _OF_SYSTEM_DERIVATIVES = _Number(

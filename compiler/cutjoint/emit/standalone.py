@@ -20,6 +20,7 @@ from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
+from cutjoint.formulate.recursive.poses import digest_of_poses
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, code_file
@@ -32,6 +33,7 @@ from cutjoint.program.records import Program
 _CORE = "cutjoint/core/checked_simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
+_STEP_DERIVATIVES = "cutjoint/core/step_derivatives.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
 _DYNAMICS = "cutjoint/core/dynamics.hpp"
@@ -65,7 +67,8 @@ class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
-    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can.
+    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
+    ``differentiable`` whether steps have derivatives: those of a system only where it has no loops to project.
     """
 
     header: str
@@ -74,16 +77,21 @@ class Steps:
     finds_events: bool = False
     is_iterated: bool = False
     adaptive: bool = False
+    differentiable: bool = False
 
 
 _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/implicit_steps.hpp"
+_NEWTON = "cutjoint/core/recursive_newton_steps.hpp"
 
 #: By the names of methods and integrators.
 STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive": {
-        "trapezoidal": Steps(header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True),
+        "trapezoidal": Steps(
+            header="cutjoint/core/fixed_point_steps.hpp", name="FixedPointSteps<Mechanism>", is_iterated=True, differentiable=True
+        ),
         "rk4": Steps(
-            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True
+            header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::ClassicalTable>", stages=5, finds_events=True,
+            differentiable=True,
         ),
         "dormand-prince": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
@@ -101,10 +109,8 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         "trapezoidal": Steps(header="cutjoint/core/classical_steps.hpp", name="ClassicalSteps<Mechanism, System>"),
     },
     "recursive-newton": {
-        **dict.fromkeys(
-            ("trapezoidal", "generalised-alpha"),
-            Steps(header="cutjoint/core/recursive_newton_steps.hpp", name="RecursiveNewtonSteps<Mechanism, System>"),
-        ),
+        "trapezoidal": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>", differentiable=True),
+        "generalised-alpha": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>"),
         "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
         "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
         "radau5": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System>", finds_events=True, adaptive=True),
@@ -190,7 +196,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
-    more = [*([_DERIVATIVES] if has_derivatives else []), *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
+    derivatives = [_DERIVATIVES, *([_STEP_DERIVATIVES] if _derives_steps(parts, steps) else [])] if has_derivatives else []
+    more = [*derivatives, *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
     fits = [_FITS] if parts.mechanism.fits else []
     return [*lanes, *supplied, *fits, _CORE, steps.header, *more]
@@ -208,7 +215,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
-        "joint_speeds": start.speeds,
+        "poses_digest": digest_of_poses(model.name, parts.poses),
+        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
@@ -228,6 +236,11 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
         **_roads(equations, begin),
     }  # fmt: skip
+
+
+def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
+    """Whether the interface has derivatives of steps."""
+    return parts.freedoms is not None and steps.differentiable and (parts.system is None or not parts.stepped.equation_names)
 
 
 def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
@@ -407,6 +420,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
+        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + n * n + 3 * n + state + 32  # of a step's derivatives
     stored += 16 * len(parts.poses) + 2
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted

@@ -89,6 +89,9 @@ class Library:
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
+        self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
+        if self.derives_steps:
+            self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
             if freedoms is not None:

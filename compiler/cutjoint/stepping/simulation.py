@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import ctypes
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
+from cutjoint.formulate.recursive.poses import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library
-from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, Values, find_place
+from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, StepDerivative, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
+_WITHOUT_STEP_DERIVATIVES = (
+    "derivatives of steps are of method recursive with integrator trapezoidal or rk4; without loops of recursive-newton and trapezoidal too"
+)
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
@@ -213,10 +218,20 @@ class Simulation:
         self.library.poses(self.address)
         return self._poses
 
+    def pose_datagram(self) -> bytes:
+        """What ``cutjoint view --live`` shows, to be sent to its UDP port: the digest of the poses, the time and the poses, little-endian.
+
+        Raises:
+            TypeError, SimulationError: as of ``poses``.
+        """
+        poses = self.poses
+        head = struct.pack("<Qd", digest_of_poses(self.library.model, poses.names), self.time)
+        return head + poses.array.astype("<f8").tobytes()
+
     @cached_property
     def _poses(self) -> Poses:
         names = self.library.names["pose"]
-        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), 16)))
+        return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), NUMBERS_PER_POSE)))
 
     @property
     def gap(self) -> tuple[float, str | None]:
@@ -374,6 +389,25 @@ class Simulation:
         A, B, C, D = matrices = [np.zeros((r, c)) for r in (n, len(outputs)) for c in (n, len(inputs))]
         self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
         return StateSpace(A=A, B=B, C=C, D=D, x=states.array, states=tuple(states), inputs=inputs, outputs=outputs)
+
+    def step_derivative(self) -> StepDerivative:
+        """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
+
+        What controllers hold and what the laws of the scene give inputs stays.
+
+        Raises:
+            TypeError: the model was loaded without derivatives, or its steps have none.
+            SimulationError: the step failed, ended at an event or was taken in parts, and the state stays; or there was no `reset`.
+        """
+        states = self.states
+        self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
+        n, inputs, parameters = len(states), *(self.library.names[kind] for kind in ("input", "parameter"))
+        by_state, by_input, by_parameter = matrices = [np.zeros((n, width)) for width in (n, len(inputs), len(parameters))]
+        self._call(self.library.step_derivative, *(matrix.ctypes.data for matrix in matrices))
+        return StepDerivative(
+            by_state=by_state, by_input=by_input, by_parameter=by_parameter, start=states.array, end=self.states.array,
+            states=tuple(states), inputs=inputs, parameters=parameters,
+        )  # fmt: skip
 
     def find_dynamics(self) -> tuple[Array, Array]:
         """The mass matrix M (f, f) and the force (f) of M z'' = force for the f independent coordinates z, the first of ``states``, in SI

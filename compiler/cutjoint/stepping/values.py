@@ -147,3 +147,23 @@ class StateSpace:
 
     def __repr__(self) -> str:
         return f"<StateSpace: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepDerivative:
+    """How the states at the end of a step change: by those at its beginning, ``by_state`` (states, states), by a shift of each input during
+    the step, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and ``end``
+    are the states of the step, the others names.
+    """
+
+    by_state: Array
+    by_input: Array
+    by_parameter: Array
+    start: Array
+    end: Array
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<StepDerivative: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}>"

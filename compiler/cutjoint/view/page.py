@@ -52,7 +52,7 @@ class Camera:
 #: The page's own script is these files in this order, in one function.
 SCRIPTS = (
     "trouble", "data", "over", "picture", "time", "names", "bodies", "values", "looks", "saving", "failure", "motions", "graph", "sliders",
-    "controls",
+    "live", "controls",
 )  # fmt: skip
 
 #: The number of last rows of a failed run that are played slowly.
@@ -62,14 +62,16 @@ LAST_ROWS = 40
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
     failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
-    graph: Graph | None = None, sliders: Sliders | None = None,
+    graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False,
 ) -> str:  # fmt: skip
-    """The page of a .glb file and the columns of its run; names are data there, whatever they are."""
+    """The page of a .glb file and the columns of its run; names are data there, whatever they are.  One that is live asks where it comes
+    from for poses."""
     folder = templates_folder() / "view"
     about = {
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
+        **({"live": True} if is_live else {}),
         "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
         "over": None if over is None else {"name": over.name, "rows": int(over.drawing.t.size), "columns": list(over.columns)},
@@ -81,7 +83,7 @@ def make_page(
     if over is not None:
         data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": _table(over.drawing.t, [*over.columns.values()])}
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), data=[(name, crc32(text.encode()), text) for name, text in data.items()],
+        title=escape(f"{title}, {scene}"), is_live=is_live, data=[(name, crc32(text.encode()), text) for name, text in data.items()],
         scripts=scripts, hashes=[script_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
     )  # fmt: skip

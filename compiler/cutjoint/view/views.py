@@ -160,22 +160,36 @@ def write_shown(path: Path, shown: ViewSpec, *, over: GhostRun | None = None) ->
     """
     require_view(path, "")
     shown = _in_reach(path, shown)
+    return write_whole(path, _content(path.suffix, shown, over))
+
+
+def live_page(model: Model, scene: Scene, parameters: Mapping[str, float]) -> str:
+    """The page of a scene's start that then follows a host; see `view.live`.
+
+    Raises:
+        RunError, SimulatorError, ToolchainError: as of `show_start`.
+    """
+    content = _content(PAGE, _in_reach(Path(model.name), show_start(model, scene, parameters)), None, is_live=True)
+    assert isinstance(content, str)
+    return content
+
+
+def _content(kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool = False) -> str | bytes:
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
-    has_arrows = path.suffix == PAGE and not shown.motions  # forces are known at the times of a run alone
+    has_arrows = kind == PAGE and not shown.motions  # forces are known at the times of a run alone
     drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
     times = motion_times()
     moving = {motion.name: draw(_placed(shown, motion.poses, times), times) for motion in shown.motions}
     glb = write_gltf(drawing, moving or None)
-    if path.suffix == GLTF:
-        return write_whole(path, glb)
-    page = make_page(
+    if kind == GLTF:
+        return glb
+    return make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, camera=find_camera(placed, drawing), failure=shown.failure, motions=shown.motions,
-        over=over, graph=shown.graph, sliders=shown.sliders,
+        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live,
     )  # fmt: skip
-    return write_whole(path, page)
 
 
 def _in_reach(path: Path, shown: ViewSpec) -> ViewSpec:

@@ -33,7 +33,7 @@ addEventListener('keydown', (e) => {
 window.cutjoint = {
   setTime, choose, play,
   /** The pixel in the picture at which a body's centre of mass is at a time, s. */
-  project(body, time) { setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
+  project(body, time) { if (!about.live) setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
   /** The pixel of the ball around what failed. */
   mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
   /** The pixel at which the ghost of a body is. */
@@ -57,6 +57,8 @@ window.cutjoint = {
   way(body) { return wayOf(body).map((place) => place.toArray()); },
   /** Takes a coordinate to a value as its slider does; all coordinates afterwards. */
   slide(name, value) { slide(sliders.sliders.find((s) => s.name === name), value); return [...pose]; },
+  /** How many times a host has said where its bodies are. */
+  heard() { return heard; },
   shown() { return { ...state, row: row() }; },
   frames() { return renderer.info.render.frame; },
 };
@@ -71,7 +73,8 @@ async function begin() {
   showFailure();
   showMotions();
   showGraph();
-  showSliders();
+  if (!about.live) showSliders();
+  showLive();
   document.body.dataset.ready = 'yes';
 }
 

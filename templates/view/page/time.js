@@ -8,18 +8,21 @@ function setTime(time) {
   }
   moveGhost();
   model.updateMatrixWorld();
-  if (before) {
-    const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
-    camera.position.add(way);
-    orbit.target.add(way);
-    orbit.update();
-  }
+  if (before) keepInMiddle(before);
   by('time').value = last > first ? (state.time - first) / (last - first) : 0;
   by('clock').textContent = `${state.time.toFixed(last - first < 1 ? 4 : 2)} s`;
   showValues();
   if (measure.ends.length === 2) showMeasure();
   if (plot) cursor();
   redraw();
+}
+
+/** The eye goes with the body that it follows, which was elsewhere before. */
+function keepInMiddle(before) {
+  const way = nodes.get(state.follow).getWorldPosition(new Vector3()).sub(before);
+  camera.position.add(way);
+  orbit.target.add(way);
+  orbit.update();
 }
 
 let frame = 0;

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
 
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import POSES, Function
@@ -13,6 +14,14 @@ from cutjoint.program.blocks import Block
 #: The numbers of one: a point's position, the rotation by columns, the point's velocity, the angular velocity, all in global axes, and
 #: the point in the design position.
 LENGTH = 3 + 9 + 3 + 3 + 3
+
+#: The numbers of a pose that hosts get: position, attitude, velocity, angular velocity, and the point in the design position.
+NUMBERS_PER_POSE = 16
+
+
+def digest_of_poses(model: str, names: Sequence[str]) -> int:
+    """A number of 64 bits that tells the poses of a model, of bodies and markers with these names, from those of others."""
+    return int.from_bytes(sha256("\n".join((model, *names)).encode()).digest()[:8], "little")
 
 
 def posed_points(model: Model) -> Mapping[str, tuple[str, Vector]]:

@@ -97,6 +97,11 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return Base::status_of(s, s->derivatives.along(s->sim, s->minimal, dx, du, derivatives, outputs));
   }
 
+  static int step_derivative(CheckedMinimal* s, double* by_state, double* by_input, double* by_parameter) {
+    if (const int status = ask(s)) return status;
+    return Base::status_of(s, s->derivatives.step(s->sim, s->minimal, by_state, by_input, by_parameter));
+  }
+
   static int event_values(CheckedMinimal* s, double* values) {
     if (const int status = Base::ask_started(s)) return status;
     if (!values) return no_array;

@@ -68,7 +68,7 @@ class Derivatives {
     return {};
   }
 
- private:
+ protected:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
   static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays
@@ -80,23 +80,37 @@ class Derivatives {
   /// Get ready at the present state.
   Fault begin(Simulation& simulation, Minimal& minimal) {
     Starter<M>& starter = simulation.starter();
-    state_ = &simulation.complete_state();
-    if constexpr (given > 0) std::copy_n(simulation.mechanism().last_inputs(), u_.size(), u_.begin());
+    load(simulation, minimal);
+    dx_.fill(Dual());
+    du_.fill(Dual());
+    if (!enter(simulation.mechanism(), simulation.complete_state())) return not_finite();
+    return minimal.decompose(starter, *state_);
+  }
+
+  /// Take over all but states from a simulation; parameters do not change along directions.
+  void load(Simulation& simulation, const Minimal& minimal) {
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
-    load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    load_parameters(simulation);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
-    dx_.fill(Dual());
-    du_.fill(Dual());
+  }
+
+  void load_parameters(Simulation& simulation) {
+    load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+  }
+
+  /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
+  bool enter(M& mechanism, const StateOf<M>& state) {
+    state_ = &state;
+    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
     gap_.fill(0.0);
-    if (!find_values(simulation.mechanism())) return not_finite();
-    return minimal.decompose(starter, *state_);
+    return find_values(mechanism);
   }
 
   Fault not_finite() const { return {.cause = Cause::accelerations_not_finite, .t = state_->t}; }
@@ -108,10 +122,7 @@ class Derivatives {
 
   /// Along the directions that are given, the first `number` of a row.
   Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
-    mechanism_.begin_step(state_->t, 1.0);
-    find_coordinates(minimal);
-    find_speeds(minimal);
-    if (!find_accelerations(mechanism, number)) return not_finite();
+    if (!derive_motion(mechanism, minimal, number)) return not_finite();
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
     take_slopes(rate_, minimal, dxdot_.data());
     take_slopes(second_, minimal, dxdot_.data() + freedoms);
@@ -123,6 +134,14 @@ class Derivatives {
       mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
     }
     return {};
+  }
+
+  /// Coordinates, speeds and accelerations along directions; false where one is no number.
+  bool derive_motion(M& mechanism, Minimal& minimal, std::size_t number) {
+    mechanism_.begin_step(state_->t, 1.0);
+    find_coordinates(minimal);
+    find_speeds(minimal);
+    return find_accelerations(mechanism, number);
   }
 
   /// Coordinates whose loops stay closed.
@@ -158,7 +177,7 @@ class Derivatives {
     std::copy(state_->vdot.begin(), state_->vdot.end(), still_.begin());
     factor_ = 1.0;
     Progress progress(factor_);
-    for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
+    for (int iteration = 0; iteration < (m == 0 ? 1 : 200) && !progress.is_over(); ++iteration) {
       std::copy(still_.begin(), still_.end(), changed_.begin());
       for (std::size_t i = 0; i < m; ++i) force_[i] += gap_[i];
       mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), gap_.data());
@@ -219,7 +238,7 @@ class Derivatives {
     void add(double change, double size) {
       const double share = change > 0.0 ? change / size : change;
       if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
-      is_over_ = m == 0 || share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
+      is_over_ = share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
       stalled_ = share < least_ ? 0 : stalled_ + 1;
       least_ = std::min(least_, share);
       before_ = share;

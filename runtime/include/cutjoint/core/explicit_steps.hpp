@@ -26,6 +26,7 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
   using Real = typename M::real_type;
 
   using Subject = M;
+  using Method = Table;
 
   using Scheme = runge_kutta::Scheme<runge_kutta::ClosedLoopDynamics<M>, Table>;
 

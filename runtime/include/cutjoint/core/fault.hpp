@@ -38,6 +38,7 @@ enum class Cause : int {
   stands_still = 30,              ///< steps are so short that the rest of the run would have no end
   sample_not_finite = 31,         ///< a controller computes a value that is not finite
   limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
+  step_divided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
 };
 
 /// The list in which what failed most has its place.
@@ -102,6 +103,7 @@ constexpr const char* text_of(Cause cause) {
     case Cause::loops_torn: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
     case Cause::sample_not_finite: return "a controller computes a value that is not finite";
     case Cause::limit_exceeded: return "a step exceeds a limit";
+    case Cause::step_divided: return "the step has no derivative: it ended at an event, or was taken in parts";
     case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
@@ -155,6 +157,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; not tried: a smaller dt, or another limit";
+    case Cause::step_divided: return "take this step without its derivative";
     case Cause::stands_still:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
              "a pose in which a motion moves no mass, as of massless links in line; not tried: a larger tolerance";

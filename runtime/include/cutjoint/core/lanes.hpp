@@ -8,7 +8,11 @@
 #include "cutjoint/core/intrinsics.hpp"
 
 #if defined(__x86_64__) && defined(__GLIBC__)
+#ifdef CUTJOINT_WITHOUT_LIBMVEC
+#define CUTJOINT_IN_LIBMVEC(of)  // no function, but square roots of the processor
+#else
 #define CUTJOINT_IN_LIBMVEC(of) of(sin) of(cos) of(tan) of(atan) of(exp) of(log)
+#endif
 extern "C" {  // glibc's vector mathematics, errors of at most 4 units in the last place
 #define CUTJOINT_DECLARE(name) cutjoint_register2 _ZGVbN2v_##name(cutjoint_register2);
 CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)

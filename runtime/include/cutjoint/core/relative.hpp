@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/state.hpp"
 
 namespace cutjoint {
@@ -43,20 +43,12 @@ class Relative {
   void derive(Real t, const Vector& y, Vector& slope) {
     take(t, y);
     accelerate();
-    for (const Chart& chart : charts_of(mechanism_)) follow(chart, slope);
+    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
     std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
   }
 
   /// Quaternions get their length back.
-  void project(Real, Vector& y) const {
-    using std::sqrt;
-    for (const Chart& chart : charts_of(mechanism_)) {
-      if (!chart.ball) continue;
-      Real* e = y.data() + chart.q + chart.scalars;
-      const Real length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
-      for (int i = 0; i < 4; ++i) e[i] /= length;
-    }
-  }
+  void project(Real, Vector& y) const { normalise<Real>(charts_of(mechanism_), y.data()); }
 
   /// Multipliers of the last evaluation, and others for the next one to begin with.
   const Equations<M>& multipliers() const { return state_.lambda; }
@@ -187,20 +179,6 @@ class Relative {
   Real largest_change() {
     for (std::size_t i = 0; i < before_.size(); ++i) before_[i] -= state_.vdot[i];
     return largest(before_);
-  }
-
-  /// Rates of the coordinates: of a quaternion e, (0, omega)/2 e with the angular velocity on the left.
-  void follow(const Chart& chart, Vector& slope) const {
-    for (int i = 0; i < chart.scalars; ++i)
-      slope[static_cast<std::size_t>(chart.q + i)] = state_.v[static_cast<std::size_t>(chart.v + i)];
-    if (!chart.ball) return;
-    const Real* w = state_.v.data() + chart.v + chart.scalars;
-    const Real* e = state_.q.data() + chart.q + chart.scalars;
-    Real* rate = slope.data() + chart.q + chart.scalars;
-    rate[0] = (-w[0] * e[1] - w[1] * e[2] - w[2] * e[3]) / Real(2);
-    rate[1] = (w[0] * e[0] + w[1] * e[3] - w[2] * e[2]) / Real(2);
-    rate[2] = (w[1] * e[0] + w[2] * e[1] - w[0] * e[3]) / Real(2);
-    rate[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
   }
 
   Real tolerance_;

@@ -149,6 +149,33 @@ void chart_accelerations(std::span<const Chart> charts, const Real* delta, const
   }
 }
 
+/// Rates of coordinates, of a quaternion e (0, omega)/2 e with the angular velocity on the left.
+template <class Real>
+void coordinate_rates(std::span<const Chart> charts, const Real* q, const Real* v, Real* rate) {
+  for (const Chart& chart : charts) {
+    for (int i = 0; i < chart.scalars; ++i) rate[chart.q + i] = v[chart.v + i];
+    if (!chart.ball) continue;
+    const Real *w = v + chart.v + chart.scalars, *e = q + chart.q + chart.scalars;
+    Real* turn = rate + chart.q + chart.scalars;
+    turn[0] = (-w[0] * e[1] - w[1] * e[2] - w[2] * e[3]) / Real(2);
+    turn[1] = (w[0] * e[0] + w[1] * e[3] - w[2] * e[2]) / Real(2);
+    turn[2] = (w[1] * e[0] + w[2] * e[1] - w[0] * e[3]) / Real(2);
+    turn[3] = (w[2] * e[0] + w[0] * e[2] - w[1] * e[1]) / Real(2);
+  }
+}
+
+/// Quaternions get their length back.
+template <class Real>
+void normalise(std::span<const Chart> charts, Real* q) {
+  using std::sqrt;
+  for (const Chart& chart : charts) {
+    if (!chart.ball) continue;
+    Real* e = q + chart.q + chart.scalars;
+    const Real length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
+    for (int i = 0; i < 4; ++i) e[i] /= length;
+  }
+}
+
 /// Speeds of a rate of change, v = T rate.
 template <class Real>
 void chart_speeds(std::span<const Chart> charts, const Real* delta, const Real* rate, Real* v) {

@@ -65,6 +65,7 @@ class Simulation {
   using Real = typename M::real_type;
   using Mechanism = M;
   using Subject = typename Integrator::Subject;
+  using Steps = Integrator;
   using Settings = typename SettingsOf<Integrator>::type;
   using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
 
@@ -95,6 +96,14 @@ class Simulation {
   };
 
   void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
+
+  /// What looks on where a step, or the part of one between samples, has come from a state to the present one.
+  struct PartWatch {
+    Fault (*call)(void* who, const StateOf<Subject>& from, Real h) = nullptr;
+    void* who = nullptr;
+  };
+
+  void watch_parts(const PartWatch& watch) { part_watch_ = watch; }
 
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
@@ -751,10 +760,17 @@ class Simulation {
 
   Fault integrate_part(Real h, Real until) {
     const Effort before = counted();
-    if (const Fault fault = take_part(h, until)) return fault;
+    if (const Fault fault = part_watch_.call ? take_watched_part(h, until) : take_part(h, until)) return fault;
     state_.t = until;
     if (const Fault fault = watch_gaps()) return fault;
     return end_step(before);
+  }
+
+  [[gnu::noinline]] Fault take_watched_part(Real h, Real until) {
+    const StateOf<Subject> from = state_;
+    if (const Fault fault = take_part(h, until)) return fault;
+    state_.t = until;
+    return part_watch_.call(part_watch_.who, from, h);
   }
 
   /// What a step has led to, and the samples of controllers at its end.
@@ -843,6 +859,7 @@ class Simulation {
   Cuts<M> penalties_;
   [[no_unique_address]] SamplingOf<Subject> sampling_;
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
+  PartWatch part_watch_;
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;

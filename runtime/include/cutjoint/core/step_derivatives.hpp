@@ -1,0 +1,326 @@
+// Derivatives of the end of a step by its beginning, by inputs and by parameters.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <type_traits>
+
+#include "cutjoint/core/coefficients.hpp"
+#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/derivatives.hpp"
+
+namespace cutjoint {
+
+/// `Derivatives` of a `Simulation` whose steps have a given length: by the trapezoidal rule, with closed loops only if it steps a mechanism, or by an
+/// explicit method.
+///
+/// The step is made, and differentiated as it was: its formulas over numbers with derivatives, from the closed loops of its beginning to those of its
+/// end.  What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
+/// too, so that they are those of the solution.
+template <class Simulation, Sized D, Sized S, std::size_t freedoms>
+class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
+ public:
+  using Base = Derivatives<Simulation, D, S, freedoms>;
+  using typename Base::M, typename Base::Minimal;
+  using Base::inputs, Base::states;
+
+  static constexpr std::size_t parameters = M::sizes.parameters;
+
+  /// Step the simulation.  Matrices by rows, of as many rows as there are states: by the states before the step, by a shift of each input during all of
+  /// it, by parameters; a null pointer where one is not wanted.  Where there is a fault the simulation stays.
+  Fault step(Simulation& simulation, Minimal& minimal, double* by_state, double* by_input, double* by_parameter) {
+    const auto before = simulation.memory();
+    simulation_ = &simulation;
+    minimal_ = &minimal;
+    blocks_ = {{{by_state, states}, {by_input, inputs}, {by_parameter, parameters}}};
+    for (const Block& block : blocks_)
+      if (block.matrix) std::fill_n(block.matrix, states * block.width, 0.0);
+    for (std::size_t i = 0; by_state && i < states; ++i) by_state[i * states + i] = 1.0;
+    parts_ = parts_taken(simulation.steps());
+    simulation.watch_parts({&follow_part, this});
+    const Fault fault = simulation.step();
+    simulation.watch_parts({});
+    if (fault && !has_made_step(fault)) simulation.restore(before);
+    return fault;
+  }
+
+ private:
+  using Base::m, Base::n, Base::joints;
+  using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::dx_, Base::dxdot_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::phi_, Base::phid_, Base::q_,
+      Base::rate_, Base::reference_, Base::state_, Base::step_, Base::v_, Base::vdot_;
+  using typename Base::Progress;
+  using Steps = typename Simulation::Steps;
+  static constexpr bool is_explicit = requires { typename Steps::Scheme; };
+
+  /// The rows of a matrix, or none.
+  struct Block {
+    double* matrix;
+    std::size_t width;
+  };
+
+  /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
+  long parts_taken(const Steps& steps) const {
+    if constexpr (is_explicit) return steps.iterations();
+    else if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
+    else return parts_ + 1;
+  }
+
+  static Fault follow_part(void* self, const StateOf<M>& from, double h) { return static_cast<StepDerivatives*>(self)->follow(from, h); }
+
+  /// A part of the step has been made from a state: what its beginning changes by becomes what its end does.
+  Fault follow(const StateOf<M>& from, double h) {
+    Simulation& simulation = *simulation_;
+    Starter<M>& starter = simulation.starter();
+    M& mechanism = simulation.mechanism();
+    const StateOf<M>& end = simulation.state();
+    if (parts_taken(simulation.steps()) != ++parts_) return {.cause = Cause::step_divided, .t = from.t};
+    this->load(simulation, *minimal_);
+    std::size_t first = 0;
+    for (const Block& block : blocks_)
+      if (block.matrix) first += block.width;
+    const std::size_t columns = first;
+    const Fault no_end{.cause = Cause::accelerations_not_finite, .t = end.t};
+    if (!is_explicit && columns > 0 && !find_rule(mechanism, from, end, h)) return no_end;
+    for (first = 0; first < columns; first += directions) {
+      const std::size_t number = std::min(directions, columns - first);
+      mechanism.begin_step(from.t, 1.0);
+      begin_row(first, number);
+      if (!this->enter(mechanism, from)) return this->not_finite();
+      if (const Fault fault = minimal_->decompose(starter, from)) return fault;
+      if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
+      if (!(is_explicit ? go_by_slopes(mechanism, from, h, number) : go_by_rule(mechanism, from, h, number))) return no_end;
+      if (is_explicit || simulation.settings().fixed_point.proximal)
+        if (!close_loops()) return {.cause = Cause::pose_singular, .t = end.t};
+      end_row(first, number);
+    }
+    mechanism.begin_step(end.t, 1.0);
+    return {};
+  }
+
+  /// Visit columns of the matrices as if they stood side by side: the direction, the column, and of which list it is the how manyth.
+  template <class Visit>
+  void visit(std::size_t first, std::size_t number, Visit use) {
+    for (std::size_t k = 0; k < number; ++k) {
+      std::size_t column = first + k, which = 0;
+      while (!blocks_[which].matrix || column >= blocks_[which].width) {
+        if (blocks_[which].matrix) column -= blocks_[which].width;
+        ++which;
+      }
+      use(k, blocks_[which], column, which);
+    }
+  }
+
+  /// What changes along columns where a part begins.
+  void begin_row(std::size_t first, std::size_t number) {
+    dx_.fill(Dual());
+    du_.fill(Dual());
+    for (Dual& x : parameters_) x.slope = Slopes{};
+    visit(first, number, [this](std::size_t k, const Block& block, std::size_t column, std::size_t which) {
+      for (std::size_t i = 0; i < states; ++i) dx_[i].slope[k] = block.matrix[i * block.width + column];
+      if (which == 1) du_[numbers_per_input * column].slope[k] = 1.0;
+      if (which == 2) parameters_[column].slope[k] = 1.0;
+    });
+    if (blocks_[2].matrix) this->load_parameters(*simulation_);
+  }
+
+  /// Independent coordinates and rates at the end.
+  void end_row(std::size_t first, std::size_t number) {
+    displacement<Dual>(charts(), reference_.data(), q_.data(), delta_.data());
+    chart_rates<Dual>(charts(), delta_.data(), v_.data(), rate_.data());
+    this->take_slopes(delta_, *minimal_, dx_.data());
+    this->take_slopes(rate_, *minimal_, dx_.data() + freedoms);
+    std::copy(v_.begin() + joints, v_.end(), dx_.begin() + 2 * freedoms);
+    visit(first, number, [this](std::size_t k, const Block& block, std::size_t column, std::size_t) {
+      for (std::size_t i = 0; i < states; ++i) block.matrix[i * block.width + column] = dx_[i].slope[k];
+    });
+  }
+
+  /// The end of a step by the trapezoidal rule as its fixed point has it, and how accelerations found there follow from those that lead there: 1 less
+  /// that is decomposed.  False where the fixed point has no number, or no derivative.
+  bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    Fixed<double, n> speeds, way, next;
+    Fixed<double, m> correction;
+    stage_ = end;
+    for (std::size_t i = 0; i < n; ++i) {
+      speeds[i] = from.v[i] + h / 2 * from.vdot[i];
+      way[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
+    }
+    mechanism.begin_step(end.t, 1.0);
+    double factor = 1.0;
+    Progress progress(factor);
+    for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
+      for (std::size_t i = 0; i < n; ++i) {
+        stage_.v[i] = speeds[i] + h / 2 * stage_.vdot[i];
+        next[i] = way[i] + h * h / 4 * stage_.vdot[i];
+      }
+      retract<double>(charts(), from.q.data(), next.data(), stage_.q.data());
+      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), next.data(), correction.data());
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += correction[i];
+      stage_.vdot.swap(next);
+      for (std::size_t i = 0; i < n; ++i) next[i] -= stage_.vdot[i];
+      progress.add(this->size_of(next), this->size_of(stage_.vdot));
+    }
+    du_.fill(Dual());
+    if (!progress.is_finite() || !go_to_end(mechanism)) return false;
+    std::copy(from.q.begin(), from.q.end(), from_.begin());
+    for (std::size_t i = 0; i < n; ++i) speeds_[i] = speeds[i], way_[i] = way[i];
+    for (std::size_t first = 0; first < n; first += directions) {
+      const std::size_t number = std::min(directions, n - first);
+      for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
+      for (std::size_t k = 0; k < number; ++k) found_[first + k].slope[k] = 1.0;
+      lead(h);
+      if (!this->find_accelerations(mechanism, number)) return false;
+      for (std::size_t k = 0; k < number; ++k)
+        for (std::size_t i = 0; i < n; ++i) matrix_[(first + k) * n + i] = (i == first + k ? 1.0 : 0.0) - vdot_[i].slope[k];
+    }
+    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
+    squares_->decompose(1e-14);
+    return squares_->rank() == n;
+  }
+
+  /// Its end along directions.
+  bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const Dual before(from.vdot[i], vdot_[i].slope);
+      speeds_[i] = v_[i] + h / 2 * before;
+      way_[i] = h * v_[i] + h * h / 4 * before;
+      found_[i] = stage_.vdot[i];
+    }
+    from_ = q_;
+    mechanism.begin_step(stage_.t, 1.0);
+    if (!go_to_end(mechanism)) return false;
+    lead(h);
+    if (!this->find_accelerations(mechanism, number)) return false;
+    squares_->solve(vdot_.data(), step_.data(), this->room_.data());
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step_[i].slope;
+    lead(h);
+    return true;
+  }
+
+  bool go_to_end(M& mechanism) {
+    if (!this->enter(mechanism, stage_)) return false;
+    mechanism_.begin_step(stage_.t, 1.0);
+    return true;
+  }
+
+  /// Coordinates and speeds to which accelerations at the end lead.
+  void lead(double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      v_[i] = speeds_[i] + h / 2 * found_[i];
+      delta_[i] = way_[i] + h * h / 4 * found_[i];
+    }
+    retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
+  }
+
+  /// An explicit method, whose last stage begins the next step.
+  bool go_by_slopes(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+    if constexpr (!is_explicit) return false;
+    else return go_by_table<typename Steps::Method>(mechanism, from, h, number);
+  }
+
+  template <class Table>
+  bool go_by_table(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+    constexpr std::size_t stages = Table::stages - 1;
+    std::array<Fixed<Dual, M::sizes.coordinates>, stages> place_slopes;
+    std::array<Fixed<Dual, n>, stages> speed_slopes;
+    from_ = q_;
+    speeds_ = v_;
+    stage_ = from;
+    for (std::size_t stage = 0;;) {
+      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), place_slopes[stage].data());
+      speed_slopes[stage] = vdot_;
+      q_ = from_;
+      v_ = speeds_;
+      std::array<Fraction, stages> weights;
+      std::copy_n(Table::weights[++stage].begin(), stages, weights.begin());
+      add_slopes(Dual(h), weights, place_slopes, q_);
+      add_slopes(Dual(h), weights, speed_slopes, v_);
+      stage_.t = from.t + Table::nodes[stage].template as<double>() * h;
+      mechanism.begin_step(stage_.t, 1.0);
+      if (stage == stages) break;
+      for (std::size_t i = 0; i < q_.size(); ++i) stage_.q[i] = q_[i].value;
+      for (std::size_t i = 0; i < n; ++i) stage_.v[i] = v_[i].value;
+      if (!this->enter(mechanism, stage_)) return false;
+      mechanism_.begin_step(stage_.t, 1.0);
+      if (!this->find_accelerations(mechanism, number)) return false;
+    }
+    take_inputs(mechanism);
+    mechanism_.begin_step(stage_.t, 1.0);
+    normalise<Dual>(charts(), q_.data());
+    return true;
+  }
+
+  /// Inputs where the mechanism is.
+  void take_inputs([[maybe_unused]] M& mechanism) {
+    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
+  }
+
+  /// The projection of a step's end; false where loops stay open.
+  bool close_loops() {
+    if constexpr (m > 0) {
+      const auto measure = [this] { mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data()); };
+      const bool closed = close(phi_, q_, measure, [this] { retract<Dual>(charts(), from_.data(), step_.data(), q_.data()); }, from_);
+      return closed && close(phid_, v_, measure, [this] { for (std::size_t i = 0; i < n; ++i) v_[i] = speeds_[i] + step_[i]; }, speeds_);
+    }
+    return true;
+  }
+
+  /// Moves until a gap and its derivatives are rounding.
+  template <class Numbers, class Measure, class Move>
+  bool close(const Fixed<Dual, m>& gap, Numbers& numbers, Measure measure, Move move, Numbers& before) {
+    double least = std::numeric_limits<double>::infinity();
+    for (int iteration = 0, stalled = 0; iteration < 50 && stalled < 2; ++iteration) {
+      measure();
+      const double left = largest_share(gap, numbers);
+      if (!(left <= std::numeric_limits<double>::max())) return false;
+      stalled = left < least / 2 ? 0 : stalled + 1;
+      least = std::min(least, left);
+      if (left <= 64 * std::numeric_limits<double>::epsilon()) break;
+      before = numbers;
+      mechanism_.project(q_.data(), gap.data(), step_.data());
+      move();
+    }
+    return least <= 1e-9;
+  }
+
+  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; of differences to these where they are as many.
+  template <class Numbers, class Others>
+  static double largest_share(const Numbers& numbers, const Others& others) {
+    std::array<double, directions> most{}, size{};
+    double value = 0.0, scale = 0.0;
+    const auto raise = [](double& largest, double x) {
+      if (largest == largest && !(std::abs(x) <= largest)) largest = std::abs(x);
+    };
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      Dual x = numbers[i];
+      if constexpr (std::is_same_v<Numbers, Others>) x -= others[i];
+      raise(value, x.value);
+      for (std::size_t k = 0; k < directions; ++k) raise(most[k], x.slope[k]);
+    }
+    for (const Dual& x : others) {
+      raise(scale, x.value);
+      for (std::size_t k = 0; k < directions; ++k) raise(size[k], x.slope[k]);
+    }
+    double share = value / (1.0 + scale);
+    for (std::size_t k = 0; k < directions; ++k) raise(share, size[k] == 0.0 ? most[k] : most[k] / size[k]);
+    return share;
+  }
+
+  Simulation* simulation_ = nullptr;
+  Minimal* minimal_ = nullptr;
+  std::array<Block, 3> blocks_{};
+  long parts_ = 0;  ///< as they are counted by the integrator
+  StateOf<M> stage_{M::sizes.coordinates, n, m};
+  Fixed<Dual, M::sizes.coordinates> from_;
+  Fixed<Dual, n> speeds_, way_, found_;
+  Fixed<double, n * n> matrix_;
+  Fixed<double, n> left_, right_;
+  Fixed<std::size_t, n> order_;
+  std::optional<dense::LeastSquares<double>> squares_;
+};
+
+}  // namespace cutjoint

@@ -1,0 +1,30 @@
+// A host that runs elsewhere: where its bodies are comes as events.
+let heard = 0;
+
+/** A time, then of each body the place of its centre of mass and its attitude w, x, y, z. */
+function follow(time, ...poses) {
+  heard++;
+  const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());
+  about.bodies.forEach((name, i) => {
+    const [x, y, z, a, b, c, d] = poses[i], node = nodes.get(name);
+    node.position.set(x, y, z);
+    node.quaternion.set(b, c, d, a);
+    const centre = sliders?.bodies.find((body) => body.name === name)?.centre ?? [0, 0, 0];
+    const back = new Matrix4().makeTranslation(...centre.map((value) => -value));
+    frames.set(name, new Matrix4().compose(node.position, node.quaternion, new Vector3(1, 1, 1)).multiply(back));
+  });
+  for (const other of sliders?.others ?? []) placeOther(other);
+  state.time = time;
+  by('clock').textContent = `${time.toFixed(2)} s`;
+  model.updateMatrixWorld();
+  if (before) keepInMiddle(before);
+  redraw();
+}
+
+function showLive() {
+  if (!about.live) return;
+  document.body.classList.add('bare');
+  by('clock').textContent = 'waiting for a host';
+  const events = new EventSource('poses');
+  events.onmessage = (event) => follow(...JSON.parse(event.data));
+}

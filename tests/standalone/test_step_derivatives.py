@@ -1,0 +1,139 @@
+"""Derivatives of steps: closed forms of linear motions, samples within steps, calls; differences are in `test_derivatives.py`."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import cutjoint
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
+from cutjoint.stepping.load import load_scene
+from tests.conftest import MODELS, needs_cpp
+from tests.fmu.slaves import text_of
+from tests.mechanisms.switching import TABLE
+
+pytestmark = needs_cpp
+
+STIFFNESS, DAMPING, MASS, H = 200.0, 6.0, 2.0, 0.02
+
+OSCILLATOR = f"""
+cutjoint: 1
+name: oscillator
+gravity: [0, 0, 0]
+parameters:
+  stiffness: {{value: {STIFFNESS}, unit: N/m, binding: param}}
+  push: {{value: 0, unit: N, binding: input}}
+bodies: {{mass: {{mass: {MASS}, centre_of_mass: [0, 0, 0]}}}}
+joints: {{slide: {{kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: [1, 0, 0]}}}}
+forces: {{all: {{kind: joint_force, joint: slide, law: -stiffness*position - {DAMPING}*rate + push}}}}
+outputs: [mass.x]
+scenes: {{swing: {{end: 1, positions: {{slide.displacement: 0.3}}}}}}
+"""
+
+POLE = """
+cutjoint: 1
+name: pole
+gravity: [0, 0, 0]
+parameters: {k: {value: 3, binding: param}}
+bodies: {rotor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.02, 0.02, 0.02]}}
+joints: {shaft: {kind: revolute, bodies: [ground, rotor], at: [0, 0, 0], axis: [0, 0, 1]}}
+states: {level: {start: 1, rate: -2*level + 1.5*loop.u}}
+controllers: {loop: {every: 100 ms, signals: {u: -k*level}}}
+outputs: [level.value]
+scenes: {run: {end: 1, output_step: 0.1}}
+"""
+
+
+@cache
+def loaded(text: str, name: str, method: str = "recursive", integrator: str = "trapezoidal") -> cutjoint.Simulation:
+    model = read_model_text(text, f"{name}.yaml")
+    return load_scene(model, find_scene(model, None), method=method, integrator=integrator, linearise=True)
+
+
+def oscillator(stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    return np.array([[0, 1], [-stiffness / MASS, -DAMPING / MASS]]), np.array([[0], [1 / MASS]])
+
+
+def by_trapezoids(stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    A, B = oscillator(stiffness)
+    left = np.eye(2) - H / 2 * A
+    return np.linalg.solve(left, np.eye(2) + H / 2 * A), np.linalg.solve(left, H * B)
+
+
+def by_rk4(stiffness: float) -> tuple[np.ndarray, np.ndarray]:
+    A, B = oscillator(stiffness)
+    powers = [np.linalg.matrix_power(H * A, k) for k in range(5)]
+    factorials = (1, 1, 2, 6, 24)
+    ends = sum(power / k for power, k in zip(powers, factorials, strict=True))
+    return ends, H * sum(power / k for power, k in zip(powers[:4], factorials[1:], strict=True)) @ B
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator", "known"),
+    [("recursive", "trapezoidal", by_trapezoids), ("recursive-newton", "trapezoidal", by_trapezoids), ("recursive", "rk4", by_rk4)],
+)
+def test_a_linear_motion(method: str, integrator: str, known: object) -> None:
+    sim = loaded(OSCILLATOR, "oscillator", method, integrator).reset(dt=H)
+    sim.inputs["push"] = 0.7
+    sim.step()
+    before, other = sim.states.array.copy(), sim.copy()
+    found = sim.step_derivative()
+    by_state, by_input = known(STIFFNESS)
+    assert found.by_state == pytest.approx(by_state, rel=1e-12)
+    assert found.by_input == pytest.approx(by_input, rel=1e-12)
+    end = [known(k)[0] @ before + known(k)[1][:, 0] * 0.7 for k in (STIFFNESS + 1e-3, STIFFNESS - 1e-3)]
+    assert found.by_parameter[:, 0] == pytest.approx((end[0] - end[1]) / 2e-3, rel=1e-8)  # rounding of the difference
+    assert found.end == pytest.approx(by_state @ before + by_input[:, 0] * 0.7, rel=1e-7)  # the iteration's tolerance
+    assert (found.start.tolist(), found.parameters, found.inputs) == (before.tolist(), ("stiffness",), ("push",))
+    other.step()
+    assert other.snapshot() == sim.snapshot()
+
+
+def test_a_controller_holds_within_a_step_that_its_sample_divides() -> None:
+    """The level alone has x' = -2 x, whose steps multiply by (1 - h)/(1 + h)."""
+    sim = loaded(POLE, "pole").reset(dt=0.16)
+    found = sim.step_derivative()
+    assert found.states[2] == "level.value"
+    assert found.by_state[2, 2] == pytest.approx((1 - 0.1) / (1 + 0.1) * (1 - 0.06) / (1 + 0.06), rel=1e-12)
+    assert found.by_parameter[2].tolist() == [0.0]
+
+
+def test_methods_have_the_same_without_loops() -> None:
+    first, second = (loaded(text_of("flyball"), "flyball", method).reset() for method in ("recursive", "recursive-newton"))
+    for _ in range(20):
+        first.step()
+    second.choose(list(first.states)[len(first.states) // 2 :])
+    second.set_state(first.time, first.coordinates.array, first.speeds.array)
+    a, b = first.step_derivative(), second.step_derivative()
+    assert a.states == b.states
+    assert a.by_state == pytest.approx(b.by_state, rel=1e-7, abs=1e-7 * np.abs(b.by_state).max())  # tolerances of both iterations
+
+
+def test_a_step_that_ends_at_an_event_has_none() -> None:
+    sim = loaded(TABLE, "knots", integrator="rk4").reset(dt=0.02)
+    crossed: list[bool] = []
+    for _ in range(40):
+        other, position = sim.copy(), sim.coordinates["slide.displacement"]
+        other.step()
+        ends = sorted((position, other.coordinates["slide.displacement"]))
+        crossed.append(any(ends[0] <= knot <= ends[1] for knot in (-0.4, 0.1, 0.3)))
+        if crossed[-1]:
+            with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*take this step without") as told:
+                sim.step_derivative()
+            assert told.value.status == 33
+            sim.step()
+        else:
+            sim.step_derivative()
+        assert sim.coordinates.array.tolist() == other.coordinates.array.tolist()
+    assert 1 < sum(crossed) < 20
+
+
+def test_steps_without_derivatives_are_told() -> None:
+    with pytest.raises(TypeError, match="load the model with linearise=True"):
+        cutjoint.load(MODELS / "press.yaml").reset().step_derivative()
+    sim = cutjoint.load(MODELS / "press.yaml", method="recursive-newton", linearise=True).reset()
+    with pytest.raises(TypeError, match="derivatives of steps are of method recursive with integrator trapezoidal or rk4"):
+        sim.step_derivative()
