@@ -528,6 +528,11 @@ class Maker:
                 "contact": rng.choice(("disc", "point")),
                 "profile": [{"flat": 1}, {"ramp": 2, "rise": 0.1}, {"cosine": 1, "amplitude": 0.1}],
             }
+        if self.joints and self.chance(0.2):
+            joint = rng.choice(sorted(self.joints))
+            place = f"{joint}.{(*COORDINATES[self.joints[joint]['kind']], 'angle')[0]}"
+            places = (place, f"sin({place})", f"{place}_rate", f"2*{place} - 0.1")
+            scene["assemble"] = {rng.choice(places): rng.choice((0.02, "third", "1 mm", 30))}
         return scene
 
 

@@ -533,6 +533,21 @@ class Plot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Aim:
+    """A place that a scene's start is to have: an expression of coordinates and places, by its text, is to have a value, SI units.
+
+    ``unit`` is that in which the value is written, or the expression is, and ``size`` its size in SI.
+    """
+
+    name: str
+    expression: Scalar
+    value: Scalar
+    unit: str
+    size: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
@@ -544,7 +559,8 @@ class Scene:
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
-    None of joints that it releases.  ``plots`` are pictures that it names.
+    None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
+    its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
     """
 
     name: str
@@ -567,6 +583,7 @@ class Scene:
     starts: Mapping[str, Scalar] = field(default_factory=dict)
     guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
     plots: tuple[Plot, ...] = ()
+    assemble: tuple[Aim, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"
