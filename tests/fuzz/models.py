@@ -504,6 +504,9 @@ class Maker:
     def gear(self, trees: list[str]) -> Node:
         """A gear between two joints of the tree, now and then with a wrong name or unit."""
         ends = [f"{joint}.{self.rng.choice((*COORDINATES[self.joints[joint]['kind']], 'angle'))}" for joint in self.rng.sample(trees, 2)]
+        if self.chance(0.2):
+            laws = ("sin(position)*size", "position + position**2/4", "where(position < 0, 0, size)")
+            return {"joints": ends, "law": self.rng.choice(laws)}
         return {"joints": ends, "ratio": self.rng.choice((-2.5, "1/3", "0.2*size", "-25 mm/rad", "40 rad/m", 0))}
 
     def scene(self, trees: list[str]) -> Node:

@@ -442,8 +442,9 @@ def chosen_loops(seed: int) -> Model:
     return w.model()
 
 
-def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS) -> Model:
-    """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides."""
+def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS, bent: bool = False) -> Model:
+    """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides.  Those
+    that are ``bent`` have laws in place of ratios."""
     rng = np.random.default_rng([seed, *b"gears"])
     ends = [(j, name) for j in model.joints if not j.cut and j.kind in kinds for name in COORDINATES[j.kind]]
     group = {j.name: "guided" if j.guide is not None else j.name for j, _ in ends}
@@ -454,7 +455,9 @@ def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS) -> Mo
         if one != other and len(gears) <= seed % 3:
             group = {name: one if g == other else g for name, g in group.items()}
             gears.append(_gear(f"gear_{len(gears)}", pair, float(rng.uniform(0.3, 3) * rng.choice((1, -1)))))
-    return replace(model, gears=tuple(gears))
+    x = variable("position")
+    laws = [gear.ratio * (x + sympy.sin(x) / 2 + x**2 / 5) for gear in gears]
+    return replace(model, gears=tuple(replace(g, ratio=None, law=law) if bent else g for g, law in zip(gears, laws, strict=True)))
 
 
 def _gear(name: str, ends: Sequence[tuple[Joint, str]], ratio: float) -> Gear:

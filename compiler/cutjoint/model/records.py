@@ -256,9 +256,9 @@ class JointCoordinate:
 
 @dataclass(frozen=True, kw_only=True)
 class Gear:
-    """A linear relation: the first coordinate is ``ratio`` times the second one, of another joint.
+    """A relation: the first coordinate is ``ratio`` times the second one, of another joint, or a ``law`` of it, its ``position``.
 
-    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero.
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law.
     """
 
     name: str
@@ -266,6 +266,7 @@ class Gear:
     second: JointCoordinate
     ratio: Scalar
     span: Span
+    law: Scalar = None
 
     @property
     def joints(self) -> tuple[str, str]:
@@ -274,8 +275,8 @@ class Gear:
 
     @property
     def terms(self) -> tuple[tuple[JointCoordinate, Scalar], ...]:
-        """The coordinates with their factors in its equation: their sum is zero."""
-        return (self.first, 1), (self.second, -self.ratio)
+        """The coordinates with their factors in its equation without its law, if it has one: the sum of these is zero."""
+        return ((self.first, 1), (self.second, -self.ratio)) if self.law is None else ((self.first, 1),)
 
 
 @dataclass(frozen=True, kw_only=True)
