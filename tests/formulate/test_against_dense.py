@@ -127,6 +127,13 @@ def test_geared_loops(seed: int, bent: bool) -> None:
     compare(with_gears(random_models.random_loops(seed), seed, bent=bent), seed)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_contacts(seed: int) -> None:
+    """Balls on planes and cylinders, in trees and loops, beside the ground and between bodies; some do not touch."""
+    model = random_models.random_loops(seed) if seed % 2 else random_models.random_tree(seed)
+    compare(random_models.with_contacts(model, seed), seed)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_cuts_chosen_by_the_compiler(seed: int) -> None:
     model = random_models.chosen_loops(seed)

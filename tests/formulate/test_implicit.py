@@ -177,6 +177,13 @@ def test_tangent_with_gears(seed: int, bent: bool) -> None:
         verify_tangent(make_system(random_models.with_gears(model, seed, bent=bent), random_models.scene()), seed)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_tangent_with_contacts(seed: int) -> None:
+    """Normals of cylinders turn with the way to the ball."""
+    for model in (random_models.random_tree(seed), random_models.random_loops(seed)):
+        verify_tangent(make_system(random_models.with_contacts(model, seed), random_models.scene()), seed)
+
+
 @pytest.mark.parametrize(("name", "scene"), [("iltis", "simul1s"), ("slider_crank", None), ("flyball", None)])
 def test_tangent_of_models(name: str, scene: str | None) -> None:
     """The vehicle on hills, with tyres and bumpers."""

@@ -224,6 +224,11 @@ def test_geared_tree(seed: int, bent: bool) -> None:
     compare(random_models.with_gears(model, seed, [kind for kind in JOINTS if JOINTS[kind].is_measured], bent), seed)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_contacts(seed: int) -> None:
+    compare(random_models.with_contacts(random_models.random_tree(seed), seed), seed)
+
+
 def determined(pair: Pair, at: Instant) -> set[str]:
     """The columns that multipliers which change no force on the coordinates do not change."""
     placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))

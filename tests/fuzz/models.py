@@ -204,7 +204,7 @@ ODD_VALUES: tuple[Any, ...] = (
 _REPORTS = {
     "point_spring": ("force", "length", "rate"), "axial_force": ("travel", "force"), "load": ("Fx",), "bushing": ("dx", "My"),
     "joint_force": ("force", "stiffness"), "tyre": ("Fz", "slip"),
-    "wheel": ("Fx", "spin"), "joint_friction": ("force", "load"),
+    "wheel": ("Fx", "spin"), "joint_friction": ("force", "load"), "contact": ("Fz", "vx"),
 }  # fmt: skip
 
 
@@ -341,6 +341,11 @@ class Maker:
             },
             {"kind": "load", "body": body, "torque": ["sin(t)", "drive*size", 0], "moving_only": self.chance()},
             {"kind": "load", "body": body, "let": {"w": "wx + wy", "c": "half*w"}, "torque": ["-c*wx", "-c*w", 0]},
+            {
+                "kind": "contact", **pair, "at": self.point(), "centre": self.point(), "radius": self.rng.choice((0, 0.5, "size")),
+                **self.rng.choice(({"normal": "z"}, {"normal": [0, 1, 1], "along": "x"}, {"axis": "y", "cylinder": 2, "inside": True})),
+                "force": ["-vx", "-vy*deflection", "max(0, 100*deflection*(1 + deflection_rate))"],
+            },
             {"kind": "bushing", **pair, "at": self.point(), "stiffness": [9, 9, 9, 1, 1, "size"], "damping": [1, 1, 1, 0.1, 0.1, 0.1]},
         ]
         if trees:

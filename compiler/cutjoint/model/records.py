@@ -17,6 +17,7 @@ from cutjoint.elements.force import LawForce as LawForce
 from cutjoint.elements.forces import AxialForce as AxialForce
 from cutjoint.elements.forces import BodyLoad as BodyLoad
 from cutjoint.elements.forces import Bushing as Bushing
+from cutjoint.elements.forces import Contact as Contact
 from cutjoint.elements.forces import JointForce as JointForce
 from cutjoint.elements.forces import JointFriction as JointFriction
 from cutjoint.elements.forces import PointSpring as PointSpring
