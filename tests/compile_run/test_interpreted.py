@@ -78,6 +78,7 @@ def kinds() -> Iterator[Model]:
     yield random_models.random_tree(1)
     yield random_models.random_loops(3)
     yield random_models.with_gears(random_models.random_tree(3), 3)
+    yield random_models.with_gears(random_models.random_tree(2), 2, bent=True)
 
 
 def test_all_kinds_as_their_programs_say() -> None:

@@ -111,18 +111,27 @@ def test_coupled_loops(seed: int) -> None:
     compare(random_models.random_loops(seed), seed)
 
 
+@pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", range(6))
-def test_geared_tree(seed: int) -> None:
+def test_geared_tree(seed: int, bent: bool) -> None:
     """Gears between any coordinates, of guided joints too, in branches of more unknowns than others have."""
-    model = with_gears(random_models.random_tree(seed), seed)
+    model = with_gears(random_models.random_tree(seed), seed, bent=bent)
     inside = {name for branch in build_topology(model).branches for name in branch.gears}
     assert inside == {gear.name for gear in model.gears}
     compare(model, seed)
 
 
+@pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_geared_loops(seed: int) -> None:
-    compare(with_gears(random_models.random_loops(seed), seed), seed)
+def test_geared_loops(seed: int, bent: bool) -> None:
+    compare(with_gears(random_models.random_loops(seed), seed, bent=bent), seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_contacts(seed: int) -> None:
+    """Balls on planes and cylinders, in trees and loops, beside the ground and between bodies; some do not touch."""
+    model = random_models.random_loops(seed) if seed % 2 else random_models.random_tree(seed)
+    compare(random_models.with_contacts(model, seed), seed)
 
 
 @pytest.mark.parametrize("seed", range(8))

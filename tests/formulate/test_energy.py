@@ -107,7 +107,8 @@ def test_loops(seed: int) -> None:
     verify(random_models.random_loops(seed), seed, spread=0.1)
 
 
+@pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_gears(seed: int) -> None:
+def test_gears(seed: int, bent: bool) -> None:
     """Teeth at guided joints too."""
-    verify(random_models.with_gears(random_models.random_tree(seed), seed), seed)
+    verify(random_models.with_gears(random_models.random_tree(seed), seed, bent=bent), seed)

@@ -169,11 +169,19 @@ def test_tangent_of_random_loops(seed: int) -> None:
     verify_tangent(make_system(random_models.random_loops(seed), random_models.scene()), seed)
 
 
+@pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", range(3))
-def test_tangent_with_gears(seed: int) -> None:
+def test_tangent_with_gears(seed: int, bent: bool) -> None:
     """Gears in trees and beside loops."""
     for model in (random_models.random_tree(seed), random_models.random_loops(seed)):
-        verify_tangent(make_system(random_models.with_gears(model, seed), random_models.scene()), seed)
+        verify_tangent(make_system(random_models.with_gears(model, seed, bent=bent), random_models.scene()), seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tangent_with_contacts(seed: int) -> None:
+    """Normals of cylinders turn with the way to the ball."""
+    for model in (random_models.random_tree(seed), random_models.random_loops(seed)):
+        verify_tangent(make_system(random_models.with_contacts(model, seed), random_models.scene()), seed)
 
 
 @pytest.mark.parametrize(("name", "scene"), [("iltis", "simul1s"), ("slider_crank", None), ("flyball", None)])

@@ -217,10 +217,16 @@ def test_guided_joint(kind: JointKind) -> None:
     compare(w.model(), 0)
 
 
+@pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_geared_tree(seed: int) -> None:
+def test_geared_tree(seed: int, bent: bool) -> None:
     model = random_models.random_tree(seed)
-    compare(random_models.with_gears(model, seed, [kind for kind in JOINTS if JOINTS[kind].is_measured]), seed)
+    compare(random_models.with_gears(model, seed, [kind for kind in JOINTS if JOINTS[kind].is_measured], bent), seed)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_contacts(seed: int) -> None:
+    compare(random_models.with_contacts(random_models.random_tree(seed), seed), seed)
 
 
 def determined(pair: Pair, at: Instant) -> set[str]:

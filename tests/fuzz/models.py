@@ -204,7 +204,7 @@ ODD_VALUES: tuple[Any, ...] = (
 _REPORTS = {
     "point_spring": ("force", "length", "rate"), "axial_force": ("travel", "force"), "load": ("Fx",), "bushing": ("dx", "My"),
     "joint_force": ("force", "stiffness"), "tyre": ("Fz", "slip"),
-    "wheel": ("Fx", "spin"), "joint_friction": ("force", "load"),
+    "wheel": ("Fx", "spin"), "joint_friction": ("force", "load"), "contact": ("Fz", "vx"),
 }  # fmt: skip
 
 
@@ -341,6 +341,11 @@ class Maker:
             },
             {"kind": "load", "body": body, "torque": ["sin(t)", "drive*size", 0], "moving_only": self.chance()},
             {"kind": "load", "body": body, "let": {"w": "wx + wy", "c": "half*w"}, "torque": ["-c*wx", "-c*w", 0]},
+            {
+                "kind": "contact", **pair, "at": self.point(), "centre": self.point(), "radius": self.rng.choice((0, 0.5, "size")),
+                **self.rng.choice(({"normal": "z"}, {"normal": [0, 1, 1], "along": "x"}, {"axis": "y", "cylinder": 2, "inside": True})),
+                "force": ["-vx", "-vy*deflection", "max(0, 100*deflection*(1 + deflection_rate))"],
+            },
             {"kind": "bushing", **pair, "at": self.point(), "stiffness": [9, 9, 9, 1, 1, "size"], "damping": [1, 1, 1, 0.1, 0.1, 0.1]},
         ]
         if trees:
@@ -504,6 +509,9 @@ class Maker:
     def gear(self, trees: list[str]) -> Node:
         """A gear between two joints of the tree, now and then with a wrong name or unit."""
         ends = [f"{joint}.{self.rng.choice((*COORDINATES[self.joints[joint]['kind']], 'angle'))}" for joint in self.rng.sample(trees, 2)]
+        if self.chance(0.2):
+            laws = ("sin(position)*size", "position + position**2/4", "where(position < 0, 0, size)")
+            return {"joints": ends, "law": self.rng.choice(laws)}
         return {"joints": ends, "ratio": self.rng.choice((-2.5, "1/3", "0.2*size", "-25 mm/rad", "40 rad/m", 0))}
 
     def scene(self, trees: list[str]) -> Node:
@@ -528,6 +536,11 @@ class Maker:
                 "contact": rng.choice(("disc", "point")),
                 "profile": [{"flat": 1}, {"ramp": 2, "rise": 0.1}, {"cosine": 1, "amplitude": 0.1}],
             }
+        if self.joints and self.chance(0.2):
+            joint = rng.choice(sorted(self.joints))
+            place = f"{joint}.{(*COORDINATES[self.joints[joint]['kind']], 'angle')[0]}"
+            places = (place, f"sin({place})", f"{place}_rate", f"2*{place} - 0.1")
+            scene["assemble"] = {rng.choice(places): rng.choice((0.02, "third", "1 mm", 30))}
         return scene
 
 

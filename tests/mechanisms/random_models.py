@@ -23,6 +23,7 @@ from cutjoint.model.records import (
     Body,
     BodyLoad,
     Bushing,
+    Contact,
     Force,
     Gear,
     Joint,
@@ -442,8 +443,9 @@ def chosen_loops(seed: int) -> Model:
     return w.model()
 
 
-def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS) -> Model:
-    """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides."""
+def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS, bent: bool = False) -> Model:
+    """The model with up to three gears between joints of its tree, of these kinds; none follows from the others or from the guides.  Those
+    that are ``bent`` have laws in place of ratios."""
     rng = np.random.default_rng([seed, *b"gears"])
     ends = [(j, name) for j in model.joints if not j.cut and j.kind in kinds for name in COORDINATES[j.kind]]
     group = {j.name: "guided" if j.guide is not None else j.name for j, _ in ends}
@@ -454,7 +456,28 @@ def with_gears(model: Model, seed: int, kinds: Sequence[str] = TREE_KINDS) -> Mo
         if one != other and len(gears) <= seed % 3:
             group = {name: one if g == other else g for name, g in group.items()}
             gears.append(_gear(f"gear_{len(gears)}", pair, float(rng.uniform(0.3, 3) * rng.choice((1, -1)))))
-    return replace(model, gears=tuple(gears))
+    x = variable("position")
+    laws = [gear.ratio * (x + sympy.sin(x) / 2 + x**2 / 5) for gear in gears]
+    return replace(model, gears=tuple(replace(g, ratio=None, law=law) if bent else g for g, law in zip(gears, laws, strict=True)))
+
+
+def with_contacts(model: Model, seed: int) -> Model:
+    """The model with a ball on a plane and on a cylinder from either side, between any of its bodies and the ground: pressed in and not."""
+    rng = np.random.default_rng([seed, *b"contacts"])
+    names = [GROUND, *(body.name for body in model.bodies)]
+    depth, rate, vx, vy, turn = (variable(n) for n in ("deflection", "deflection_rate", "vx", "vy", "turn"))
+    force = (STRENGTH.symbol * depth - vx, 3 * depth * vy - turn, 20 * depth**2 * (1 + rate / 2) + sympy.sin(TIME))
+    contacts = []
+    for i, (cylinder, inside) in enumerate([(None, False), (1.0, False), (4.0, True)]):
+        base, follower = rng.choice(names, 2, replace=False)
+        first, second = np.linalg.qr(rng.standard_normal((3, 2)))[0].T
+        normal = _unit(first) if cylinder is None else None
+        start, centre = (tuple(map(sympy.Float, rng.uniform(-1, 1, 3))) for _ in range(2))
+        contacts.append(Contact(
+            name=f"contact_{i}", base=str(base), follower=str(follower), start=start, centre=centre, along=_unit(second), normal=normal,
+            ball=2 * SIZE.symbol, cylinder=cylinder and sympy.Float(cylinder), inside=inside, force=force, active=True, span=NOWHERE,
+        ))  # fmt: skip
+    return replace(model, forces=(*model.forces, *contacts))
 
 
 def _gear(name: str, ends: Sequence[tuple[Joint, str]], ratio: float) -> Gear:

@@ -7,6 +7,7 @@ import pytest
 from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.errors import ModelError
+from cutjoint.model.expressions import POSITION
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.report.explain.document import explain
@@ -78,7 +79,7 @@ def test_ratio_is_in_units_of_the_coordinates(joints: str, ratio: str, value: fl
         ("{joints: [pinion, rack], ratio: 0}",
          "21:41: gear 'mesh': the ratio is zero; a joint that does not move is of kind fixed, or has guide: 0"),
         ("{joints: [pinion], ratio: 1}", "21:18: gear 'mesh': joints needs two names; write [one, other]"),
-        ("{joints: [pinion, rack]}", "21:3: gear 'mesh': the field 'ratio' is missing"),
+        ("{joints: [pinion, rack]}", "21:3: gear 'mesh': needs 'ratio' or 'law', one of them"),
     ],
 )  # fmt: skip
 def test_problems(gear: str, message: str) -> None:
@@ -123,6 +124,38 @@ def test_mirror_image_turns_with_its_joints() -> None:
     turned = -axes["b.pinion"][1] / axes["a.pinion"][1]
     moved = -axes["b.rack"][0] / axes["a.rack"][0]
     assert b.ratio / a.ratio == turned * moved
+
+
+@pytest.mark.parametrize(
+    ("gear", "said"),
+    [
+        ("{joints: [rack, pinion]}", "gear 'mesh': needs 'ratio' or 'law', one of them; write ratio: 2"),
+        ("{joints: [rack, pinion], ratio: 25 mm, law: position}", "needs 'ratio' or 'law', one of them"),
+        ("{joints: [rack, pinion], law: 20 mm}", "its law has no position"),
+        ("{joints: [rack, pinion], law: sin(rack.displacement)}", "quantity 'rack.displacement'"),
+        ("{joints: [rack, pinion], law: t*position}", "unknown symbol 't'"),
+    ],
+)
+def test_faults_of_laws(gear: str, said: str) -> None:
+    with pytest.raises(ModelError) as error:
+        with_gear(gear)
+    assert said in str(error.value)
+
+
+def test_the_image_of_a_law_is_its_law() -> None:
+    """An odd law of an angle about the mirror's normal counts as before, an even one too: all that counts otherwise is the displacement."""
+    lines = TEXT.replace("GEAR", "{joints: [rack, pinion], law: 0.02*(sin(position) + position**2)}").splitlines()
+    start = next(i for i, line in enumerate(lines) if line == "bodies:")
+    inner = "\n".join(f"    {line}" for line in lines[start:])
+    text = "\n".join(lines[:start]) + f"\nsubmodels:\n  train:\n{inner}\ninstances:\n  a: {{use: train}}\n  b: {{use: train, mirror: x}}\n"
+    model = read_model_text(text, "gears.yaml")
+    axes = {j.name: j.axes[0] for j in model.joints if j.axes}
+    turned = -axes["b.pinion"][1] / axes["a.pinion"][1]
+    moved = -axes["b.rack"][0] / axes["a.rack"][0]
+    a, b = model.gears
+    for angle in (0.3, -1.2):
+        value = float(a.law.subs(POSITION, angle))
+        assert float(b.law.subs(POSITION, turned * angle)) == pytest.approx(moved * value)
 
 
 def in_a_loop(scenes: str = "") -> Model:

@@ -49,6 +49,8 @@ submodels:
          calspan: {A0: 1, A1: 1, A2: 1, A3: 1, A4: 1, B1: 1, B3: 1, B4: 1, SN: 1, AF1: 1, AF2: 1}}
       rolling:
         {kind: wheel, body: hand, centre: tip, axis: [0, 1, 0], radius: 1, force: [-vx, camber - vy, deflection], moment: [turn, -spin, vy]}
+      foot:
+        {kind: contact, bodies: [body, hand], at: root, axis: y, cylinder: 2, centre: tip, radius: 1, force: [-vx, turn - vy, deflection]}
       rub: {kind: joint_friction, joint: wrist, coefficient: 0.2, static: 0.3, stribeck_speed: 0.1, radius: 0.1}
     reactions:
       pull: {joint: slide, body: body, direction: [1, 2, 2]}
@@ -217,8 +219,8 @@ PROBLEMS = [
      "write for example 't_0'"),
     ("parameters: [length_1]", "parameters: [length_1, §length_2]",
      ["@: submodel 'wing': nothing in it uses the parameter 'length_2'; remove it here and in its instances, or use it",
-      f"44:3: instance 'left': with lacks length_2; {ALL} parameters",
-      f"45:3: instance 'right': with lacks length_2; {ALL} parameters"]),
+      f"46:3: instance 'left': with lacks length_2; {ALL} parameters",
+      f"47:3: instance 'right': with lacks length_2; {ALL} parameters"]),
     ("hand: {massless: true}", "hand: {massless: true, §mas: 1}",
      "@: body 'hand' of submodel 'wing': unknown field 'mas'; did you mean 'mass'?"),
     ("hand: {massless: true}", "hand: {massless: §1}",

@@ -94,7 +94,7 @@ SHAPES = [
         "kind: joint_force",
         "kind: §spring",
         "@: force 'drag': unknown force kind 'spring'; did you mean 'point_spring'? kinds: "
-        "axial_force, bushing, joint_force, joint_friction, load, point_spring, tyre, wheel",
+        "axial_force, bushing, contact, joint_force, joint_friction, load, point_spring, tyre, wheel",
     ),
     (
         'law: "-0.1*rate"',

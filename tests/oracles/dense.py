@@ -301,14 +301,15 @@ class DenseMechanism(DenseForces):
         return np.concatenate(parts, axis=-1) if parts else np.zeros((*shape, 0))
 
     def _gap_of_teeth(self, gear: Gear, q: Array, t: Array | float) -> Array:
-        """The first coordinate less the ratio times the second one, (..., 1)."""
+        """The first coordinate less the ratio times the second one, or the law of it, (..., 1)."""
         trees = {x.joint.name: x for x in self.topology.tree}
-        of, ratio = (trees[name] for name in gear.joints), self.number(gear.ratio)
+        of = (trees[name] for name in gear.joints)
         first, second = (
             self._coordinates(x, q, t)[..., COORDINATES[x.joint.kind].index(end.name)]
             for x, end in zip(of, (gear.first, gear.second), strict=True)
         )
-        return (first - ratio * second)[..., np.newaxis]
+        turned = self.number(gear.ratio) * second if gear.law is None else self._function(gear.law, "position", "numpy")(second, t)
+        return (first - turned)[..., np.newaxis]
 
     def _residual(self, cut: Joint, poses: Poses) -> Array:
         at, axes, to, pitch = self.geometry[cut.name]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutjoint.model.records import COORDINATES, AxialForce, BodyLoad, Bushing, JointForce, PointSpring, Tyre, Wheel
+from cutjoint.model.records import COORDINATES, AxialForce, BodyLoad, Bushing, Contact, JointForce, PointSpring, Tyre, Wheel
 from tests.oracles.joints import apply
 from tests.oracles.tyre import Flat, road_normal, tyre_contact, wheel_distance
 
@@ -38,6 +38,8 @@ class DenseForces:
                 Q += self._load(force, at, motion)
             elif isinstance(force, JointForce):
                 Q += self._joint_force(force, at)
+            elif isinstance(force, Contact):
+                Q += self._contact(force, at, motion)
             elif isinstance(force, Wheel):
                 Q += self._wheel(force, at, motion)
             else:
@@ -132,6 +134,31 @@ class DenseForces:
         rolling = velocity @ np.cross(axis, road_normal(place, road)) / np.linalg.norm(np.cross(axis, road_normal(place, road)))
         gyroscopic = -np.cross(omega, c["spin_inertia"] * rolling / c["radius"] * axis)
         return force @ J + (moment + gyroscopic) @ turning
+
+    def _contact(self, contact: Contact, at: Instant, motion: Motion) -> Array:
+        """The virtual power of the force on the materials of both bodies at the contact; rates are those of material points there."""
+        (c, _, _, _), (start, _, _, _) = (
+            motion.point(body, self.vector(X)) for body, X in ((contact.follower, contact.centre), (contact.base, contact.start))
+        )  # fmt: skip
+        axis, way, radius = motion.R[contact.base] @ self.vector(contact.along), c - start, self.number(contact.ball)
+        if contact.normal is None:
+            across = np.cross(np.cross(axis, way), axis)
+            sign = -1 if contact.inside else 1
+            n = sign * across / np.linalg.norm(across)
+            depth = radius - sign * (np.linalg.norm(across) - self.number(contact.cylinder))
+        else:
+            n = motion.R[contact.base] @ self.vector(contact.normal)
+            depth = radius - n @ way
+        place = c - (radius - depth) * n
+        (J, v), (J_base, v_base) = (
+            motion.point(body, motion.R[body].T @ (place - motion.p[body]))[1:3] for body in (contact.follower, contact.base)
+        )
+        left, slide = np.cross(n, axis), v - v_base
+        spin = n @ (motion.spin(contact.follower)[1] - motion.spin(contact.base)[1])
+        values = {"deflection": depth, "deflection_rate": -n @ slide, "vx": axis @ slide, "vy": left @ slide, "turn": spin}
+        laws = (self.law(c, " ".join(values), tuple(map(float, values.values())), at.t) for c in contact.force)
+        force: Array = sum(law * e for law, e in zip(laws, (axis, left, n), strict=True))
+        return force @ (J - J_base) * (depth > 0)
 
     def _wheel(self, wheel: Wheel, at: Instant, motion: Motion) -> Array:
         """The virtual power of the road's force on the material point at the contact, and of its moment."""

@@ -78,3 +78,68 @@ def test_trapezoidal_rule(method: str) -> None:
     verify({name: (4 * fine[name] - coarse[name]) / 3 for name in fine.columns if name != "mesh.force"} | {
         "mesh.force": gears.motion(fine.t)["mesh.force"],
     }, fine.t, 3e-6)  # fmt: skip
+
+
+#: Elliptic wheels, turning opposite ways about foci, of eccentricity 0.5, without weight; and a cam under a valve that a spring pulls back.
+BENT = """
+cutjoint: 1
+name: bent
+gravity: [0, 0, -9.81]
+parameters:
+  e: {value: 0.5, binding: param}
+  stroke: {value: 8, unit: mm, binding: param}
+points: {O: [0, 0, 0], P: [0.2, 0, 0], Q: [0.4, 0, 0]}
+bodies:
+  one: {mass: 1, centre_of_mass: O, inertia: [0.01, 0.012, 0.01]}
+  two: {mass: 1, centre_of_mass: P, inertia: [0.02, 0.03, 0.02]}
+  shaft: {mass: 1, centre_of_mass: Q, inertia: [0.01, 0.01, 0.01]}
+  valve: {mass: 0.4, centre_of_mass: Q, inertia: [0.01, 0.01, 0.01]}
+joints:
+  driver: {kind: revolute, bodies: [ground, one], at: O, axis: y}
+  driven: {kind: revolute, bodies: [ground, two], at: P, axis: y}
+  cam: {kind: revolute, bodies: [ground, shaft], at: Q, axis: y, guide: 60*t}
+  stem: {kind: prismatic, bodies: [ground, valve], at: Q, axis: z, spring: {stiffness: 20 kN/m, free_position: -2 mm}}
+gears:
+  oval: {joints: [driven, driver], law: "-position - 2*atan2(e*sin(position), 1 - e*cos(position))"}
+  profile: {joints: [stem, cam], law: stroke*(1 - cos(position))/2}
+outputs: [driver.angle, driven.angle, driver.angle_rate, stem.displacement, profile.force]
+scenes:
+  turn: {end: 0.5, output_step: 0.01, rates: {driver.angle_rate: 20}}
+"""
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton", "augmented", "classical"])
+def test_wheels_and_cams_with_laws(method: str) -> None:
+    """Elliptic wheels conserve (I_1 + f'^2 I_2) w^2, where tan(f/2) = -(1 + e)/(1 - e) tan(x/2), the theorem of the half angle.  A valve
+    on a cam of constant speed feels m f'' w^2 beside weight and spring."""
+    model = read_model_text(BENT, "bent.yaml")
+    artifact = compile_scene(model, model.scenes["turn"], CompileOptions(method=method))
+    equal = method in ("augmented", "classical")
+    run = simulate(artifact, **({"dt": 2e-5} if equal else {"tolerance": 1e-11}))  # type: ignore[arg-type]
+    assert run.failure is None, run.failure
+    error = 1e-4 if equal else 1e-8
+    x, e, ratio = run["driver.angle"], 0.5, 3.0
+    assert np.ptp(x) > 2 * np.pi
+    np.testing.assert_allclose(np.tan(run["driven.angle"] / 2), -ratio * np.tan(x / 2), rtol=1e-6)
+    slope = -(1 - e**2) / (1 + e**2 - 2 * e * np.cos(x))
+    energy = (0.012 + 0.03 * slope**2) * run["driver.angle_rate"] ** 2
+    np.testing.assert_allclose(energy, energy[0], rtol=error)
+    angle, w, stroke, mass = 60 * run.t, 60.0, 0.008, 0.4
+    lift = stroke * (1 - np.cos(angle)) / 2
+    np.testing.assert_allclose(run["stem.displacement"], lift, rtol=0, atol=error)
+    pushed = mass * (stroke / 2 * w**2 * np.cos(angle) + 9.81) + 2e4 * (lift + 0.002)
+    np.testing.assert_allclose(run["profile.force"], pushed, rtol=0, atol=3e-2 if equal else 1e-5)
+
+
+def test_a_law_of_a_table_is_its_cubic() -> None:
+    """A dwell, a rise over 20 mm, a dwell: at rest outside, monotonic within."""
+    table = "{table: {position: [0, 60 deg, 120 deg, 210 deg], value: [0, 0, 20 mm, 20 mm]}}"
+    text = BENT.replace("law: stroke*(1 - cos(position))/2", f"law: {table}").replace("60*t", "7*t")
+    model = read_model_text(text, "bent.yaml")
+    run = simulate(compile_scene(model, model.scenes["turn"]))
+    angle, lift = 7 * run.t, run["stem.displacement"]
+    np.testing.assert_allclose(lift[angle < np.radians(60)], 0, atol=1e-12)
+    np.testing.assert_allclose(lift[(angle > np.radians(120)) & (angle < np.radians(200))], 0.02, atol=1e-9)
+    assert np.all(np.diff(lift) > -1e-12)
+    middle = np.interp(np.radians(90), angle, lift)
+    assert middle == pytest.approx(0.01, abs=1e-3)

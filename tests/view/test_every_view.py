@@ -48,6 +48,7 @@ forces:
     calspan: {A0: 2625, A1: 14.47, A2: 12930, A3: 2.29, A4: 18175, B1: -4.64e-5, B3: 1.216, B4: 2.18e-11,
               SN: 1.0274, AF1: -1.71e-5, AF2: 1.71e-5}
   wheel: {kind: wheel, body: hub, centre: W, axis: [0, 1, 0], radius: 0.3, force: [0, 0, 1e3*deflection]}
+  foot: {kind: contact, bodies: [ground, hub], at: O, normal: z, centre: W, radius: 0.4, force: [0, 0, 10*deflection]}
 reactions:
   side: {joint: slide, body: block, direction: [1, 0, 0]}
 outputs: [axial.force, point.force, pad.Fx, pad.Fy, pad.Fz, motor.force, pull.Fx, pull.Fy, pull.Fz, tyre.Fz, wheel.Fz, side.force, block.y]

@@ -133,11 +133,14 @@ def evaluate_scene_inputs(equations: Equations, parameters: Array, t: float) -> 
     return {INPUTS: numbers[:given], HELD: numbers[given:begun], LAW_VALUES: numbers[begun:]}
 
 
-def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0) -> tuple[Array, Array] | None:
+def close_loops(
+    equations: RecursiveEquations, q: Array, across: Array | None = None, t: float = 0.0, free: Array | None = None
+) -> tuple[Array, Array] | None:  # fmt: skip
     """Coordinates near q that close the loops, and the Jacobian there, by Gauss-Newton steps; None where they do not converge.
 
     Steps are taken across the direction ``across`` (speeds), so that they do not undo a step along it: where branches of motion cross,
-    shortest steps alone would lead back to the crossing.  Guides are where they are at ``t`` (s).
+    shortest steps alone would lead back to the crossing.  Guides are where they are at ``t`` (s).  Only speeds that are ``free`` (speeds,)
+    change their coordinates, where that is given.
     """
     rows = np.zeros((0, equations.speeds)) if across is None else across[np.newaxis]
     best = np.inf
@@ -149,7 +152,8 @@ def close_loops(equations: RecursiveEquations, q: Array, across: Array | None = 
         if not np.isfinite(error):
             return None
         best = error
-        q = retract(equations, q, _step(np.concatenate([jacobian, rows]), np.concatenate([-residual, np.zeros(len(rows))])))
+        moving = jacobian if free is None else jacobian * free
+        q = retract(equations, q, _step(np.concatenate([moving, rows]), np.concatenate([-residual, np.zeros(len(rows))])))
     return None
 
 

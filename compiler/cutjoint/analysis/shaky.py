@@ -41,7 +41,7 @@ def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEqu
     Raises:
         ShakyError: the loops hold the design position, where the scene begins, to second order only.
     """
-    found = None if METHODS[method].holds_structures or equations.scene.positions else find_shakiness(equations)
+    found = None if METHODS[method].holds_structures or equations.scene.positions or equations.scene.assemble else find_shakiness(equations)
     if found is None:
         return equations
     raise ShakyError(describe_shakiness(equations, found))

@@ -118,6 +118,9 @@ class Reader(Protocol):
     def direction(self, name: str) -> Vector:
         """A unit vector."""
 
+    def across(self, direction: Vector, name: str) -> Vector:
+        """The unit vector of a field's part across a direction; any where it is left out."""
+
     def frame(self) -> tuple[Vector, Vector, Vector]:
         """Right-handed unit vectors of which ``x``, ``y`` and ``z`` give two, the global ones if none is given."""
 

@@ -1,8 +1,9 @@
-"""A gear: a linear relation between a coordinate each of two tree joints.
+"""A gear: a relation between a coordinate each of two tree joints.
 
-Gear wheels, a rack and its pinion, belts and winches are that: the first coordinate is the ratio times the second one, both counted from
-the design position, with all their turns.  The relation holds exactly and without loss; the wheels' teeth have no force of their own, and
-what holds their bearings apart is left out.
+Gear wheels, a rack and its pinion, belts and winches are linear: the first coordinate is the ratio times the second one, both counted from
+the design position, with all their turns.  Of a cam that its follower never leaves, of elliptic wheels or a Geneva drive it is a law f of
+the second one.  The relation holds exactly and without loss; the wheels' teeth have no force of their own, and what holds their bearings
+apart is left out.
 """
 
 from __future__ import annotations
@@ -10,10 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 #: Its description, for the documentation and `explain`.
-TEXT = "a coordinate of a tree joint is a ratio times a coordinate of another one"
+TEXT = "a coordinate of a tree joint is a ratio times a coordinate of another one, or a law of it"
 
-#: Its equation, for generated code and `explain`.
-EQUATION = "Phi = q_a - ratio q_b"
+
+def equation(has_law: bool) -> str:
+    """Its equation, for generated code and `explain`."""
+    return "Phi = q_a - f(q_b)" if has_law else "Phi = q_a - ratio q_b"
+
 
 #: The short name of its equation.
 NAMES = ("ratio",)

@@ -21,6 +21,7 @@ from cutjoint.formulate.layout import Chart, Slot
 from cutjoint.formulate.records import Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.methods import CLOSURES
+from cutjoint.model.expressions import POSITION
 from cutjoint.model.records import Binding, Gear, HeldValue, Joint, Model, Output, Parameter, Scalar, Scene
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
@@ -109,6 +110,13 @@ def guide_rates(guide: Scalar, model: Model) -> tuple[Scalar, Scalar, Scalar]:
     orders = [input_symbols(p) for p in input_parameters(model)]
     rate = _time_derivative(guide, orders)
     return guide, rate, _time_derivative(rate, orders)
+
+
+def gear_courses(gear: Gear, translator: Translator, position: Block) -> tuple[Block, Block, Block]:
+    """A gear's law with its first and second derivative by the second coordinate, at a ``position`` of that."""
+    slope = sympy.diff(gear.law, POSITION)
+    known = translator.with_values({POSITION: position})
+    return known.scalar(gear.law), known.scalar(slope), known.scalar(sympy.diff(slope, POSITION))
 
 
 def guided_by(model: Model, parameter: Parameter) -> Joint | None:

@@ -34,10 +34,17 @@ from cutjoint.model.values import (
 
 
 class Gear(Part):
-    """The first joint's coordinate is the ratio times the second one's; joint.coordinate where a joint has several."""
+    """The first joint's coordinate is the ratio times the second one's, or a law of it; joint.coordinate where a joint has several."""
 
     joints: Pair
-    ratio: Number
+    ratio: Number | None = None
+    law: Law | None = None
+
+    @model_validator(mode="after")
+    def _has_one_relation(self) -> Gear:
+        if (self.ratio is None) == (self.law is None):
+            raise shape_error("needs 'ratio' or 'law', one of them", "write ratio: 2, or law: a function of position")
+        return self
 
 
 class Reaction(Part):
@@ -289,6 +296,7 @@ class Scene(Part):
     output_step: Number | None = None
     pose: Literal["design", "equilibrium"] = "design"
     positions: dict[StrictStr, State] = Field(default={})
+    assemble: dict[StrictStr, Number] = Field(default={})
     rates: dict[StrictStr, Number] = Field(default={})
     states: dict[StrictStr, Number] = Field(default={})
     inputs: dict[StrictStr, Law] = Field(default={})

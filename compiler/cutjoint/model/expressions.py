@@ -52,6 +52,10 @@ def variable(name: str) -> Scalar:
     return sympy.Symbol(name, real=True)
 
 
+#: The coordinate of a joint that a law follows from.
+POSITION = variable("position")
+
+
 def parameter_symbol(name: str) -> Scalar:
     """The symbol of a parameter; no variable of a law starts with ``p_``."""
     return sympy.Symbol(f"p_{name}", real=True)

@@ -17,7 +17,7 @@ from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.expressions import variable
 from cutjoint.model.friction import read_friction
 from cutjoint.model.gears import Naming, read_coordinate
-from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_axes, read_direction, read_point
+from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_across, read_axes, read_direction, read_point
 from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.names import name_problem
 from cutjoint.model.records import Force, Scalar, Vector
@@ -74,6 +74,12 @@ class _Reader:
 
     def direction(self, name: str) -> Vector:
         return read_direction(self.element, self.given(name), (name,))
+
+    def across(self, direction: Vector, name: str) -> Vector:
+        if self.given(name) is None:
+            sizes = [abs(self.element.value(component)) for component in direction]
+            return read_across(self.element, direction, GLOBAL_AXES[sizes.index(min(sizes))], ())
+        return read_across(self.element, direction, self.direction(name), (name,))
 
     def frame(self) -> tuple[Vector, Vector, Vector]:
         is_given = any(self.given(axis) is not None for axis in "xyz")

@@ -9,10 +9,13 @@ from cutjoint.elements.joints import JOINTS
 from cutjoint.model import document
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.errors import nearest
+from cutjoint.model.expressions import POSITION
+from cutjoint.model.laws import LawKind, read_law
+from cutjoint.model.operations import Term
 from cutjoint.model.records import Gear, JointCoordinate
-from cutjoint.model.scope import Element
+from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGLE, LENGTH, Dimension
+from cutjoint.model.units import ANGLE, LENGTH, NONE, Dimension
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,14 @@ def read_gear(element: Element, gear: document.Gear) -> Gear:
     elif all(joint is not None and getattr(joint, "guide", None) is not None for joint in (a, b)):
         element.fail("both its joints are guided", "leave one of them unguided, or remove the gear", ("joints",))
     expected = _DIMENSIONS[first.unit] / _DIMENSIONS[second.unit] if first.unit and second.unit else None
-    ratio = element.scalar(gear.ratio, expected, ("ratio",))
+    if gear.law is not None:
+        kind = LawKind({POSITION.name: _DIMENSIONS.get(second.unit, NONE)}, _DIMENSIONS.get(first.unit))
+        names = {**element.scope.constants(), POSITION.name: Term(POSITION)}
+        law = read_law(element, gear.law, kind, ("law",), names)
+        if not (law.has(FAILED) or law.has(POSITION)):
+            element.fail("its law has no position", "write a function of position, the second joint's coordinate", ("law",))
+        return Gear(name=element.name, first=first, second=second, ratio=None, law=law, span=element.span)
+    ratio = element.scalar(gear.ratio or 0, expected, ("ratio",))
     if element.value(ratio) == 0:
         element.fail("the ratio is zero", "a joint that does not move is of kind fixed, or has guide: 0", ("ratio",))
     return Gear(name=element.name, first=first, second=second, ratio=ratio, span=element.span)

@@ -134,6 +134,16 @@ def perpendicular(element: Element, a: Vector, b: Vector) -> bool:
     return not abs(element.value(dot(a, b))) > PERPENDICULAR
 
 
+def read_across(element: Element, direction: Vector, vector: Vector, keys: Path) -> Vector:
+    """The unit vector of a vector's part across a direction; notes a vector along it."""
+    share = dot(direction, vector)
+    part = _vector(v - share * d for v, d in zip(vector, direction, strict=True))
+    if math.hypot(*map(element.value, part)) < PERPENDICULAR:
+        element.fail(f"{field_name(keys)} is along the normal", "write a direction across it, or leave it out", keys)
+        return (FAILED, FAILED, FAILED)
+    return unit(part)
+
+
 def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, Vector]:
     """The directions x, y, z of a frame, of which the part gives two; the three make a right-handed frame."""
     given = {key: getattr(part, key) for key in "xyz" if getattr(part, key) is not None}

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.elements.joint import DESIGN_FRAME, Direction, Slide
 from cutjoint.model.elements import Elements
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions import POSITION, variable
 from cutjoint.model.geometry import least_component
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import Body, Force, Gear, Joint, Marker, Reaction, Scalar, Vector, Visual
@@ -183,6 +183,8 @@ def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
 
 def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
     first, second = (signs.get(c.joint, {}).get(c.name, 1) for c in (gear.first, gear.second))
+    if gear.law is not None:
+        return replace(gear, law=first * gear.law.xreplace({POSITION: second * POSITION}))
     return replace(gear, ratio=first * second * gear.ratio)
 
 

@@ -111,6 +111,13 @@ def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str],
     return element, quantity
 
 
+def is_place(element: Element, quantity: str) -> bool:
+    """Return whether a quantity follows from the pose of the bodies alone, and not from a road."""
+    if isinstance(element, Force):
+        return quantity in element.measured and quantities(element)[quantity] in ("m", "rad") and not element.has_road
+    return isinstance(element, Body | Marker | Joint) and quantities(element)[quantity] in ("m", "rad")
+
+
 def follows_from_forces(element: Element, quantity: str) -> bool:
     """Return whether a quantity is an acceleration, a reaction or friction by one, which follow from all forces."""
     if isinstance(element, Force):

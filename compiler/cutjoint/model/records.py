@@ -17,6 +17,7 @@ from cutjoint.elements.force import LawForce as LawForce
 from cutjoint.elements.forces import AxialForce as AxialForce
 from cutjoint.elements.forces import BodyLoad as BodyLoad
 from cutjoint.elements.forces import Bushing as Bushing
+from cutjoint.elements.forces import Contact as Contact
 from cutjoint.elements.forces import JointForce as JointForce
 from cutjoint.elements.forces import JointFriction as JointFriction
 from cutjoint.elements.forces import PointSpring as PointSpring
@@ -256,9 +257,9 @@ class JointCoordinate:
 
 @dataclass(frozen=True, kw_only=True)
 class Gear:
-    """A linear relation: the first coordinate is ``ratio`` times the second one, of another joint.
+    """A relation: the first coordinate is ``ratio`` times the second one, of another joint, or a ``law`` of it, its ``position``.
 
-    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero.
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law.
     """
 
     name: str
@@ -266,6 +267,7 @@ class Gear:
     second: JointCoordinate
     ratio: Scalar
     span: Span
+    law: Scalar = None
 
     @property
     def joints(self) -> tuple[str, str]:
@@ -274,8 +276,8 @@ class Gear:
 
     @property
     def terms(self) -> tuple[tuple[JointCoordinate, Scalar], ...]:
-        """The coordinates with their factors in its equation: their sum is zero."""
-        return (self.first, 1), (self.second, -self.ratio)
+        """The coordinates with their factors in its equation without its law, if it has one: the sum of these is zero."""
+        return ((self.first, 1), (self.second, -self.ratio)) if self.law is None else ((self.first, 1),)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -539,6 +541,21 @@ class Plot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Aim:
+    """A place that a scene's start is to have: an expression of coordinates and places, by its text, is to have a value, SI units.
+
+    ``unit`` is that in which the value is written, or the expression is, and ``size`` its size in SI.
+    """
+
+    name: str
+    expression: Scalar
+    value: Scalar
+    unit: str
+    size: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """One run of the model: its start, inputs, switches, road, numerics and outputs.
 
@@ -550,7 +567,8 @@ class Scene:
     real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
-    None of joints that it releases.  ``plots`` are pictures that it names.
+    None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
+    its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
     """
 
     name: str
@@ -573,6 +591,7 @@ class Scene:
     starts: Mapping[str, Scalar] = field(default_factory=dict)
     guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
     plots: tuple[Plot, ...] = ()
+    assemble: tuple[Aim, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

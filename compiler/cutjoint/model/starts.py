@@ -1,4 +1,4 @@
-"""Initial coordinates, attitudes and speeds of joints, and values of first-order states.
+"""Initial coordinates, attitudes and speeds of joints, places that a start is to have, and values of first-order states.
 
 Attitudes come as rotation vectors, Euler angles or quaternions.
 """
@@ -6,7 +6,7 @@ Attitudes come as rotation vectors, Euler angles or quaternions.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import sympy
@@ -14,14 +14,17 @@ import sympy
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import document
+from cutjoint.model.controllers import unit_text
 from cutjoint.model.errors import nearest
-from cutjoint.model.operations import choice
-from cutjoint.model.quantities import JOINT_QUANTITIES
+from cutjoint.model.expressions import quantities_read
+from cutjoint.model.operations import Term, choice
+from cutjoint.model.quantities import JOINT_QUANTITIES, is_place
+from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.ranges import fault_of_state
-from cutjoint.model.records import COORDINATES, SPEEDS, FirstOrderState, Joint, Scalar
+from cutjoint.model.records import COORDINATES, SPEEDS, Aim, FirstOrderState, Joint, Scalar, Signal
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
-from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure
+from cutjoint.model.units import ANGULAR_SPEED, LENGTH, NONE, SPEED, Dimension, measure, unit_written
 from cutjoint.model.values import Attitude, Number
 
 # Attitudes
@@ -182,3 +185,42 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
     if fault := fault_of_state(where.value(state), is_angle=expected == NONE):
         where.fail(f"{keys[0]}: '{keys[1]}': {fault}", "", keys)
     return {f"{joint.name}.{component}": state}
+
+
+# Places that a start is to have
+
+
+def read_aims(where: Element, scene: document.Scene, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> tuple[Aim, ...]:
+    """The places that ``assemble`` gives: by outputs with expressions, of ``signals``, or by expressions of quantities."""
+    if scene.assemble and scene.pose == "equilibrium":
+        where.fail("assemble: an equilibrium is where forces balance", "remove 'assemble', or hold 'positions'", ("assemble",))
+    return tuple(_aim(where, key, number, known, signals) for key, number in scene.assemble.items())
+
+
+def _aim(where: Element, key: str, number: Number, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Aim:
+    keys = ("assemble", key)
+    if key in signals:
+        term = Term(signals[key].symbol, measure(1.0, signals[key].unit).dimension if signals[key].unit else NONE)
+    else:
+        term = where.term(key, keys, where.scope.reading())
+    value = where.scalar(number, term.dimension, keys)
+    read = list(_quantities_below(term.value, known, signals))
+    if other := next((f"{name}.{quantity}" for name, quantity in read if name in known and not is_place(known[name], quantity)), None):
+        hint = "write coordinates of joints, places and attitudes of bodies, lengths, or expressions of these"
+        where.fail(f"assemble: '{other}' is no place", hint, keys, at_key=True)
+    elif not read and not term.value.has(FAILED):
+        where.fail(f"assemble: '{key}' names no place", "write joint.coordinate, or an expression of such", keys, at_key=True)
+    span = where.scope.source.key_span((*where.path, *keys))
+    unit = unit_written(str(number)) or unit_text(term.dimension)
+    size = measure(1.0, unit).value if unit and not value.has(FAILED) else 1.0
+    return Aim(name=key, expression=sympy.sympify(term.value), value=sympy.sympify(value), unit=unit, size=size, span=span)
+
+
+def _quantities_below(expression: Scalar, known: Mapping[str, Quantified], signals: Mapping[str, Signal]) -> Iterator[tuple[str, str]]:
+    """The elements and quantities that an expression follows from, those of its signals in their place."""
+    for name, quantity in quantities_read(expression):
+        signal = signals.get(name, known.get(name))
+        if isinstance(signal, Signal):
+            yield from _quantities_below(signal.value, known, signals)
+        else:
+            yield name, quantity

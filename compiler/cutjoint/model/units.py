@@ -161,6 +161,12 @@ def read_measure(text: str) -> Measure | None:
     return measure(float(match[1]), match[2] or match[3]) if match else None
 
 
+def unit_written(text: str) -> str:
+    """The unit that a number is written with; "" where ``text`` is not of that form."""
+    match = _MEASURE.fullmatch(text)
+    return " ".join((match[2] or match[3]).split()) if match else ""
+
+
 def measure(value: float, unit: str) -> Measure:
     """``value`` in ``unit``, converted to SI.  Raises UnitError when the unit cannot be read."""
     unit = " ".join(unit.split())

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy
 
 from cutjoint.elements.joint import ATTITUDE
@@ -27,6 +28,9 @@ from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.roads import road_pieces
 from cutjoint.run.samples import require_fitting_steps, require_sampling
 from cutjoint.run.settings import Options, find_settings, with_options
+
+if TYPE_CHECKING:
+    from cutjoint.analysis.aims import AimedStart
 
 _NOTHING_ASKED = Options()
 
@@ -90,7 +94,8 @@ def make_run_file(
     scene = with_options(scene, method, options, has_rows=task != "realtime")
     settings = find_settings(scene, METHODS[method], implementation, options)
     parameters = parameter_values(model, changes)
-    given = input_entries(model, scene, _joined(given_inputs(model, changes), inputs))
+    every = _joined(given_inputs(model, changes), inputs)
+    given = input_entries(model, scene, every)
     if task in ("simulate", "realtime", "batch"):
         _require_steps(scene, settings, task)
         require_sampling(model, scene, settings.integrator)
@@ -99,8 +104,16 @@ def make_run_file(
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
         output_step=scene.output_step, pose=scene.pose, out=out,
-        **following(model, scene, parameters, (*sources_of_parts(model, scene), MASSES)),
+        **following(model, _begun_by(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
+
+
+def _begun_by(scene: Scene, given: Mapping[str, GivenInput]) -> Scene:
+    """The scene with the values that given inputs have at the start, where the start is found from places."""
+    if not scene.assemble:
+        return scene
+    begin = {name: float(np.interp(0.0, x["t"], x["value"]) if isinstance(x, Mapping) else x) for name, x in given.items()}
+    return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in begin.items()}})
 
 
 def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict[str, GivenInput]:
@@ -112,17 +125,21 @@ def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict
 def changing(model: Model, scene: Scene) -> tuple[str, ...]:
     """The parts of a run file that follow from open parameters, besides "parameters" itself; and `MASSES`."""
     symbols = {p.symbol for p in open_parameters(model)}
+    found = symbols if scene.assemble else set()  # all coordinates may follow from any
     of_part = {name: sympy.Tuple(*expressions.values()).free_symbols for name, expressions in sources_of_parts(model, scene).items()}
     masses = (MASSES,) if any(True for _ in _changing_bodies(model)) else ()
-    return (*(name for name, used in of_part.items() if used & symbols), *masses)
+    return (*(name for name, used in of_part.items() if (used | found if name == "positions" else used) & symbols), *masses)
 
 
 def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts: Sequence[str]) -> dict[str, Any]:
     """Parts of a run file that may follow from parameters: "positions", "rates", "roads"; of `MASSES` nothing is left but a check.
 
     Raises:
-        RunError: with these parameters one of them has no finite value, or no body can have a mass or an inertia.
+        RunError: with these parameters one of them has no finite value, no body can have a mass or an inertia, or no pose has the places
+            that the scene wants.
     """
+    if "positions" in parts:
+        scene = placed(model, scene, parameters)
     value, sources = Evaluator(model, parameters), sources_of_parts(model, scene)
     made: dict[str, Any] = {
         part: {of: value(e, _place(model, scene, part, of)) for of, e in sources[part].items()} for part in parts if part in sources
@@ -135,6 +152,46 @@ def following(model: Model, scene: Scene, parameters: Mapping[str, float], parts
     if MASSES in parts:
         _require_masses(model, value)
     return made
+
+
+def placed(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Scene:
+    """The scene with the coordinates of a start that has the places it wants, in their stead, with the values of all open parameters.
+
+    Raises:
+        RunError: no pose has them.
+    """
+    if not scene.assemble or scene.pose == "equilibrium":
+        return scene
+    value = Evaluator(model, parameters)
+    given = {name: value(e, _place(model, scene, "positions", name)) for name, e in scene.positions.items()}
+    wanted = [value(aim.value, f"{aim.span}: assemble: '{aim.name}'") for aim in scene.assemble]
+    found = _aimed_start(model, scene).find(parameters, _checked_states(model, scene, "positions", given), wanted)
+    return replace(scene, positions={name: sympy.Float(place) for name, place in found.items()}, assemble=())
+
+
+def require_same_start(model: Model, scene: Scene, changed: Sequence[str]) -> None:
+    """Check that a start that is found once holds for all runs: none of the open parameters that are ``changed`` has a part in it.
+
+    Raises:
+        RunError: one has.
+    """
+    values = parameter_values(model, {})
+    for name in changed if scene.assemble and scene.pose != "equilibrium" else ():
+        if name in values and _aimed_start(model, scene).follows(name, values):
+            reason = f"scene '{scene.name}': its start is assembled once, and follows from the parameter '{name}'"
+            raise RunError(f"{scene.span}: {reason}; use cutjoint batch, which assembles each run's")
+
+
+#: The last start that was formulated: the runs of a batch ask for the same with other parameters.
+_LAST: list[tuple[Model, Scene, AimedStart]] = []
+
+
+def _aimed_start(model: Model, scene: Scene) -> AimedStart:
+    from cutjoint.analysis.aims import AimedStart  # others do not wait for what this imports
+
+    if not any(model is known and scene == of for known, of, _ in _LAST):
+        _LAST[:] = [(model, scene, AimedStart(model, scene))]
+    return _LAST[0][2]
 
 
 def _require_masses(model: Model, value: Evaluator) -> None:

@@ -22,7 +22,7 @@ from cutjoint.model.records import Model, Scalar, Scene
 from cutjoint.model.starts import UNIT_BOUND
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
-from cutjoint.run.run_file import changing, sources_of_parts
+from cutjoint.run.run_file import changing, require_same_start, sources_of_parts
 from cutjoint.sweeps.expressions import symbol_of
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
@@ -82,6 +82,10 @@ def _following(
     if "roads" in changing(model, scene) and moving & _radii(model):
         reason = "a tyre's radius follows from a parameter of the study, and the road's shape from the radius"
         raise RunError(f"{scene.span}: scene '{scene.name}': {reason}; use cutjoint batch")
+    require_same_start(model, scene, sorted(changed))
+    if scene.assemble and (held := next((v for v in study.variables if v.kind is Kind.POSITION), None)):
+        reason = f"scene '{scene.name}' assembles its start"
+        raise RunError(f"{held.span}: position '{held.name}': {reason}; vary parameters of that by cutjoint batch")
     calls = []
     for part, function, table in (("positions", "give_coordinate", "coordinate"), ("rates", "give_speed", "speed")):
         given = sources_of_parts(model, scene)[part]

@@ -129,7 +129,7 @@ class _Attached:
 
         joints = [self._joint_of[b] for b in bodies]
         cuts = _sorted(self._cuts, bodies, lambda c: (c.kind, where(c.base), where(c.follower)))
-        gears = _sorted(self._gears, bodies, lambda g: tuple((where(self._child_of[c.joint]), c.name) for c in (g.first, g.second)))
+        gears = _sorted(self._gears, bodies, lambda g: _gear(g, lambda joint: where(self._child_of[joint])))
         instance = _instance(bodies)
         forces = _sorted(self._forces, bodies, lambda f: _force(f, where, self._ends, instance))
         named = tuple(name for name in self._named if instance and name.startswith(instance))
@@ -182,6 +182,11 @@ def _instance(bodies: Sequence[str]) -> str:
     """The innermost instance, "name.", that all bodies stand in; "" if there is none."""
     shared = takewhile(lambda parts: len(set(parts)) == 1, zip(*(name.split(".")[:-1] for name in bodies), strict=False))
     return "".join(f"{parts[0]}." for parts in shared)
+
+
+def _gear(gear: Gear, where: Any) -> tuple[Any, ...]:
+    places = tuple((where(end.joint), end.name) for end in (gear.first, gear.second))
+    return places if gear.law is None else (*places, _shape(gear.law))
 
 
 def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instance: str) -> tuple[str, tuple[int, ...], str]:

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 from cutjoint.elements.joint import ABOUT_AXIS, rate_name
-from cutjoint.model.expressions import variable
+from cutjoint.model.expressions import POSITION
 from cutjoint.model.quantities import readings_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint
-
-_POSITION = variable("position")
 
 #: Unit vectors count as parallel where their components differ by less.
 _PARALLEL = 1e-9
@@ -49,7 +47,7 @@ def uses_of_coordinates(model: Model) -> Mapping[str, tuple[Use, ...]]:
     uses: dict[str, list[Use]] = {}
     for force in model.force_elements:
         if force.joint_of:
-            rate_alone = all(_POSITION not in law.free_symbols for law in force.expressions)
+            rate_alone = all(POSITION not in law.free_symbols for law in force.expressions)
             uses.setdefault(force.joint_of, []).append(Use(
                 coordinate=force.coordinate_of, rate_alone=rate_alone, is_force=True,
                 reason=f"force '{force.name}' acts on its coordinate",

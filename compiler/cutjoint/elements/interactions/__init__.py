@@ -9,4 +9,5 @@ from cutjoint.elements.interactions.on_coordinate import OnCoordinate as OnCoord
 from cutjoint.elements.interactions.road_contact import RoadContact as RoadContact
 from cutjoint.elements.interactions.rolling_contact import RollingContact as RollingContact
 from cutjoint.elements.interactions.rubbing import Rubbing as Rubbing
+from cutjoint.elements.interactions.touch import Touch as Touch
 from cutjoint.elements.interactions.wrench import Wrench as Wrench

@@ -262,9 +262,9 @@ class _System:
                 yield from penalty_tangent(motions, c.loop)
                 for j, k, value in wrench_tangent(motions, variations, pulls(self.k, c.loop, c.loop.multipliers)):
                     yield j, k, b.neg(value)
-        for gear in self.gears:
+        for gear, push in zip(self.gears, self.pushes, strict=True):
             with b.section("tangent", gear.element.name, "J^T J", gear.element.span.place):
-                yield from gear_tangent(motions, gear)
+                yield from gear_tangent(motions, gear, push)
         together = motions.columns()
         for body, force in self.system.joint_forces.items():
             with b.section("tangent", body, "tau by the joint's own motions", ""):

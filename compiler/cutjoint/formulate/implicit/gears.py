@@ -1,4 +1,4 @@
-"""Gears in relative coordinates: they act on their joints' coordinates alone, and their Jacobian never changes."""
+"""Gears in relative coordinates: they act on their joints' coordinates alone, and their Jacobian changes with these by laws."""
 
 from __future__ import annotations
 
@@ -42,13 +42,19 @@ def speed_inputs(k: Kinematics) -> dict[str, Block]:
     return {c.joint: b.symbol(f"vdot:{c.joint}", len(c.speed_names), BindingTime.ITERATION) for c in charts}
 
 
-def gear_tangent(motions: Motions, gear: GearClosure) -> Iterator[tuple[Motion, Motion, Block]]:
-    """constraint J^T J: row, column, value; of motions that share a coordinate one stands for all."""
+def gear_tangent(motions: Motions, gear: GearClosure, push: Block) -> Iterator[tuple[Motion, Motion, Block]]:
+    """constraint J^T J, and stiffness times the change of J^T ``push``: row, column, value; of motions that share a coordinate one stands
+    for all."""
     b = motions.k.builder
-    ends = [(next(m for m in motions.of_body[body] if m.index == place), factor) for body, (place, factor) in gear.row.items()]
+    ends, bends = (
+        [(next(m for m in motions.of_body[body] if m.index == place), factor) for body, (place, factor) in of.items()]
+        for of in (gear.row, gear.bend)
+    )
     for j, first in ends:
         for k, second in ends:
             yield j, k, b.mul(motions.weights.constraint, b.mul(first, second))
+    for j, bent in bends:
+        yield j, j, b.mul(motions.weights.stiffness, b.mul(bent, push))
 
 
 def weights(k: Kinematics, gear: GearClosure) -> Block:

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import sympy
 
-from cutjoint.elements.gear import EQUATION, NAMES
+from cutjoint.elements.gear import NAMES, equation
 from cutjoint.elements.joint import JointGap
-from cutjoint.formulate.inputs import guide_rates
+from cutjoint.formulate.inputs import gear_courses, guide_rates
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
 from cutjoint.kernels.directions import slide_axis
-from cutjoint.model.records import GROUND, Gear, Joint, Model, Scalar, Vector
+from cutjoint.model.records import GROUND, Gear, Joint, JointCoordinate, Model, Scalar, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 
 
@@ -141,7 +141,7 @@ class ConstraintMaker:
             with self._b.section("joint", joint.name, "Phi of what nodes alone do not share", joint.span.place):
                 constraints.extend(self._joint(joint))
         for gear in self._model.gears:
-            with self._b.section("joint", gear.name, EQUATION, gear.span.place):
+            with self._b.section("joint", gear.name, equation(gear.law is not None), gear.span.place):
                 constraints.append(self._stacked(gear.name, NAMES, [self._gear(gear)]))
         return constraints
 
@@ -294,9 +294,23 @@ class ConstraintMaker:
         return found
 
     def _gear(self, gear: Gear) -> _Row:
-        """The sum of a gear's coordinates with their factors."""
-        row, b, joints = self._row(), self._b, {joint.name: joint for joint in self._model.joints}
-        for coordinate, factor in gear.terms:
+        """The sum of a gear's coordinates with their factors, less the law of the second one."""
+        row = self._row()
+        self._add_terms(row, gear.terms)
+        if gear.law is not None:
+            b, inner = self._b, self._row()
+            self._add_terms(inner, ((gear.second, 1),))
+            course, slope, bent = gear_courses(gear, self._m.translator, inner.residual)
+            drift = b.add(b.mul(slope, inner.drift), b.mul(bent, b.mul(inner.rate, inner.rate)))
+            row.known(course, b.mul(slope, inner.rate), drift)
+            for use, gradient in inner.by_use:
+                row.push((use,), b.neg(b.mul(slope, gradient)))
+        return row
+
+    def _add_terms(self, row: _Row, terms: Sequence[tuple[JointCoordinate, Scalar]]) -> None:
+        """Add coordinates with their factors."""
+        b, joints = self._b, {joint.name: joint for joint in self._model.joints}
+        for coordinate, factor in terms:
             joint, key = joints[coordinate.joint], (coordinate.joint, coordinate.name)
             if key in self._layout.angles:
                 row.angle(self._layout.angles[key], -factor)
@@ -306,7 +320,6 @@ class ConstraintMaker:
                 row.known(position, rate, acceleration)
             else:
                 row.product(self._m.translator.scalar(factor), *self._slide(joint, coordinate.name))
-        return row
 
     def _slide(self, joint: Joint, coordinate: str) -> tuple[Uses, Uses]:
         """The way between a joint's points and the direction along which a displacement counts."""

@@ -1,4 +1,4 @@
-"""Gears in relative coordinates: Phi = sum of factor times coordinate, whose Jacobian is constant.
+"""Gears in relative coordinates: Phi = sum of factor times coordinate, whose Jacobian is constant, or q_a - f(q_b), with f'' in its drift.
 
 A guided coordinate is a function of time; it has a part in the residual, its rate and its drift, and none in the Jacobian.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutjoint.elements.gear import EQUATION, NAMES
-from cutjoint.formulate.inputs import Numbers
+from cutjoint.elements.gear import NAMES, equation
+from cutjoint.formulate.inputs import Numbers, gear_courses
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, stabilisation
 from cutjoint.model.records import Gear
@@ -18,14 +18,16 @@ from cutjoint.program.blocks import BindingTime, Block, Builder
 
 @dataclass(frozen=True, kw_only=True)
 class GearClosure(Closing):
-    """A gear's blocks, with the ``drift`` that guides add to Phi''.
+    """A gear's blocks, with the ``drift`` that guides and the bend of a law add to Phi''.
 
-    ``row`` is its Jacobian: by the bodies whose joints have unknowns the place among these and the factor.
+    ``row`` is its Jacobian: by the bodies whose joints have unknowns the place among these and the factor.  ``bend`` has the change of the
+    factor with its own coordinate, where a law makes it change.
     """
 
     gear: Gear
     drift: Block
     row: Mapping[str, tuple[int, Block]]
+    bend: Mapping[str, tuple[int, Block]]
 
     @property
     def element(self) -> Gear:
@@ -44,7 +46,7 @@ def derive_gears(k: Kinematics, gears: tuple[Gear, ...], numbers: Numbers) -> tu
     """The blocks of every gear."""
     found = []
     for gear in gears:
-        with k.builder.section("closure", gear.name, f"{EQUATION}, s = 2 xi w Phi' + w^2 Phi", gear.span.place):
+        with k.builder.section("closure", gear.name, f"{equation(gear.law is not None)}, s = 2 xi w Phi' + w^2 Phi", gear.span.place):
             found.append(_derive(k, gear, numbers))
     return tuple(found)
 
@@ -52,7 +54,7 @@ def derive_gears(k: Kinematics, gears: tuple[Gear, ...], numbers: Numbers) -> tu
 def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
     b, name = k.builder, gear.name
     motions = {m.tree_joint.joint.name: m for m in k.motions.values()}
-    row: dict[str, tuple[int, Block]] = {}
+    row, bend = dict[str, tuple[int, Block]](), dict[str, tuple[int, Block]]()
     residual = rate = drift = b.zero(1)
     for coordinate, number in gear.terms:
         motion, factor = motions[coordinate.joint], k.translator.scalar(number)
@@ -63,11 +65,22 @@ def _derive(k: Kinematics, gear: Gear, numbers: Numbers) -> GearClosure:
             drift = b.add(drift, b.mul(factor, motion.acceleration[place]))
         else:
             row[motion.tree_joint.child] = place, factor
+    if gear.law is not None:
+        motion = motions[gear.second.joint]
+        place = motion.tree_joint.joint.element.coordinates.index(gear.second.name)
+        position, speed = motion.position[place], motion.rate[place]
+        course, slope, bent = (b.neg(each) for each in gear_courses(gear, k.translator, position))
+        residual, rate = b.add(residual, course), b.add(rate, b.mul(slope, speed))
+        drift = b.add(drift, b.mul(bent, b.mul(speed, speed)))
+        if motion.acceleration:
+            drift = b.add(drift, b.mul(slope, motion.acceleration[place]))
+        else:
+            row[motion.tree_joint.child], bend[motion.tree_joint.child] = (place, slope), (place, bent)
     b.name(residual, "Phi", name, rows=NAMES)
     b.name(rate, "Phid", name, rows=NAMES)
     of_rate, of_residual = stabilisation(b, numbers)
     s = b.name(b.add(drift, b.add(b.scale(of_rate, rate), b.scale(of_residual, residual))), "s", name, rows=NAMES)
     multipliers = b.symbol(f"lambda:{name}", 1, BindingTime.ITERATION)
     return GearClosure(
-        gear=gear, names=NAMES, residual=residual, rate=rate, drift=drift, s=s, multipliers=multipliers, row=row
+        gear=gear, names=NAMES, residual=residual, rate=rate, drift=drift, s=s, multipliers=multipliers, row=row, bend=bend
     )  # fmt: skip

@@ -228,12 +228,19 @@ def explain_gears(model: Model) -> tuple[Entry, ...]:
 
 
 def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
-    rows = [(code(g.name), g.span.place, _coordinate(g.first), _coordinate(g.second), text(g.ratio, model)) for g in gears]
+    rows = [
+        (code(g.name), g.span.place, _coordinate(g.first), _coordinate(g.second), text(g.ratio if g.law is None else g.law, model))
+        for g in gears
+    ]  # fmt: skip
+    linear = r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b"
+    bent = r"\Phi = q_a - f(q_b), \quad \dot \Phi = \dot q_a - f' \dot q_b, \quad \ddot \Phi = \ddot q_a - f' \ddot q_b - f'' \dot q_b^2"
+    forms = {"ratio $r$": linear} if any(g.law is None for g in gears) else {}
+    forms |= {"law $f$": bent} if any(g.law is not None for g in gears) else {}
     return Entry(
         title=f"Gears: {with_others([g.name for g in gears])}",
         notes=(f"{TEXT.capitalize()}, with all turns. Equations: {code(NAMES)}.",),
-        formulas=(r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b",),
-        table=make_table(("gear", "line", "$q_a$", "$q_b$", "ratio $r$"), rows),
+        formulas=tuple(forms.values()),
+        table=make_table(("gear", "line", "$q_a$", "$q_b$", " or ".join(forms)), rows),
     )
 
 

@@ -1,0 +1,199 @@
+"""The start of a scene that is to have given places: coordinates that close the loops around them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutjoint.analysis.closing import Array, close_loops, design_coordinates, evaluate_closures, make_inputs, retract
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import join_and
+from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.records import VALUE, Model, Output, Scene, Signal
+from cutjoint.package.errors import RunError
+from cutjoint.program.interpret import interpret_blocks
+from cutjoint.topology.build import build_topology
+from cutjoint.topology.geometry import TOLERANCE
+
+#: A place (m, rad) is as wanted within this, in units of its size above one.
+_REACHED = 1e-11
+#: A step of differences by which places change, rad and m: central ones err by their square.
+_DIFFERENCE = 1e-5
+#: A step moves no coordinate further, rad and m.
+_FARTHEST = 0.3
+_ITERATIONS = 200
+#: The damping that steps begin with, as a share of the places' largest change, and the share of its distance that the last step gains.
+_DAMPING, _GAIN = 1e-9, 1e-9
+#: A place whose value is further away than this (m, rad) is named among those that were not reached.
+_SEEN = 1e-7
+#: Random steps from the design position, and how far these go, rad and m.
+_TRIALS, _STRAY = 12, 1.2
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reached:
+    """Coordinates that close the loops, and how far (m, rad) each place is from the wanted one."""
+
+    q: Array
+    left: Array
+
+    @property
+    def distance(self) -> float:
+        """The length of what is left."""
+        return float(np.linalg.norm(self.left))
+
+
+class AimedStart:
+    """The places that a scene wants, as functions of the coordinates."""
+
+    def __init__(self, model: Model, scene: Scene) -> None:
+        self._scene = scene
+        names = [f"{scene.name}:{i}" for i in range(len(scene.assemble))]  # no name of a file has a colon
+        signals = tuple(
+            Signal(name=name, symbol=quantity_symbol(name, VALUE), value=aim.expression, unit=aim.unit, span=aim.span, reported=True)
+            for name, aim in zip(names, scene.assemble, strict=True)
+        )
+        outputs = tuple(Output(element=signal.name, quantity=VALUE, span=signal.span, name=signal.name) for signal in signals)
+        acting = replace(scene, switches={force.name: True for force in model.forces})
+        topology = build_topology(replace(model, signals=(*model.signals, *signals)))
+        self._equations = formulate_recursive(topology, acting, outputs)
+
+    def find(self, parameters: Mapping[str, float], given: Mapping[str, float], wanted: Sequence[float]) -> dict[str, float]:
+        """All coordinates by "joint.coordinate", those ``given`` (SI units) as they are, with open ``parameters``; the values that places
+        are to have are ``wanted``.
+
+        Raises:
+            RunError: no pose has them, or none that closes the loops was found near the design position.
+        """
+        q, free = self._given(given)
+        search = _Search(self._with(parameters), free, np.array(wanted))
+        start = search.reach(q)
+        if start is None:
+            where = f"{self._scene.span}: scene '{self._scene.name}'"
+            raise RunError(f"{where}: the loops cannot close from its positions; give others, or fewer")
+        found = search.find(start)
+        if found.distance > 0:
+            raise RunError(self._said(found, wanted, search.freedom(found.q)))
+        return dict(zip(self._equations.coordinate_names, self._turned(found.q).tolist(), strict=True))
+
+    def follows(self, parameter: str, parameters: Mapping[str, float]) -> bool:
+        """Return whether loops or places follow from one of the open ``parameters``: without a number there they have none."""
+        search = _Search(self._with({**parameters, parameter: np.nan}), np.ones(self._equations.speeds, dtype=bool), np.zeros(0))
+        return bool(np.isnan(search.equations_at(design_coordinates(self._equations))).any())
+
+    def _with(self, parameters: Mapping[str, float]) -> RecursiveEquations:
+        return replace(self._equations, parameters=tuple(replace(p, value=parameters[p.name]) for p in self._equations.parameters))
+
+    def _given(self, given: Mapping[str, float]) -> tuple[Array, Array]:
+        """The design position with the given coordinates, and whether each speed is free."""
+        q, free = design_coordinates(self._equations), np.ones(self._equations.speeds, dtype=bool)
+        places = {name: i for i, name in enumerate(self._equations.coordinate_names)}
+        for name, value in given.items():
+            q[places[name]] = value
+        for chart in self._equations.charts:
+            names = self._equations.coordinate_names[chart.q : chart.q + len(chart.coordinate_names)]
+            free[chart.v : chart.v + chart.scalars] = [name not in given for name in names[: chart.scalars]]
+            if chart.ball:
+                free[chart.v + chart.scalars : chart.v + chart.scalars + 3] = names[chart.scalars] not in given
+        return self._turned(q, given), free
+
+    def _turned(self, q: Array, of: Collection[str] | None = None) -> Array:
+        """Coordinates with attitudes, all or those of names ``of``, turned between followers beside bases and outer bodies beside inner
+        ones."""
+        turned = q.copy()
+        for chart in self._equations.charts:
+            first = chart.q + chart.scalars
+            if chart.ball and chart.reversed and (of is None or self._equations.coordinate_names[first] in of):
+                turned[first + 1 : first + 4] *= -1
+        return turned
+
+    def _said(self, found: _Reached, wanted: Sequence[float], freedom: int) -> str:
+        every = zip(self._scene.assemble, wanted, found.left, strict=True)
+        missed = [(aim, value, value + left) for aim, value, left in every if abs(left) > _SEEN * max(1.0, abs(value))]
+        words = [f"{aim.name} = {got / aim.size:.6g} in place of {value / aim.size:.6g} {aim.unit}".rstrip() for aim, value, got in missed]
+        count = f"; {len(wanted)} values are wanted, and {freedom} can be chosen there" if len(wanted) > freedom else ""
+        where = f"{missed[0][0].span}: scene '{self._scene.name}': assemble"
+        nearest = f"no pose that closes the loops was found with these values; the nearest has {join_and(words)}"
+        return f"{where}: {nearest}{count}; write others, or fewer"
+
+
+class _Search:
+    """Looks for coordinates that close the loops and have the ``wanted`` places; speeds that are not ``free`` keep their coordinates."""
+
+    def __init__(self, equations: RecursiveEquations, free: Array, wanted: Array) -> None:
+        self._equations, self._free, self._wanted = equations, free, wanted
+        self._places = list(equations.function("report").results.values())
+
+    def find(self, start: _Reached) -> _Reached:
+        """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps beside it."""
+        best = self._approach(start)
+        rng, ways = np.random.default_rng(0), self._ways(start.q)
+        for _ in range(_TRIALS if best.distance > 0 and ways.size else 0):
+            way = ways @ rng.uniform(-1, 1, ways.shape[1])
+            begun = self.reach(retract(self._equations, start.q, _STRAY * way / np.abs(way).max()))
+            if begun is not None and (found := self._approach(begun)).distance < best.distance:
+                best = found
+            if best.distance == 0:
+                break
+        return best
+
+    def reach(self, q: Array) -> _Reached | None:
+        """The pose near q that closes the loops; None where there is none."""
+        found = close_loops(self._equations, q, free=self._free)
+        if found is None:
+            return None
+        left = self._values(found[0][np.newaxis])[0] - self._wanted
+        return _Reached(q=found[0], left=np.where(np.abs(left) <= _REACHED * np.maximum(1.0, np.abs(self._wanted)), 0.0, left))
+
+    def freedom(self, q: Array) -> int:
+        """The number of directions of motion beside what is given."""
+        return int(self._ways(q).shape[1])
+
+    def _approach(self, at: _Reached) -> _Reached:
+        """The places' least squares from a pose on, by steps along closed loops (Levenberg, Q. Appl. Math. 2, 1944)."""
+        damping = _DAMPING
+        for _ in range(_ITERATIONS):
+            if at.distance == 0:
+                break
+            ways = self._ways(at.q)
+            slopes = self._slopes(at.q) @ ways
+            gram = slopes.T @ slopes
+            step = -ways @ np.linalg.solve(gram + damping * max(np.trace(gram), 1e-12) * np.eye(len(gram)), slopes.T @ at.left)
+            step *= min(1.0, _FARTHEST / max(np.abs(step).max(initial=0.0), 1e-300))
+            after = self.reach(retract(self._equations, at.q, step))
+            if after is not None and after.distance < at.distance:
+                gained, at, damping = at.distance - after.distance, after, damping / 8
+                if gained < _GAIN * at.distance:
+                    break
+            elif (damping := 8 * damping) > 1e6:
+                break
+        return at
+
+    def _ways(self, q: Array) -> Array:
+        """The directions of motion (speeds, n) in which closed loops stay closed and given coordinates where they are."""
+        jacobian = evaluate_closures(self._equations, q)[1][:, self._free]
+        m, n = jacobian.shape
+        ways = np.zeros((len(self._free), n))
+        ways[self._free] = np.eye(n)
+        if not (m and n):
+            return ways
+        values, directions = np.linalg.svd(jacobian, full_matrices=m < n)[1:]
+        return np.asarray(ways @ directions[int(np.sum(values > TOLERANCE * values.max())) :].T)
+
+    def _slopes(self, q: Array) -> Array:
+        """The changes of the places (places, speeds) by each speed, by central differences."""
+        steps = _DIFFERENCE * np.eye(len(self._free))
+        values = self._values(retract(self._equations, np.broadcast_to(q, (2 * len(steps), len(q))), np.concatenate([steps, -steps])))
+        return np.asarray((values[: len(steps)] - values[len(steps) :]).T / (2 * _DIFFERENCE))
+
+    def equations_at(self, q: Array) -> Array:
+        """The loops' residuals and the places at coordinates."""
+        return np.concatenate([evaluate_closures(self._equations, q)[0], self._values(q[np.newaxis])[0]])
+
+    def _values(self, q: Array) -> Array:
+        """The places (rows, places) at coordinates (rows, coordinates)."""
+        found = interpret_blocks(self._places, make_inputs(self._equations, q, np.zeros(self._equations.speeds)), {})
+        return np.stack([np.broadcast_to(found[block][..., 0, 0], len(q)) for block in self._places], axis=-1)

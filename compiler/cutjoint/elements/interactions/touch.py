@@ -1,0 +1,125 @@
+"""A ball or a point of a body on a plane or a cylinder of another: the motion of the contact, and a force there by expressions.
+
+With the way w from the surface's point p_b to the centre c, the surface's normal n and the distance l from c to the surface::
+
+    plane      l = n . w                       cylinder   d = |w - a (a . w)|,  n = +-(w - a (a . w))/d,  l = +-(d - R)
+    deflection = r - l                         deflection' = -n . u,   u = v_c - v_b - w_b x w
+    v = u - l (w_f - w_b) x n                  vx = e_x . v,  vy = e_y . v,  e_y = n x e_x,  turn = n . (w_f - w_b)
+
+v is the velocity of the follower's material over the base's at c - l n, where the force acts on both, and only where the deflection is
+positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from cutjoint.elements.interaction import Arrow, Axis, Carrier, Explanation, Interaction, Mechanics, Page, Point, Sight, gets, on_both
+
+if TYPE_CHECKING:
+    from cutjoint.elements import forces
+    from cutjoint.program.blocks import Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Surface:
+    """The surface under a centre: the way from the surface's point, normal, tangent of the first component, distance."""
+
+    way: Block
+    n: Block
+    e_x: Block
+    distance: Block
+
+
+@dataclass(frozen=True, kw_only=True)
+class Touch(Interaction):
+    """A ``centre`` on a surface through or around ``start``: a plane with the direction ``normal``, or without one a cylinder about
+    ``along``."""
+
+    start: Point
+    centre: Point
+    along: Axis
+    normal: Axis
+    needs_attitude: ClassVar[bool] = True
+    holds_bodies: ClassVar[bool] = False
+    equation: ClassVar[str] = "deflection = r - l,  v = u - l (w_f - w_b) x n,  force by its components where the surface is met"
+
+    def act(self, force: forces.Contact, m: Mechanics) -> dict[str, Block]:
+        """The force on the follower where it meets the surface, and its reaction on the base there."""
+        b, (at, values) = m.b, self._contact(force, m)
+        touches = b.call("lt", b.zero(1), values["deflection"])
+        components = [b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in force.force]
+        push = b.total([b.scale(x, e) for x, e in zip(components, (at.e_x, b.cross(at.n, at.e_x), at.n), strict=True)])
+        arm = b.neg(b.scale(at.distance, at.n))
+        m.push_beside(self.centre, arm, push, b.zero(3))
+        m.push_beside(self.start, b.add(at.way, arm), b.neg(push), b.zero(3))
+        return dict(zip(("Fx", "Fy", "Fz"), components, strict=True)) | values
+
+    def values(self, force: forces.Contact, m: Mechanics) -> dict[str, Block]:
+        """The motion of the contact."""
+        return self._contact(force, m)[1]
+
+    def _contact(self, force: forces.Contact, m: Mechanics) -> tuple[_Surface, dict[str, Block]]:
+        b, way, turning = m.b, m.way(self.start, self.centre), m.spin(Carrier.BASE)
+        at = self._meet(force, m, way.x)
+        beside = b.sub(way.v, b.cross(turning, way.x))
+        spin = b.sub(m.spin(Carrier.FOLLOWER), turning)
+        v = b.sub(beside, b.scale(at.distance, b.cross(spin, at.n)))
+        return at, {
+            "deflection": b.sub(m.scalar(force.ball, {}), at.distance),
+            "deflection_rate": b.neg(b.dot(at.n, beside)),
+            "vx": b.dot(at.e_x, v),
+            "vy": b.dot(b.cross(at.n, at.e_x), v),
+            "turn": b.dot(at.n, spin),
+        }
+
+    def _meet(self, force: forces.Contact, m: Mechanics, way: Block) -> _Surface:
+        b, e_x = m.b, m.direction(self.along).x
+        if force.normal is not None:
+            n = m.direction(self.normal).x
+            return _Surface(way=way, n=n, e_x=e_x, distance=b.dot(n, way))
+        across = b.sub(way, b.scale(b.dot(e_x, way), e_x))
+        d = b.call("sqrt", b.dot(across, across))
+        n, distance = b.scale(b.call("div", b.number(1.0), d), across), b.sub(d, m.scalar(force.cylinder, {}))
+        return _Surface(way=way, n=b.neg(n), e_x=e_x, distance=b.neg(distance)) if force.inside else _Surface(
+            way=way, n=n, e_x=e_x, distance=distance
+        )
+
+    def swapped(self, force: forces.Contact) -> Mapping[str, Any]:
+        """Base and follower are not alike."""
+        return {}
+
+    def explain(self, force: forces.Contact, page: Page) -> Explanation:
+        """The motion of the contact, and the components over it."""
+        sign = "-" if force.inside else ""
+        surface = r"l = n \cdot w" if force.normal is not None else (
+            rf"d = \lVert w - a (a \cdot w) \rVert, \quad n = {sign}(w - a (a \cdot w)) / d, \quad l = {sign}(d - R), \quad e_x = a"
+        )
+        numbers = [("radius r", page.number(force.ball))]
+        numbers += [] if force.cylinder is None else [("radius R of the cylinder", page.number(force.cylinder))]
+        return Explanation(
+            notes=(_NOTES,), actions=(r"w = c - p_b, \quad " + surface, *_CONTACT, page.either(_WRENCH, _ON_POINTS)),
+            laws=page.vector("F", force.force, {}), constants=tuple(numbers),
+        )  # fmt: skip
+
+    def arrow(self, force: forces.Contact, sight: Sight) -> Arrow:
+        """The normal force on a plane."""
+        return None if force.normal is None else sight.push_along(self.centre, self.normal, "Fz")
+
+
+_NOTES = (
+    r"$c$ is the centre, $p_b$ the surface's point, $n$ its normal towards $c$, $u$ the velocity of $c$ beside the base, $v$ that of the "
+    r"material at the contact; the force acts at $p = c - l n$ on both, where $\delta \gt 0$."
+)
+_CONTACT = (
+    r"\delta = r - l, \quad u = v_c - v_b - \omega_b \times w, \quad \dot \delta = - n \cdot u, \quad"
+    r" v = u - l (\omega_f - \omega_b) \times n, \quad \dot \psi = n \cdot (\omega_f - \omega_b)",
+    r"v_x = e_x \cdot v, \quad v_y = e_y \cdot v, \quad e_y = n \times e_x, \quad F = F_1 e_x + F_2 e_y + F_3 n",
+)
+_WRENCH = on_both("+", "F", r"p \times F")
+_ON_POINTS = r", \quad ".join((
+    gets("c", "+", "F"), gets("p_b", "-", "F"), gets("e_{f,i}", "+", r"(p - c) \times F \times e_{f,i} / 2"),
+    gets("e_{b,i}", "-", r"(p - p_b) \times F \times e_{b,i} / 2"),
+))  # fmt: skip
