@@ -16,7 +16,7 @@ from cutjoint.formulate.records import POSES, Equations, RecursiveEquations, Sys
 from cutjoint.formulate.recursive.poses import posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
-from cutjoint.model.functions import signature_of
+from cutjoint.model.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
@@ -232,7 +232,7 @@ def _class(
     views = {"load": viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
     records, lane_types = _records(viewer), viewer.lane_types()
     roads = [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())]
-    supplied = [signature_of(f) for f in equations.topology.model.functions]
+    supplied = [text for f in equations.topology.model.functions for text in signatures_of(f).values()]
     text = page.render(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],

@@ -574,12 +574,29 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True)
 class SuppliedFunction:
-    """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too."""
+    """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too.
+
+    ``units`` are those of arguments that have one.  ``results`` are their names with their units, "" where none is known; the only result
+    of a function has the name "".  ``memory`` is the size of what it reads besides its arguments, and its update writes, in bytes.
+    """
 
     name: str
     arguments: tuple[str, ...]
     partials: bool
     span: Span
+    units: Mapping[str, str] = field(default_factory=dict)
+    results: Mapping[str, str] = field(default_factory=lambda: {"": ""})
+    memory: int = 0
+
+    @property
+    def words(self) -> int:
+        """The number of held values that its memory takes: each has four bytes as a whole number, which every double holds to the bit."""
+        return -(-self.memory // 4)
+
+    @property
+    def is_plain(self) -> bool:
+        """True for one result and no memory."""
+        return self.words == 0 and "" in self.results
 
 
 @dataclass(frozen=True, kw_only=True)
