@@ -9,7 +9,7 @@ from typing import Any
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
-from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
+from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, nominals_of, switches_of
 from cutjoint.emit.view import FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import POSES, Equations, RecursiveEquations, SystemEquations
@@ -303,13 +303,14 @@ def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquatio
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
     """The sizes that a class declares, and its controllers where it has some."""
     states, controllers = len(equations.state.states), equations.topology.model.controllers
+    nominals = nominals_of(equations)
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "switches": len(equations.switches),
         **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
-    }, **({"samples": controllers} if controllers else {})}  # fmt: skip
+    }, **({"samples": controllers} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

@@ -56,10 +56,11 @@ class Marker(Part):
 
 
 class FirstOrderState(Part):
-    """A number beside the mechanism: its value where a run begins, and its rate of change."""
+    """A number beside the mechanism: its value where a run begins, its rate of change, and how large it usually is."""
 
     start: Number
     rate: Number
+    nominal: Number | None = None
 
 
 class SampledSignal(Part):

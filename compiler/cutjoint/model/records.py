@@ -75,7 +75,8 @@ VALUE = "value"
 class FirstOrderState:
     """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and quantities of elements.
 
-    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.
+    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.  ``nominal`` is the size of which
+    its error may be the absolute tolerance, in its unit.
     """
 
     name: str
@@ -84,6 +85,7 @@ class FirstOrderState:
     initial: Scalar
     unit: str
     span: Span
+    nominal: float = 1.0
 
     @property
     def entry(self) -> str:
