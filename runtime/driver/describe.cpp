@@ -41,6 +41,7 @@ void fill(Description& d, const constants::Mechanism& mechanism) {
        [](const constants::Domain& x) { return Domain{.what = x.what, .element = x.element, .place = x.place, .strict = x.strict, .cure = x.cure}; });
   take(d.switches, mechanism.switches,
        [](const constants::Switch& x) { return Switch{.element = x.element, .place = x.place, .road = x.road, .across = x.across}; });
+  take(d.nominals, mechanism.nominals, [](double x) { return x; });
   take(d.controllers, mechanism.controllers, [](const constants::Controller& x) { return Controller{.name = x.name, .place = x.place, .times = x.times}; });
   d.states = static_cast<std::size_t>(mechanism.states);
   d.driven = mechanism.driven;

@@ -471,24 +471,49 @@ class Maker:
         signals = [self.name("signal") for _ in range(rng.randint(0, 3))]
         controllers = [self.name("controller") for _ in range(rng.randint(0, 2))]
         known += [f"{name}.{rng.choice(('out', 'out', 'kept', 'more'))}" for name in controllers]
+        calls = self.functions(made, controllers) if self.chance() else []
         sensed = [f"{sensor}.{rng.choice(('Fx', 'force', 'ay'))}" for sensor in (*made["reactions"], *made["markers"])]
 
         def term(*own: str) -> str:
             one, two = (rng.choice([*known, *states, *signals, *own, "drive", "size", "t"]) for _ in range(2))
-            return rng.choice((f"0.5*{one}", f"-2*{one} + sin({two})", f"where({one} < 0.1, {two}, 0.3)", f"max(0.2*{one}, -{two})"))
+            called = [f"0.1*{call.format(one, two)}" for call in calls]
+            forms = (f"0.5*{one}", f"-2*{one} + sin({two})", f"where({one} < 0.1, {two}, 0.3)", f"max(0.2*{one}, -{two})")
+            return rng.choice((*forms, *called))
 
         made["states"] = {name: {"start": rng.choice((0, 0.5, "size", "0.2 m")), "rate": term()} for name in states}
+        for state in made["states"].values():
+            if self.chance():
+                state["nominal"] = rng.choice((1e5, "3 um", *((0, "size", "2 s") if self.chance(0.1) else ())))
         made["signals"] = {name: term() for name in signals}
         made["controllers"] = {name: self.controller(lambda *own: term(*own, *sensed)) for name in controllers}
+        if "functions" in made:
+            for controller in made["controllers"].values():
+                kept = {"function": "worn", "arguments": [rng.choice(known), rng.choice(known)]}
+                controller.setdefault("memory", {})["bytes"] = kept if self.chance(0.95) else {"function": "pushed", "arguments": ["t"]}
         for force in made["forces"].values():
             if isinstance(force.get("law"), str) and self.chance():
                 force["law"] += f" + 3*({term()})"
         if "submodels" in made:
             side = made["submodels"]["side"]
             side["states"] = {"level": {"start": 0.1, "rate": "ask - 2*level"}}
-            side["controllers"] = {"slow": {"every": "1 ms", "signals": {"ask": "0.1*wheel.az + 0.1*level"}}}
+            side["controllers"] = {"slow": {"every": "1 ms", "signals": {"asked": "0.1*wheel.az + 0.1*level"}}}
             side["signals"] = {"ask": rng.choice(("0.1*wheel.vy + t", "spring.length - reach", "base.x*wheel.roll", "0.1*spring.force"))}
             side["forces"]["push"]["force"][1] = "level - vy*reach"
+
+    def functions(self, made: Node, controllers: list[str]) -> list[str]:
+        """Functions of the user, now and then with wrong units or sizes, and patterns of calls of two arguments."""
+        rng = self.rng
+        unit = rng.choice(("kN", "what", "m/s") if self.chance(0.2) else ("m/s", "1"))
+        results = rng.choice((["force", "heat"], {"force": "N", "heat": "W"}, {"force": 1, "heat": unit}))
+        memory = rng.choice((1, 7, 64, *((0, 300, "64") if self.chance(0.1) else ())))
+        made["functions"] = {
+            "pushed": {"arguments": {"a": "m", "b": "m/s"} if self.chance(0.1) else ["a", "b"], "partials": self.chance()},
+            "worn": {"arguments": ["a", "b"], "results": results, "memory": memory},
+        }
+        if self.chance():
+            made["functions"]["pushed"]["unit"] = rng.choice(("N", "m", "1"))
+        calls = ["pushed({}, {})", *(f"worn.{result}({{}}, {{}}, {name}.bytes)" for result in results for name in controllers)]
+        return [*calls, "worn({}, {})", "worn.cold({}, {}, t)", "pushed({})"] if self.chance(0.1) else calls
 
     def controller(self, term: Callable[..., str]) -> Node:
         """Its signals read each other, now and then in a circle."""

@@ -63,6 +63,62 @@ def test_laws_call_what_the_model_declares() -> None:
     assert law.xreplace({x: sympy.Float(0.5)}).has(SuppliedCall("push", -1, 0, sympy.Float(0.5)))
 
 
+WORN = MODEL.replace(
+    "  push: {arguments: [x]}\n",
+    "  push: {arguments: {x: m}, unit: N}\n  wear: {arguments: {x: m, v: m/s}, results: {force: N, heat: W}, memory: 64}\n",
+).replace(
+    "scenes:",
+    "controllers:\n  keep: {every: 10 ms, memory: {kept: {function: wear, arguments: [slide.displacement, slide.displacement_rate]}}}\n"
+    "signals:\n  lost: wear.heat(slide.displacement, slide.displacement_rate, keep.kept)\nscenes:",
+).replace("- 3*push(position)", "- push(position) - wear.force(position, rate, keep.kept)")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("wear.heat(", "wear(", "m.yaml:17:3: signal 'lost': wear has several results; "
+            "write wear.force(x, v, memory) or wear.heat(x, v, memory)"),
+        ("wear.heat(", "wear.cold(", "m.yaml:17:3: signal 'lost': wear has no result 'cold'; "
+            "write wear.force(x, v, memory) or wear.heat(x, v, memory)"),
+        ("rate, keep.kept)\nscenes", "rate)\nscenes", "m.yaml:17:3: signal 'lost': the last argument of wear is its memory; "
+            "give a controller memory: {kept: {function: wear, arguments: [...]}}, and write its name there"),
+        ("lost: wear", "lost: 2*keep.kept + wear", "m.yaml:17:3: signal 'lost': 'keep.kept' is the memory of a function, and no number; "
+            "write it as the last argument of wear"),
+        ("heat(slide.displacement,", "heat(slide.displacement_rate,", "m.yaml:17:3: signal 'lost': x of wear needs m, got m/s"),
+        ("function: wear", "function: ware", "m.yaml:15:50: controller 'keep': there is no function 'ware'; did you mean 'wear'?"),
+        ("function: wear", "function: pull", "m.yaml:15:67: controller 'keep': memory kept: the function 'pull' has no memory; "
+            "declare its size in bytes: memory: 64"),
+        (", slide.displacement_rate]}}}", "]}}}",
+            "m.yaml:15:67: controller 'keep': memory kept: wear needs 2 arguments, got 1; write wear(x, v)"),
+        ("memory: 64", "memory: 0", "m.yaml:7:75: function 'wear': memory: 0 bytes is out of range; write 1 to 256"),
+        ("v: m/s}", "v: mm/s}", "m.yaml:7:31: function 'wear': 'mm/s' is no SI unit, and its code has numbers in SI units; write m/s"),
+        ("unit: N}", "unit: N, results: [a]}", "m.yaml:6:3: function 'push': 'unit' is that of one result, and 'results' has several; "
+            "write their units there: results: {force: N}"),
+        ("outputs: [", "outputs: [keep.kept, ", "m.yaml:19:65: scene 'run': output 'keep.kept': 'keep' has no quantity 'kept'; "
+            "a memory of a function is none"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_memories_and_results_is_named(old: str, new: str, message: str) -> None:
+    assert old in WORN
+    with pytest.raises(ModelError) as raised:
+        read(WORN.replace(old, new, 1))
+    assert message in str(raised.value).splitlines()
+
+
+def test_a_memory_is_words_that_a_controller_holds() -> None:
+    """Each has four bytes; slopes pass it by, and readers see one."""
+    model = read(WORN)
+    (controller,) = model.controllers
+    assert len(controller.held) == 16
+    assert controller.quantities == {}
+    (lost,) = (signal.value for signal in model.signals if signal.name == "lost")
+    assert isinstance(lost, SuppliedCall)
+    assert lost.function == "opaque.wear:1:2:16"
+    assert len(lost.arguments) == 18
+    assert lost.diff(controller.held[3].symbol) == 0
+    assert str(lost) == "wear_2(@slide.displacement, @slide.displacement_rate, @keep.kept:0)"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -73,7 +129,8 @@ def test_laws_call_what_the_model_declares() -> None:
             "laws of forces, signals, rates of states and controllers may call it"),
         ("push:", "sin:", "m.yaml:6:3: function 'sin': the name 'sin' has a meaning of its own in expressions; write for example 'sin_0'"),
         ("[x, v]", "[x, x]", "m.yaml:5:21: function 'pull': two arguments have one name; rename one of them"),
-        ("partials: true", "code: pull.cpp", "m.yaml:5:29: function 'pull': unknown field 'code'; fields: arguments, partials"),
+        ("partials: true", "code: pull.cpp", "m.yaml:5:29: function 'pull': unknown field 'code'; "
+            "fields: arguments, memory, partials, results, unit"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(old: str, new: str, message: str) -> None:

@@ -19,6 +19,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene as compile_code
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.methods import METHODS
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import VALUE, FirstOrderState, Model, Output
@@ -217,6 +218,63 @@ def test_reductions_leave_states() -> None:
         if step.motion == "exact" and (outcome := step.reduce(model, scene)).done:
             model, scene = outcome.model, outcome.scene
     require_exact(simulate(compile_scene(model, scene), integrator="dormand-prince", tolerance=1e-9, error=False), 1e-7)
+
+
+SCALES = """\
+cutjoint: 1
+name: scales
+gravity: [0, 0, -9.81]
+bodies:
+  arm: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.1, 0.1, 0.1]}
+joints:
+  pivot: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}
+states:
+  pressure: {start: 0 Pa, rate: "100*(HIGH*sin(60*t) - pressure)", nominal: HIGH Pa}
+  film: {start: LOW m, rate: -30*film, nominal: LOW m}
+outputs: [pivot.angle, pressure.value, film.value]
+scenes:
+  run: {end: 0.5, output_step: 0.01}
+"""
+
+
+def scaled(high: float, low: float, nominals: bool = True) -> Model:
+    text = SCALES if nominals else SCALES.replace(", nominal: HIGH Pa", "").replace(", nominal: LOW m", "")
+    return read_model_text(text.replace("HIGH", repr(high)).replace("LOW", repr(low)), "scales.yaml")
+
+
+@pytest.mark.parametrize(
+    ("method", "integrator"),
+    [("recursive", "dormand-prince"), ("recursive", "dop853"), ("recursive-newton", "sdirk4"), ("recursive-newton", "radau5")],
+)
+def test_states_of_all_sizes_have_one_tolerance(method: str, integrator: str) -> None:
+    """Of a pressure and a film with nominals, both powers of two, steps are those of states near 1, to the last bit but for the scale.
+
+    Without them a pressure takes shorter steps than it needs, and a film, below the tolerance, longer ones.
+    """
+    one, two, large, small = (
+        simulate(compile_scene(m, m.scenes["run"], CompileOptions(method=method)), integrator=integrator, tolerance=1e-6, error=False)
+        for m in (scaled(1.0, 1.0), scaled(2.0**17, 2.0**-20), *(scaled(size, 2.0**-20, nominals=False) for size in (2.0**17, 2.0**-20)))
+    )
+    assert one.failure is None
+    assert small.steps < one.steps == two.steps < large.steps
+    assert (one["pressure.value"] * 2.0**17 == two["pressure.value"]).all()
+    assert (one["film.value"] * 2.0**-20 == two["film.value"]).all()
+    assert (one["pivot.angle"] == two["pivot.angle"]).all()
+    exact = 2.0**-20 * np.exp(-30 * one.t)
+    assert np.abs(two["film.value"] - exact).max() < 1e-5 * 2.0**-20 < np.abs(small["film.value"] - exact).max()
+
+
+@pytest.mark.parametrize(
+    ("nominal", "message"),
+    [
+        ("0", "nominal must be greater than zero; write how large the state usually is, such as nominal: 2 bar"),
+        ("2 bar", "nominal needs m, got N/m^2"),
+    ],
+)
+def test_nominals_that_are_none(nominal: str, message: str) -> None:
+    with pytest.raises(ModelError) as raised:
+        read_model_text(SCALES.replace("nominal: LOW m", f"nominal: {nominal}").replace("HIGH", "1").replace("LOW", "1"), "m.yaml")
+    assert [f"m.yaml:10:47: state 'film': {message}"] == str(raised.value).splitlines()
 
 
 @pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "sdirk4")])

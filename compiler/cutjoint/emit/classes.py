@@ -10,14 +10,14 @@ from typing import Any
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
-from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, switches_of
+from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, nominals_of, switches_of
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.poses import posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
-from cutjoint.model.functions import signature_of
+from cutjoint.model.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
@@ -234,7 +234,7 @@ def _class(
     views = {viewer.load_name: viewer.load(), viewer.step_name: viewer.step(), **{name: viewer.function(name) for name in names}}
     records, lane_types = _records(viewer), viewer.lane_types()
     roads = [{"name": name, "index": i} for i, name in enumerate(road_names(equations.roads).values())]
-    supplied = [signature_of(f) for f in equations.topology.model.functions]
+    supplied = [text for f in equations.topology.model.functions for text in signatures_of(f).values()]
     text = page.render(
         "class.hpp.jinja", summary=f"Model {page.stem}, formulation {formulation}.", conditions=conditions, is_factorised=bool(needs),
         functions=[{"about": _about(name, program), "declaration": view.declaration} for name, view in views.items()],
@@ -333,13 +333,14 @@ def _unused(parts: SimulationCode, equations: RecursiveEquations | SystemEquatio
 def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, object]:
     """The sizes that a class declares, and its controllers where it has some."""
     states, controllers = len(equations.state.states), equations.topology.model.controllers
+    nominals = nominals_of(equations)
     return {"sizes": {
         "coordinates": len(equations.coordinate_names), "speeds": len(equations.speed_names), "equations": len(equations.equation_names),
         "cuts": len(equations.mechanism.closures), "parameters": len(equations.parameters), "inputs": len(equations.inputs),
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "switches": len(equations.switches),
         **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
-    }, **({"samples": controllers} if controllers else {})}  # fmt: skip
+    }, **({"samples": controllers} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cutjoint.emit.source import Page, Piece, quotable, switches_of
+from cutjoint.emit.source import Page, Piece, nominals_of, quotable, switches_of
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
@@ -40,6 +40,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         ],
         "switches": switches_of(equations),
         "states": len(equations.state.states),
+        "nominals": nominals_of(equations),
         "controllers": [
             {"name": c.name, "place": quotable(c.span.place), "every": c.every, "offset": c.offset, "held": len(c.held)}
             for c in model.controllers

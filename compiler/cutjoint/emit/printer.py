@@ -8,7 +8,7 @@ from math import isfinite
 
 from cutjoint.model.functions import PREFIX
 from cutjoint.package.errors import MissingPartialsError
-from cutjoint.program.blocks import SUPPLIED
+from cutjoint.program.blocks import SUPPLIED, SuppliedCall
 from cutjoint.program.scalars import Graph, Scalar
 
 #: Functions of namespace std that keep their name.
@@ -49,6 +49,7 @@ class Printer:
     elements: Mapping[int, str] = field(default_factory=dict)
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
+    _calls: dict[str, str] = field(default_factory=dict)  # names of the results of functions that have several, by their calls
 
     def statements(self, nodes: Sequence[int], uses: Mapping[int, int]) -> list[Statement]:
         """One statement for every named or repeatedly used scalar, the others inside them; ``uses`` as `count_uses` has them."""
@@ -58,6 +59,12 @@ class Printer:
             if n in self.known:
                 continue
             text, level = self._expression(n)
+            if node.op.startswith(SUPPLIED) and not (call := SuppliedCall.read(node.op)).is_plain:
+                if text not in self._calls:
+                    self._calls[text] = self._auxiliary(node.section)
+                    printed.append(Statement(type="auto", name=self._calls[text], expression=text, section=node.section))
+                at = call.result if call.by is None else call.result * (len(node.args) - call.memory) + call.by
+                text, level = f"{self._calls[text]}[{at}]", _ATOM
             place = self.elements.get(n)
             if node.op == "neg" or (place is None and n not in self.names and uses[n] < 2 and len(text) < LONGEST):
                 self._texts[n] = (text, level)
@@ -142,7 +149,7 @@ class Printer:
         if node.op.startswith("road_"):
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op.startswith(SUPPLIED):
-            return _supplied(node.op, "Real", arguments)
+            return _supplied(SuppliedCall.read(node.op), "Real", arguments)
         if node.op in _CONDITIONS:
             operators = _CONDITIONS if self.conditions == "bool" else _CONDITIONS_IN_LANES
             return f"({operators[node.op].join(self.text(x, _SUM) for x in a)})"
@@ -166,7 +173,7 @@ class Printer:
         if node.op == "not":
             return f"(~{arguments[0]})"
         if node.op.startswith(SUPPLIED):
-            return _supplied(node.op, kind, ", ".join(arguments))
+            return _supplied(SuppliedCall.read(node.op), kind, ", ".join(arguments))
         return f"{node.op}({', '.join(arguments)})"
 
     def _type(self, node: Scalar) -> str:
@@ -175,17 +182,22 @@ class Printer:
         return lanes_type(node.lanes)
 
 
-def _supplied(function: str, kind: str, arguments: str) -> str:
-    """A call of a function that the user supplies, or of its partial derivative, in a number type.
+def _supplied(call: SuppliedCall, kind: str, arguments: str) -> str:
+    """A call of a function that the user supplies, or of its partial derivative, in a number type: all results of one that is not plain.
 
     Raises:
         MissingPartialsError: it has no partial derivatives.
     """
-    kind_of, name, *by = function.split(".")
-    if by and kind_of == "opaque":
-        raise MissingPartialsError(name)
-    verb = "supplied_partial" if by else "supplied"
-    return f"{verb}<{kind}>({', '.join([PREFIX + name, *by, f'{{{arguments}}}'])})"
+    if call.by is not None and not call.has_partials:
+        raise MissingPartialsError(call.name)
+    verb = "supplied" if call.by is None else "supplied_partial"
+    sizes = ""
+    if not call.results:
+        verb, sizes = "updated_memory", f", {call.memory}"
+    elif not call.is_plain:
+        verb, sizes = "supplied_results" if call.by is None else "supplied_partials", f", {call.results}, {call.memory}"
+    by = [str(call.by)] if call.by is not None and call.is_plain else []
+    return f"{verb}<{kind}{sizes}>({', '.join([PREFIX + call.name, *by, f'{{{arguments}}}'])})"
 
 
 def real(value: object) -> str:

@@ -128,6 +128,12 @@ class Page:
         return Source(stem=self.stem, files=dict(sorted(files.items())), digest=_digest(files), driver=driver)
 
 
+def nominals_of(equations: RecursiveEquations | SystemEquations) -> list[float]:
+    """The usual sizes of the first-order states, none where all are 1."""
+    sizes = [state.nominal for state in equations.topology.model.states]
+    return sizes if any(size != 1.0 for size in sizes) else []
+
+
 def switches_of(equations: RecursiveEquations | SystemEquations) -> list[dict[str, object]]:
     """The description of the switches."""
     return [

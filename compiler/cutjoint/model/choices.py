@@ -96,7 +96,8 @@ def bottom_up(expression: Scalar) -> Iterator[Scalar]:
 
 def _extent(node: Scalar, parts: list[Extent]) -> Extent:
     if not parts:
-        return _SYMBOL if node.is_Symbol else _NUMBER
+        varies = node.is_Symbol and ":" not in node.name  # the values of a function's memory, "@keeper.kept:3", are held
+        return _SYMBOL if varies else _NUMBER
     nodes = 1 + sum(part.nodes for part in parts)
     first, second = sum(part.first for part in parts), sum(part.second for part in parts)
     if isinstance(node, Case):

@@ -14,8 +14,10 @@ import sympy
 
 from cutjoint.model import document
 from cutjoint.model.dependencies import in_order
+from cutjoint.model.errors import nearest
 from cutjoint.model.expressions import quantity_symbol, sample_symbol, symbols_of, with_terms
-from cutjoint.model.operations import Term
+from cutjoint.model.functions import update_supplied, words_of
+from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import Controller, HeldValue, Signal
 from cutjoint.model.scope import FAILED_TERM, Element
 from cutjoint.model.units import NONE, TIME, Dimension
@@ -55,7 +57,7 @@ def read_controller(element: Element, part: document.Controller) -> Controller:
     delayed = {name: list(_held_signal(element, part, name, samples, terms[name])) for name in part.signals}
     held = [values[0] for values in delayed.values()] + list(_memory(element, part, terms))
     held += [value for values in delayed.values() for value in values[1:]]
-    if not held and not part.signals:
+    if not part.memory and not part.signals:
         element.fail("it computes nothing", "give it signals or memory")
     if len(held) > MAX_HELD:
         element.fail(f"delay: it holds {len(held)} values", f"at most {MAX_HELD}: delay fewer signals, or by fewer samples", ("delay",))
@@ -125,7 +127,9 @@ def _local_terms(element: Element, part: document.Controller) -> tuple[dict[str,
     constants = element.scope.constants()
     terms = {name: Term(sample_symbol(element.name, name)) for name in part.signals}
     terms |= {
-        name: Term(quantity_symbol(element.name, name), element.term(memory.start, ("memory", name, "start"), constants).dimension)
+        name: memory_term(element.name, name, memory)
+        if isinstance(memory, document.FunctionMemory)
+        else Term(quantity_symbol(element.name, name), element.term(memory.start, ("memory", name, "start"), constants).dimension)
         for name, memory in part.memory.items()
     }
     uses = {name: [other for other in part.signals if other in symbols_of(_entry(part, name)[0])] for name in part.signals}
@@ -143,6 +147,11 @@ def _local_terms(element: Element, part: document.Controller) -> tuple[dict[str,
         terms[name] = Term(sample_symbol(element.name, name), term.dimension) if term is not FAILED_TERM else FAILED_TERM
         known.append(name)
     return terms, known
+
+
+def memory_term(controller: str, name: str, memory: document.FunctionMemory) -> Term:
+    """The term of a function's memory in expressions."""
+    return Term(quantity_symbol(controller, name), memory_of=memory.function)
 
 
 def _note_circle(element: Element, circle: Sequence[str]) -> None:
@@ -177,9 +186,31 @@ def _held_signal(
 
 def _memory(element: Element, part: document.Controller, terms: Mapping[str, Term]) -> Iterator[HeldValue]:
     for name, memory in part.memory.items():
+        if isinstance(memory, document.FunctionMemory):
+            yield from _function_memory(element, name, memory, terms)
+            continue
         dimension = terms[name].dimension
         yield HeldValue(
             name=name, symbol=quantity_symbol(element.name, name), unit=unit_text(dimension),
             start=element.scalar(memory.start, None, ("memory", name, "start")),
             next=sympy.sympify(element.scalar(memory.next, dimension, ("memory", name, "next"), _names(element, terms))),
         )  # fmt: skip
+
+
+def _function_memory(
+    element: Element, name: str, memory: document.FunctionMemory, terms: Mapping[str, Term]
+) -> Iterator[HeldValue]:  # fmt: skip
+    """The held values of the memory of a function, zero before the first sample."""
+    keys, functions = ("memory", name), element.scope.functions
+    if memory.function not in functions:
+        element.fail(f"there is no function '{memory.function}'", nearest(memory.function, functions, "functions"), (*keys, "function"))
+        return
+    symbol, names = terms[name].value, _names(element, terms)
+    try:
+        arguments = [element.term(value, (*keys, "arguments", i), names) for i, value in enumerate(memory.arguments)]
+        following = update_supplied(functions[memory.function], arguments, symbol)
+    except ExpressionError as error:
+        element.fail(f"memory {name}: {error.message}", error.hint, (*keys, "arguments"))
+        return
+    for own, value in zip(words_of(symbol, len(following)), following, strict=True):
+        yield HeldValue(name="", symbol=own, start=sympy.Integer(0), next=value, unit="")

@@ -63,10 +63,11 @@ class Marker(Part):
 
 
 class FirstOrderState(Part):
-    """A number beside the mechanism: its value where a run begins, and its rate of change."""
+    """A number beside the mechanism: its value where a run begins, its rate of change, and how large it usually is."""
 
     start: Number
     rate: Number
+    nominal: Number | None = None
 
 
 class SampledSignal(Part):
@@ -81,6 +82,22 @@ class Memory(Part):
 
     start: Number
     next: Number
+
+
+class FunctionMemory(Part):
+    """The memory of a function, which its update writes at each sample from these arguments."""
+
+    function: StrictStr
+    arguments: tuple[Number, ...]
+
+
+MemoryEntry: TypeAlias = Annotated[
+    Annotated[Memory, Tag("<number>")] | Annotated[FunctionMemory, Tag("<function>")],
+    told_by(
+        {**dict.fromkeys(("function", "arguments"), "<function>"), dict: "<number>"},
+        "needs {start: ..., next: ...}, or {function: ..., arguments: [...]}",
+    ),
+]
 
 
 SampledSignalEntry: TypeAlias = Annotated[
@@ -99,7 +116,7 @@ class Controller(Part):
     offset: Number = 0
     delay: Number = 0
     signals: dict[TermName, SampledSignalEntry] = Field(default={})
-    memory: dict[TermName, Memory] = Field(default={})
+    memory: dict[TermName, MemoryEntry] = Field(default={})
 
 
 class OutputExpression(Part):
@@ -324,11 +341,29 @@ class Scene(Part):
         return self
 
 
-class SuppliedFunction(Part):
-    """A function whose code does not stand in the model: the user supplies it as C++."""
+_Names: TypeAlias = Annotated[
+    Annotated[tuple[Name, ...], Field(min_length=1), Tag("<list>")] | Annotated[dict[Name, Unit], Field(min_length=1), Tag("<mapping>")],
+    told_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
+]
 
-    arguments: Annotated[tuple[Name, ...], Field(min_length=1)]
+
+class SuppliedFunction(Part):
+    """A function whose code does not stand in the model: the user supplies it as C++.
+
+    ``unit`` is that of its value, ``results`` are names where it has several, ``memory`` is the size of what it keeps, in bytes.
+    """
+
+    arguments: _Names
+    results: _Names | None = None
+    unit: Unit | None = None
     partials: StrictBool = False
+    memory: StrictInt | None = None
+
+    @model_validator(mode="after")
+    def _has_one_or_several_results(self) -> SuppliedFunction:
+        if self.results is not None and self.unit is not None:
+            raise shape_error("'unit' is that of one result, and 'results' has several", "write their units there: results: {force: N}")
+        return self
 
 
 class Document(Elements):

@@ -173,9 +173,12 @@ def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrder
     require_free_name(element)
     dimension = element.term(state.start, ("start",), element.scope.constants()).dimension
     rate = None if dimension is None else dimension / TIME
+    nominal = 1.0 if state.nominal is None else element.number(state.nominal, dimension, ("nominal",))
+    if not nominal > 0 and not math.isnan(nominal):
+        element.fail("nominal must be greater than zero", "write how large the state usually is, such as nominal: 2 bar", ("nominal",))
     return FirstOrderState(
         name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
-        initial=element.scalar(state.start, None, ("start",)),
+        nominal=nominal, initial=element.scalar(state.start, None, ("start",)),
         rate=element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
     )  # fmt: skip
 

@@ -225,10 +225,15 @@ class _Parser:
                 result = self.chain(node, depth)
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 result = self.call(name, args, depth)
+            case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr=which), args=args, keywords=[]) if name in self.supplied:
+                result = self.call_supplied(name, which, args, depth)
             case _:
                 raise _refusal(node)
         if result.size > MAX_SIZE:
             raise ExpressionError(f"the expression expands to more than {MAX_SIZE} operations")
+        if result.memory_of:
+            hint = f"write it as the last argument of {result.memory_of}"
+            raise ExpressionError(f"'{ast.unparse(node)}' is the memory of a function, and no number", hint)
         return result
 
     def chain(self, node: ast.BinOp, depth: int) -> Term:
@@ -272,11 +277,10 @@ class _Parser:
         if name == "delay":
             hint = "a controller delays what it samples: {every: ..., delay: ..., signals: ...}"
             raise ExpressionError("there is no continuous delay", hint)
-        supplied = self.names.functions if isinstance(self.names, Names) else {}
-        if name in supplied:
-            return call_supplied(supplied[name], [self.term(arg, depth + 1) for arg in args])
+        if name in self.supplied:
+            return self.call_supplied(name, "", args, depth)
         if name not in FUNCTIONS:
-            raise ExpressionError(f"unknown function '{name}'", nearest(name, [*FUNCTIONS, *supplied], "functions"))
+            raise ExpressionError(f"unknown function '{name}'", nearest(name, [*FUNCTIONS, *self.supplied], "functions"))
         count = FUNCTIONS[name]
         if len(args) != count and not (count == MANY and args):
             wanted = "at least one argument" if count == MANY else f"{count} argument{'s' * (count > 1)}"
@@ -286,6 +290,19 @@ class _Parser:
             return where(condition, self.term(args[1], depth + 1), self.term(args[2], depth + 1), size)
         terms = [self.term(arg, depth + 1) for arg in args]
         return SPECIAL[name](terms) if name in SPECIAL else smooth(name, terms)
+
+    @property
+    def supplied(self) -> Mapping[str, SuppliedFunction]:
+        """The functions of the model's user that the expression may call."""
+        return self.names.functions if isinstance(self.names, Names) else {}
+
+    def call_supplied(self, name: str, result: str, args: list[ast.expr], depth: int) -> Term:
+        function, memory = self.supplied[name], None
+        if function.words and args and (dotted := _dotted(args[-1])) is not None:
+            last = self.quantity(dotted) if "." in dotted else self.name(dotted)
+            if last.memory_of:
+                args, memory = args[:-1], last
+        return call_supplied(function, [self.term(arg, depth + 1) for arg in args], result, memory)
 
     def condition(self, node: ast.expr, depth: int) -> tuple[Scalar, int]:
         """A condition and its size."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from cutjoint.model import document
-from cutjoint.model.controllers import dimension_of_sample
+from cutjoint.model.controllers import dimension_of_sample, memory_term
 from cutjoint.model.errors import Unheard
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.mirror import Image
@@ -44,6 +44,8 @@ class Machine:
         Raises:
             ExpressionError: there is no such quantity, or only one that is ``reported`` may read it.
         """
+        if memory := self._memory(scope.full(name)):
+            return memory
         found = self._found(scope, name, reported=reported)
         if found is None:
             return FAILED_TERM
@@ -52,6 +54,12 @@ class Machine:
         for axis in scope.mirrors:
             term = replace(term, value=Image(axis, joints).sign(self._elements[found[0]], found[1]) * term.value)
         return term
+
+    def _memory(self, name: str) -> Term | None:
+        """The memory of a function that a controller has under this name."""
+        owner, _, own = name.rpartition(".")
+        part = self._controllers[owner][1].memory.get(own) if owner in self._controllers else None
+        return memory_term(owner, own, part) if isinstance(part, document.FunctionMemory) else None
 
     def _found(self, scope: Scope, name: str, *, reported: bool) -> tuple[str, str] | None:
         """An element and its quantity; None where one that could not be read may be meant."""

@@ -82,6 +82,7 @@ class Term:
     ``dimension`` is None when it is not known: bare numbers fit everywhere.  ``number`` is the value of a
     constant, None when the expression has symbols.  ``size`` counts the nodes of the expression, ``degree`` is
     that of a polynomial with the same powers within each other, ``roots`` counts fractional powers within each other.
+    ``memory_of`` is the function of which it is the memory, "" of a number.
     """
 
     value: Scalar
@@ -90,6 +91,7 @@ class Term:
     size: int = 1
     degree: float = 1
     roots: int = 0
+    memory_of: str = ""
 
 
 def constant(value: int | float, dimension: Dimension | None = None) -> Term:

@@ -106,7 +106,8 @@ def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str],
         raise QuantityError(element, f"unknown element '{local or name}'", hint)
     allowed = quantities(known[element])
     if quantity not in allowed:
-        hint = nearest(quantity, allowed, "quantities") or "a joint without coordinates has no quantities"
+        bare = "a memory of a function is none" if isinstance(known[element], Controller) else "a joint without coordinates has none"
+        hint = nearest(quantity, allowed, "quantities") or bare
         raise QuantityError(element, f"'{local}' has no quantity '{quantity}'", hint)
     return element, quantity
 

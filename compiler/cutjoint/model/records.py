@@ -76,7 +76,8 @@ VALUE = "value"
 class FirstOrderState:
     """A number beside the mechanism whose rate of change is an expression of time, parameters, inputs and quantities of elements.
 
-    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.
+    ``symbol`` stands for it in expressions.  ``initial`` is its value where a run begins, of parameters.  ``nominal`` is the size of which
+    its error may be the absolute tolerance, in its unit.
     """
 
     name: str
@@ -85,6 +86,7 @@ class FirstOrderState:
     initial: Scalar
     unit: str
     span: Span
+    nominal: float = 1.0
 
     @property
     def entry(self) -> str:
@@ -599,12 +601,29 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True)
 class SuppliedFunction:
-    """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too."""
+    """A function of a model: its name, the names of its arguments, and whether its code has partial derivatives too.
+
+    ``units`` are those of arguments that have one.  ``results`` are their names with their units, "" where none is known; the only result
+    of a function has the name "".  ``memory`` is the size of what it reads besides its arguments, and its update writes, in bytes.
+    """
 
     name: str
     arguments: tuple[str, ...]
     partials: bool
     span: Span
+    units: Mapping[str, str] = field(default_factory=dict)
+    results: Mapping[str, str] = field(default_factory=lambda: {"": ""})
+    memory: int = 0
+
+    @property
+    def words(self) -> int:
+        """The number of held values that its memory takes: each has four bytes as a whole number, which every double holds to the bit."""
+        return -(-self.memory // 4)
+
+    @property
+    def is_plain(self) -> bool:
+        """True for one result and no memory."""
+        return self.words == 0 and "" in self.results
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,6 +65,37 @@ SUPPLIED = ("supplied.", "opaque.")
 
 
 @dataclass(frozen=True, kw_only=True)
+class SuppliedCall:
+    """A call of a function that a user supplies, as its name has it.
+
+    ``by`` is the argument by which it is differentiated, None of its value.  "name:1:3:16" is result 1 of 3, with ``memory`` of 16 values
+    behind the arguments; one of no ``results`` is an update, whose ``result`` is a value of the memory.
+    """
+
+    name: str
+    has_partials: bool
+    by: int | None
+    result: int = 0
+    results: int = 1
+    memory: int = 0
+
+    @classmethod
+    def read(cls, function: str) -> SuppliedCall:
+        """The call that a name says."""
+        kind, spelled, *by = function.split(".")
+        name, *numbers = spelled.split(":")
+        result, results, memory = map(int, numbers) if numbers else (0, 1, 0)
+        return cls(
+            name=name, has_partials=kind == "supplied", by=int(by[0]) if by else None, result=result, results=results, memory=memory
+        )  # fmt: skip
+
+    @property
+    def is_plain(self) -> bool:
+        """True for one result and no memory."""
+        return self.results == 1 and self.memory == 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Section:
     """A part of the program that a reader knows: one body, joint, cut joint or force.
 

@@ -11,7 +11,7 @@ from functools import partial, reduce
 from typing import Any, TypeAlias
 
 from cutjoint.package.errors import MissingPartialsError
-from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, Builder
+from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, Builder, SuppliedCall
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
 Jacobian: TypeAlias = Mapping[Block, Block]
@@ -156,10 +156,11 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
     if function in ("road_height", "road_slope"):
         return [b.call(f"{function}_dx", *y.args, table=table), b.zero(1)]
     if function.startswith(SUPPLIED):
-        _, name, *by = function.split(".")
-        if by:
-            raise MissingPartialsError(name, second=True)
-        return [b.call(f"{function}.{j}", *y.args) for j in range(len(y.args))]
+        call = SuppliedCall.read(function)
+        if call.by is not None:
+            raise MissingPartialsError(call.name, second=True)
+        count = len(y.args) - call.memory  # which is held: it has no slope
+        return [*(b.call(f"{function}.{j}", *y.args) for j in range(count)), *(b.zero(1) for _ in range(call.memory))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")
     return _PARTIALS[function](_Calculus(b), y, *y.args)

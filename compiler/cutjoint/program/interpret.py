@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.package.errors import EquationsError
-from cutjoint.program.blocks import SUPPLIED, Block
+from cutjoint.program.blocks import SUPPLIED, Block, SuppliedCall
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.scalars import Graph, Scalar
 
@@ -94,7 +94,7 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
 def _require_own(function: str) -> None:
     """Raise EquationsError for a function that a user supplies."""
     if function.startswith(SUPPLIED):
-        name = function.split(".")[1]
+        name = SuppliedCall.read(function).name
         raise EquationsError(f"function '{name}': its code is C++, and here a program is interpreted; only compiled runs have it")
 
 

@@ -77,6 +77,7 @@ struct Mechanism {
   List<Domain> domains{};
   List<Switch> switches{};
   List<Controller> controllers{};
+  List<double> nominals{};
   int states = 0;
   bool driven = false;
   bool guides_jump = false;

@@ -68,6 +68,7 @@ struct Description {
   std::vector<Switch> switches{};             ///< where formulas change
   std::size_t states = 0;                     ///< number of the first-order states
   std::vector<Controller> controllers{};      ///< what holds values between samples
+  std::vector<double> nominals{};             ///< usual sizes of the first-order states, none where all are 1
   bool driven = false;                        ///< whether guides have power, which takes accelerations and multipliers
   bool guides_jump = false;                   ///< whether the rates of guides may jump
 

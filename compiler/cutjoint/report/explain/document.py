@@ -97,7 +97,7 @@ def _explain_controller(controller: Controller, symbols: Mapping[Scalar, str]) -
     """The formulas of a sample."""
     times = f"Samples at {controller.offset:.9g} s + k {controller.every:.9g} s. {_SAMPLES}"
     computed = [f"{symbols[s.symbol]} = {latex(s.value, symbols)}" for s in controller.signals]
-    held = [rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held]
+    held = dict.fromkeys(rf"{symbols[h.symbol]} \leftarrow {latex(h.next, symbols)}" for h in controller.held)  # a memory is one line
     return Chapter(title=f"Controller {controller.name}", notes=(times,), formulas=(*computed, *held), entries=())
 
 

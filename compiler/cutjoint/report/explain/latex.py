@@ -152,7 +152,7 @@ def parameter_symbols(model: Model) -> dict[Scalar, str]:
     symbols |= {element.symbol: _words(element.name) for group in (model.states, model.signals) for element in group}
     for controller in model.controllers:
         symbols |= {signal.symbol: f"{_words(signal.name)}^{{+}}" for signal in controller.signals}
-        symbols |= {value.symbol: _words(str(value.symbol).removeprefix("@")) for value in controller.held}
+        symbols |= {value.symbol: _words(str(value.symbol).removeprefix("@").partition(":")[0]) for value in controller.held}
     return symbols | {quantity_symbol(o.element, o.quantity): _words(o.column) for o in readings_of(model)}
 
 

@@ -68,6 +68,8 @@ inline Description read_description(const Json& d) {
   for (const Json& c : d.at("controllers"))
     found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), read_index(c.at(4), 0, 1000000)}});
   found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
+  for (const Json& size : d.at("nominals")) found.nominals.push_back(size.get<double>());
+  if (!found.nominals.empty() && found.nominals.size() != found.states) refuse("its description has a nominal for some states alone");
   found.driven = d.at("driven").get<bool>();
   found.guides_jump = d.at("guides_jump").get<bool>();
   return found;

@@ -291,7 +291,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     for (std::size_t j = 0; j < n_; ++j) {
       const Real size = w * std::max({abs(changes_[1][j]), abs(changes_[2][j]), abs(changes_[3][j])});
       move = std::max(move, size);
-      this->note((size + Real(0) * changes_[1][j]) / tolerances_.of(abs(start_.v[j])), j, largest);
+      this->note((size + Real(0) * changes_[1][j]) / tolerances_.of(abs(start_.v[j]), j, n_), j, largest);
     }
     return largest;
   }

@@ -174,7 +174,7 @@ class Scheme {
     using std::abs;
     Real largest(0);
     for (std::size_t i = 0; i < y_.size(); ++i) {
-      const Real size = (abs(error[i]) + Real(0) * end_[i]) / tolerances_.of(std::max(abs(y_[i]), abs(end_[i])));
+      const Real size = (abs(error[i]) + Real(0) * end_[i]) / tolerances_.of(std::max(abs(y_[i]), abs(end_[i])), i, y_.size());
       if (size <= largest) continue;
       largest = size;
       worst_ = i;
@@ -188,7 +188,7 @@ class Scheme {
     using std::abs, std::pow;
     auto largest = [this](const Vector& values) {
       Real result(0);
-      for (std::size_t i = 0; i < values.size(); ++i) result = std::max(result, abs(values[i]) / tolerances_.of(y_[i]));
+      for (std::size_t i = 0; i < values.size(); ++i) result = std::max(result, abs(values[i]) / tolerances_.of(y_[i], i, y_.size()));
       return result;
     };
     dynamics_.derive(t_, y_, end_);

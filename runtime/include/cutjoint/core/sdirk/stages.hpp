@@ -195,7 +195,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   Real size_of_change(Real w, Real& move) {
     using std::abs;
     Real largest(0);
-    for (std::size_t i = 0; i < n_; ++i) this->note(w * abs(x_[i]) / tolerances_.of(abs(start_.v[i])), i, largest);
+    for (std::size_t i = 0; i < n_; ++i) this->note(w * abs(x_[i]) / tolerances_.of(abs(start_.v[i]), i, n_), i, largest);
     move = w * cutjoint::largest(x_);
     return largest;
   }

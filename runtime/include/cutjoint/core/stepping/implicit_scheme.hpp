@@ -43,8 +43,9 @@ class ImplicitScheme {
     using std::abs, std::pow;
     Real h = left;
     for (std::size_t i = 0; i < present().v.size(); ++i) {
-      const Real size = Real(1) + abs(present().v[i]), allowed = tolerances_.of(abs(present().v[i])) / size;
-      h = std::min(h, pow(allowed, Real(0.25)) * size / (Real(1) + abs(present().vdot[i])));
+      const Real usual = tolerances_.size(i, present().v.size());
+      const Real size = usual + abs(present().v[i]), allowed = tolerances_.of(abs(present().v[i]), i, present().v.size()) / size;
+      h = std::min(h, pow(allowed, Real(0.25)) * size / (usual + abs(present().vdot[i])));
     }
     return h;
   }
@@ -172,7 +173,7 @@ class ImplicitScheme {
 
   void take_share(Real share) {
     share_ = share;
-    stages_.set_tolerances({share_ * tolerances_.relative, share_ * tolerances_.absolute});
+    stages_.set_tolerances(tolerances_.part(share_));
   }
 
   /// Whether the stages of a step are found by the tolerance itself, as near a singular pose, where iterations come no closer.

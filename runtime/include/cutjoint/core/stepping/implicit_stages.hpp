@@ -106,7 +106,7 @@ class ImplicitStages : public Workspace<S, Solver> {
         note(abs(way_[v]) / tolerances_.of(place), v, largest);
         note(abs(x_[v]) / tolerances_.of(std::max(abs(start_.v[v]), abs(at_.v[v]))), v, largest);
       }
-    for (std::size_t i = first_state(charts()); i < n_; ++i) note(abs(x_[i]) / tolerances_.of(std::max(abs(start_.v[i]), abs(at_.v[i]))), i, largest);
+    for (std::size_t i = first_state(charts()); i < n_; ++i) note(abs(x_[i]) / tolerances_.of(std::max(abs(start_.v[i]), abs(at_.v[i])), i, n_), i, largest);
     return largest == largest ? largest : std::numeric_limits<Real>::infinity();
   }
 

@@ -3,19 +3,40 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
+#include <cstddef>
+#include <span>
 
 namespace cutjoint::stepping {
 
-/// The largest error of a value: `absolute` and a share `relative` of the value itself.
+/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.
+template <class M>
+std::span<const double> nominals_of(const M& subject) {
+  if constexpr (requires { M::nominals; }) return M::nominals;
+  else if constexpr (requires { subject.description(); }) return subject.description().nominals;
+  else return {};
+}
+
+/// The largest error of a value: `absolute` and a share `relative` of the value itself.  The last values of a row are states, which have `nominals`: usual sizes,
+/// by which `absolute` is multiplied.
 template <class Real>
 struct Tolerances {
   Real relative{0}, absolute{0};
+  std::span<const double> nominals{};
 
   Real of(Real value) const {
     using std::abs;
     return absolute + relative * abs(value);
   }
+
+  /// That of a value at a place of a row.
+  Real of(Real value, std::size_t i, std::size_t length) const {
+    using std::abs;
+    return absolute * size(i, length) + relative * abs(value);
+  }
+
+  Real size(std::size_t i, std::size_t length) const { return length - i <= nominals.size() ? Real(nominals[nominals.size() - (length - i)]) : Real(1); }
+
+  Tolerances part(Real share) const { return {share * relative, share * absolute, nominals}; }
 };
 
 /// A proportional-integral controller.  Source: Hairer, Wanner, Solving Ordinary Differential Equations II (1996), section IV.2.
