@@ -108,6 +108,7 @@ class Laws:
 
     b: Builder
     translator: Translator
+    road: frozenset[str] = frozenset()
 
     def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
         """An expression of named variables."""

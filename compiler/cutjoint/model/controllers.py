@@ -13,7 +13,7 @@ from dataclasses import replace
 import sympy
 
 from cutjoint.model import document
-from cutjoint.model.circles import in_order
+from cutjoint.model.dependencies import in_order
 from cutjoint.model.expressions import quantity_symbol, sample_symbol, symbols_of, with_terms
 from cutjoint.model.operations import Term
 from cutjoint.model.records import Controller, HeldValue, Signal

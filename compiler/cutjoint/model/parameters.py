@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import sympy
 
 from cutjoint.model import document
-from cutjoint.model.circles import in_order
+from cutjoint.model.dependencies import in_order
 from cutjoint.model.errors import worded
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import parameter_symbol, read_term, symbols_of

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import floor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cutjoint.model.records import HeightTable, Patch, Road, RoughSurface
 
 #: The spectral density of heights at 0.1 cycles a metre, m^3: the geometric means of ISO 8608.
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
@@ -46,6 +50,13 @@ class Field:
         columns, across = self._weights(1, y, by_y)
         return float(along @ self.heights[np.ix_(rows, columns)] @ across)
 
+    def described(self) -> dict[str, Any]:
+        """The entries of a run file."""
+        return {
+            "start": list(self.start), "step": list(self.step), "counts": list(self.heights.shape), "wraps": self.wraps,
+            "bilinear": self.bilinear, "heights": self.heights.ravel().tolist(),
+        }  # fmt: skip
+
     def _weights(self, axis: int, place: float, order: int) -> tuple[list[int], NDArray[np.float64]]:
         """The places of an axis about one between them, and the weights of their heights."""
         count, step = self.heights.shape[axis], self.step[axis]
@@ -77,6 +88,58 @@ def _hermite(t: float, order: int) -> Sequence[float]:
     if order == 1:
         return 6 * t * (t - 1), 6 * t * (1 - t), (1 - t) * (1 - 3 * t), t * (3 * t - 2)
     return 12 * t - 6, 6 - 12 * t, 6 * t - 4, 6 * t - 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """A surface as all wheels meet it, as in runtime/include/cutjoint/core/surface.hpp: a field of heights, None for none, and patches of
+    friction."""
+
+    field: Field | None
+    patches: Sequence[Patch]
+
+    def described(self) -> dict[str, Any]:
+        """The entry of a run file."""
+        patches = [{"x": list(p.x), "y": list(p.y), "friction": p.friction, "edge": p.edge} for p in self.patches]
+        return {"field": None if self.field is None else self.field.described(), "patches": patches}
+
+    def height(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The height at a place, m, or its derivative of orders 0 to 2."""
+        return 0.0 if self.field is None else self.field.derivative(x, y, by_x, by_y)
+
+    def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The factor of friction at a place, or its derivative of order 1 by x or y."""
+        value, slope = 1.0, 0.0
+        for patch in self.patches:
+            share, its_slope = _share(patch, x, y, 0, 0), _share(patch, x, y, by_x, by_y)
+            slope += its_slope * (patch.friction - value) - share * slope
+            value += share * (patch.friction - value)
+        return slope if by_x + by_y else value
+
+
+def _share(patch: Patch, x: float, y: float, by_x: int, by_y: int) -> float:
+    """The share of a patch at a place, or its derivative: it rises by a cubic over the width of its edge."""
+
+    def rise(way: float, order: int) -> float:
+        t = min(max(way / patch.edge + 0.5, 0.0), 1.0)
+        return 6 * t * (1 - t) / patch.edge if order else t * t * (3 - 2 * t)
+
+    places = ((patch.x, x, by_x), (patch.y, y, by_y))
+    along, across = (rise(place - ends[0], order) - rise(place - ends[1], order) for ends, place, order in places)
+    return along * across
+
+
+@lru_cache(maxsize=4)
+def surface_of(road: Road) -> Surface | None:
+    """The surface of a scene's road, None where it has neither heights nor friction."""
+    match road.surface:
+        case HeightTable() as table:
+            field = Field(start=table.start, step=table.step, heights=np.array(table.heights), bilinear=table.bilinear)
+        case RoughSurface() as rough:
+            field = rough_field(ROUGHNESS[rough.grade], rough.seed, rough.width)
+        case None:
+            field = None
+    return Surface(field=field, patches=road.patches) if road.parts else None
 
 
 def rough_field(roughness: float, seed: int, width: float) -> Field:
