@@ -1,4 +1,4 @@
-"""Wheels on surfaces of roads: against the same ground by expressions, the fields that C++ and Python read, and friction by closed forms."""
+"""Wheels on surfaces of roads: the same ground by expressions, the fields that C++ and Python read, friction by closed forms."""
 
 from __future__ import annotations
 
@@ -73,7 +73,10 @@ def run(folder: Path, model: str, integrator: str = "dormand-prince", steps: Map
 
 @pytest.mark.parametrize(
     ("method", "integrator", "tolerance"),
-    [("recursive", "dormand-prince", 1e-8), ("recursive-newton", "radau5", 1e-7), ("recursive-newton", "sdirk4", 1e-7), ("augmented", "trapezoidal", 1e-5)],
+    [
+        ("recursive", "dormand-prince", 1e-8), ("recursive-newton", "radau5", 1e-7), ("recursive-newton", "sdirk4", 1e-7),
+        ("augmented", "trapezoidal", 1e-5),
+    ],
 )
 def test_a_surface_is_the_ground_by_expressions(tmp_path: Path, method: str, integrator: str, tolerance: float) -> None:
     ground = f"ground_height: {BOWL}\n    ground_slope: {SLOPE}\n    ground_bank: {BANK}"
@@ -87,7 +90,7 @@ def test_a_surface_is_the_ground_by_expressions(tmp_path: Path, method: str, int
 
 @pytest.mark.parametrize("kind", ["cubic", "linear", "rough"])
 def test_simulators_read_the_field_that_python_has(tmp_path: Path, kind: str) -> None:
-    """The distance of an upright wheel's centre from the road in its plane, by height and normal under it; beyond the field's edges, too."""
+    """The distance of an upright wheel's centre from the road in its plane, by height and normal; beyond the field's edges, too."""
     hills = 0.05 * np.random.default_rng(2).normal(size=(6, 5))
     road = table(hills, np.linspace(-0.4, 1.6, 6), np.linspace(-0.3, 0.5, 5), ", interpolation: linear" if kind == "linear" else "")
     model = text("{surface: {iso8608: E, seed: 5, width: 1}}" if kind == "rough" else road, rates="x: 3, y: 1")
@@ -117,7 +120,10 @@ def test_friction_of_patches_brakes(tmp_path: Path) -> None:
 def test_lookups_know_their_derivatives() -> None:
     """By differences of the surface itself, as those of a height and of both slopes, and of the friction."""
     hills = np.random.default_rng(8).normal(size=(6, 5))
-    patches = (Patch(x=(0.2, 0.8), y=(-0.2, 0.5), friction=0.3, edge=0.4, span=NOWHERE), Patch(x=(0.5, 1), y=(0, 1), friction=2, edge=0.3, span=NOWHERE))
+    patches = (
+        Patch(x=(0.2, 0.8), y=(-0.2, 0.5), friction=0.3, edge=0.4, span=NOWHERE),
+        Patch(x=(0.5, 1), y=(0, 1), friction=2, edge=0.3, span=NOWHERE),
+    )
     surface = Surface(field=Field(start=(0.0, -0.5), step=(0.2, 0.25), heights=hills), patches=patches)
     road, b, h = WheelRoad(left=[], right=[], disc=False, on_it=surface), Builder(), 1e-6
     x, y = (b.symbol(name, 1, BindingTime.ITERATION) for name in "xy")

@@ -39,16 +39,19 @@ def _surface(where: Element, surface: document.Heights | document.Rough | None) 
     if missing := [name for name in ("x", "y", "value") if name not in surface.table]:
         where.fail(f"the table of heights has no {join_or(missing)}", "it needs x, y and value: a row of a file for each place", keys)
         return None
-    (x, dx), (y, dy) = (_even(where, name, surface.table[name], (*keys, name)) for name in ("x", "y"))
-    rows = surface.table["value"]
+    first, second = (name for name in surface.table if name != "value")
+    places = {name: _even(where, name, surface.table[name], (*keys, name)) for name in (first, second)}
+    counts, rows = {name: len(surface.table[name]) for name in places}, surface.table["value"]
     heights = tuple(_lengths(where, row, (*keys, "value", i)) if isinstance(row, tuple) else () for i, row in enumerate(rows))
-    if len(rows) != len(x) or any(len(row) != len(y) for row in heights):
-        message = f"the table has {len(x)} of x and {len(y)} of y, and needs as many rows of as many heights"
-        where.fail(message, "give a list of heights for each x: value: [[...], [...]]", (*keys, "value"))
+    if len(rows) != counts[first] or any(len(row) != counts[second] for row in heights):
+        message = f"the table has {counts[first]} of {first} and {counts[second]} of {second}, and needs as many rows of as many heights"
+        where.fail(message, f"give a list of heights for each {first}: value: [[...], [...]]", (*keys, "value"))
         return None
-    return HeightTable(
-        start=(x[0], y[0]), step=(dx, dy), heights=heights, bilinear=surface.interpolation == "linear", span=span
-    ) if x and y else None  # fmt: skip
+    (x, dx), (y, dy) = places["x"], places["y"]
+    if not x or not y:
+        return None
+    across = heights if first == "x" else tuple(zip(*heights, strict=True))
+    return HeightTable(start=(x[0], y[0]), step=(dx, dy), heights=across, bilinear=surface.interpolation == "linear", span=span)
 
 
 def _lengths(where: Element, numbers: tuple[Any, ...], keys: Path) -> tuple[float, ...]:

@@ -50,6 +50,17 @@ class Field:
         columns, across = self._weights(1, y, by_y)
         return float(along @ self.heights[np.ix_(rows, columns)] @ across)
 
+    def over(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The heights (n, m) above places x (n,) and y (m,), m."""
+        shares = []
+        for axis, places in enumerate((x, y)):
+            share = np.zeros((len(places), self.heights.shape[axis]))
+            for row, place in zip(share, places, strict=True):
+                at, weights = self._weights(axis, float(place), 0)
+                np.add.at(row, at, weights)
+            shares.append(share)
+        return shares[0] @ self.heights @ shares[1].T
+
     def described(self) -> dict[str, Any]:
         """The entries of a run file."""
         return {
