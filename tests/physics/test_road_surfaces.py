@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.model.read import read_model_text
+import cutjoint
+from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Patch
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.differentiate import partial_derivatives
@@ -17,6 +19,7 @@ from cutjoint.run.results import Trajectory
 from cutjoint.run.road_field import Field, Surface, surface_of
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.simulation import simulate
+from tests.conftest import needs_cpp
 from tests.mechanisms.random_models import NOWHERE
 from tests.physics.simulation import compile_model, completed
 
@@ -137,3 +140,24 @@ def test_lookups_know_their_derivatives() -> None:
                 interpret_blocks([lookup], {**at, axis: at[axis] + way}, {"wheel": road})[lookup].item() for way in (-h, h)
             ]  # fmt: skip
             assert values[derivative].item() == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-6)
+
+
+@needs_cpp
+@pytest.mark.heavy
+def test_folders_and_derivatives_have_the_surface(tmp_path: Path) -> None:
+    """The trajectory of a loaded library beside the interpreter's, and A by differences of its accelerations."""
+    road = "{surface: {iso8608: C, seed: 7}, friction: [{x: [1, 2], y: [-1, 1], value: 0.5}]}"
+    (tmp_path / "model.yaml").write_text(text(road, law="[-100*road_friction, 0, 4e5*deflection + 4000*deflection_rate]"), encoding="utf-8")
+    model = read_model(tmp_path / "model.yaml")
+    table = completed(simulate(compile_interpreted(model, model.scenes["roll"]), integrator="rk4", dt=1e-3))
+    sim = cutjoint.load(tmp_path / "model.yaml", linearise=True, integrator="rk4").reset(dt=1e-3)
+    sim.advance(0.4)
+    for name in ("hub.x", "hub.y", "hub.z"):
+        assert sim.outputs[name] == pytest.approx(table[name][8], abs=1e-12)
+    matrix, t, x, h = sim.linearise().A, sim.time, np.concatenate([sim.coordinates.array, sim.speeds.array]), 1e-6
+    for column, way in zip(matrix[3:].T, h * np.eye(6), strict=True):
+        ends = []
+        for at in (x + way, x - way):
+            sim.set_state(t, at[:3], at[3:])
+            ends.append(sim.accelerations.array.copy())
+        assert column == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-5, rel=1e-7)
