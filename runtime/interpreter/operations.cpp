@@ -85,6 +85,14 @@ struct Lookup {
   }
 };
 
+template <double (Road<double>::*answer)(double, double, int, int) const, int by_x, int by_y>
+struct SurfaceLookup {
+  template <int N>
+  static void perform(const Instruction& n, double* memory, const Road<double>* roads) {
+    memory[n.to] = (roads[n.from[2]].*answer)(memory[n.from[0]], memory[n.from[1]], by_x, by_y);
+  }
+};
+
 /// A condition as a number.
 template <class T>
 T number(auto condition) {
@@ -156,6 +164,15 @@ constexpr Entry entries[] = {
     entry<Lookup<&Road<double>::slope>>("road_slope", 3, Entry::looking_up),
     entry<Lookup<&Road<double>::height_dx>>("road_height_dx", 3, Entry::looking_up),
     entry<Lookup<&Road<double>::slope_dx>>("road_slope_dx", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 0>>("road_surface", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 1, 0>>("road_surface_x", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 1>>("road_surface_y", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 2, 0>>("road_surface_xx", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 1, 1>>("road_surface_xy", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::surface, 0, 2>>("road_surface_yy", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::friction, 0, 0>>("road_friction", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::friction, 1, 0>>("road_friction_x", 3, Entry::looking_up),
+    entry<SurfaceLookup<&Road<double>::friction, 0, 1>>("road_friction_y", 3, Entry::looking_up),
 };
 
 }  // namespace

@@ -42,6 +42,14 @@ class FlatRoad:
 
     height_dx = slope_dx = slope
 
+    def surface(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The height of a surface, m, or its derivative."""
+        return 0.0
+
+    def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The factor of friction, or its derivative."""
+        return float(by_x + by_y == 0)
+
 
 class Charted(Protocol):
     """Coordinates by charts, and their number."""

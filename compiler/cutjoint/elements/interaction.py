@@ -95,6 +95,10 @@ class Mechanics(Protocol):
     def b(self) -> Builder:
         """The algebra of blocks."""
 
+    @property
+    def road(self) -> frozenset[str]:
+        """The parts "surface" and "friction" that the scene's road has beside its tracks."""
+
     def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
         """An expression of named variables."""
 

@@ -128,7 +128,7 @@ class Beginning:
 
     ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``spectral_radius`` of the steps; a penalty
     of None follows from masses or is found by the run.  ``pose`` is that of the scene.  ``positions`` and ``rates`` are by
-    "joint.component", ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc".
+    "joint.component", ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc"; ``surface`` is on all.
     """
 
     integrator: str
@@ -152,6 +152,7 @@ class Beginning:
     positions: Mapping[str, float]
     rates: Mapping[str, float]
     roads: Mapping[str, Mapping[str, Any]]
+    surface: Mapping[str, Any] | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from math import isfinite
 
 from cutjoint.model.functions import PREFIX
 from cutjoint.package.errors import MissingPartialsError
-from cutjoint.program.blocks import SUPPLIED, SuppliedCall
+from cutjoint.program.blocks import SUPPLIED, SURFACE, SuppliedCall, surface_lookup
 from cutjoint.program.scalars import Graph, Scalar
 
 #: Functions of namespace std that keep their name.
@@ -146,6 +146,10 @@ class Printer:
         node = self.graph.nodes[n]
         a = node.args
         arguments = ", ".join(self.text(x) for x in a)
+        if node.op.startswith(SURFACE):
+            lookup, by = surface_lookup(node.op)
+            road = f"roads_[{self.roads[str(node.data)]}]"
+            return f"{road}.{lookup.removeprefix('road_')}({arguments}, {by.count('x')}, {by.count('y')})"
         if node.op.startswith("road_"):
             return f"roads_[{self.roads[str(node.data)]}].{node.op.removeprefix('road_')}({arguments})"
         if node.op.startswith(SUPPLIED):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import chain
@@ -351,7 +351,24 @@ def _roads(equations: RecursiveEquations | SystemEquations, begin: Beginning) ->
             tracks[name] = {"name": name, "pieces": [_piece(x) for x in road[side]], "breaks": breaks}
         named = {f"{side}_breaks": f"{name}_breaks" if tracks[name]["breaks"] else "{}" for side, name in names.items()}
         roads.append({"tyre": tyre, **names, **named, "disc": _truth(road["disc"])})
-    return {"tracks": list(tracks.values()), "roads": roads}
+    return {"tracks": list(tracks.values()), "roads": roads, "surface": _surface(begin) if roads else None}
+
+
+def _surface(begin: Beginning) -> dict[str, Any] | None:
+    """The surface of the roads with its numbers as texts."""
+    if begin.surface is None:
+        return None
+
+    def texts(numbers: Iterable[float]) -> list[str]:
+        return [repr(float(number)) for number in numbers]
+
+    patches = [[*texts((*p["x"], *p["y"])), *texts((p["friction"], p["edge"]))] for p in begin.surface["patches"]]
+    field = begin.surface["field"]
+    if field is None:
+        return {"field": None, "patches": patches}
+    parts = {name: texts(field[name]) for name in ("start", "step", "heights")}
+    flags = {name: _truth(field[name]) for name in ("wraps", "bilinear")}
+    return {"field": {**parts, **flags, "counts": field["counts"]}, "patches": patches}
 
 
 def _piece(piece: Mapping[str, Any]) -> dict[str, str]:

@@ -109,6 +109,7 @@ class Laws:
 
     b: Builder
     translator: Translator
+    road: frozenset[str] = frozenset()
 
     def scalar(self, expression: Scalar, values: Mapping[str, Block]) -> Block:
         """An expression of named variables."""

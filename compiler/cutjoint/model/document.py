@@ -8,14 +8,17 @@ from __future__ import annotations
 import json
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictInt, StrictStr, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictInt, StrictStr, Tag, WithJsonSchema, model_validator
 
 from cutjoint.methods import AUTO, CLOSURES, DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, Events, Loops, join_or
 from cutjoint.model import records
 from cutjoint.model.body_parts import Body
 from cutjoint.model.element_parts import Force, Joint
 from cutjoint.model.values import (
+    MAX_FIELD,
     Direction,
+    Ends,
+    FieldEntries,
     Law,
     Name,
     Number,
@@ -29,6 +32,7 @@ from cutjoint.model.values import (
     Triple,
     Unit,
     shape_error,
+    table_schema,
     told_by,
 )
 
@@ -249,19 +253,56 @@ Segment: TypeAlias = Annotated[
 ]
 
 
+class Heights(Part):
+    """Heights on an even grid: lists of ``x`` and ``y``, and as ``value`` one of heights over y for each x.
+
+    With the name of a ``file`` these may have names of its columns.
+    """
+
+    table: Annotated[dict[Literal["x", "y", "value"], FieldEntries], WithJsonSchema(table_schema(MAX_FIELD))]
+    interpolation: Literal["cubic", "linear"] = "cubic"
+
+
+class Rough(Part):
+    """A rough road of a class of ISO 8608."""
+
+    iso8608: Literal["A", "B", "C", "D", "E"]
+    seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 1
+    width: Number = 4
+
+
+RoadSurface: TypeAlias = Annotated[
+    Annotated[Heights, Tag("<heights>")] | Annotated[Rough, Tag("<rough>")],
+    told_by({"table": "<heights>", "iso8608": "<rough>"}, "needs {table: {file: road.csv}} or {iso8608: class, seed: number}"),
+]
+
+
+class Patch(Part):
+    """A rectangle with another friction, over whose ``edge`` it changes."""
+
+    x: Ends
+    y: Ends
+    value: Number
+    edge: Number = 0.1
+
+
 class Road(Part):
-    """Height of the road over x."""
+    """Height of the road over x, of its surface over x and y, and its friction."""
 
     contact: Literal["point", "disc"] = "point"
     start: Number = 0
     profile: tuple[Segment, ...] | None = None
     left: tuple[Segment, ...] | None = None
     right: tuple[Segment, ...] | None = None
+    surface: RoadSurface | None = None
+    friction: tuple[Patch, ...] = ()
 
     @model_validator(mode="after")
     def _one_form(self) -> Road:
         if self.profile is not None and (self.left is not None or self.right is not None):
             raise shape_error("'profile' stands for both tracks", "write either profile, or left and right")
+        if self.surface is not None and self.contact == "disc":
+            raise shape_error("a disc rolls over profiles alone, not over a surface", "write contact: point, or remove the surface")
         return self
 
 

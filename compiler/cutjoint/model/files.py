@@ -10,9 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cutjoint.model.csv_table import Column, Csv, read_csv
+from cutjoint.model.csv_table import Column, Csv, as_lists, read_csv
 from cutjoint.model.errors import ModelError, Problem, Problems, nearest
-from cutjoint.model.grids import as_lists
 from cutjoint.model.names import name_problem
 from cutjoint.model.property_file import read_properties
 from cutjoint.model.records import Span
@@ -148,7 +147,7 @@ class _Files:
                 raise _Fault(f"'{key}' is the name of a column of '{name.text}'", "remove the list, or the file")
             columns[key] = self._column(table, column, source.value_span((*keys, key)), name)
         columns = columns or {column.name: column for column in table.columns}
-        data, places = as_lists(columns, name.element)
+        data, places = as_lists(columns, name.element, is_law=keys[-3:-1] != ("road", "surface"))
         return self._spliced(source, keys, data, Source(table.file, data, *places))
 
     def _column(self, table: Csv, name: str, span: Span, of: _Name) -> Column:

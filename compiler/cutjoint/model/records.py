@@ -439,18 +439,58 @@ class RoadSegment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeightTable:
+    """Heights on a grid, m, for each place along x those along y; the first is at ``start``, others at distances ``step`` (x, y), m."""
+
+    start: tuple[float, float]
+    step: tuple[float, float]
+    heights: tuple[tuple[float, ...], ...]
+    bilinear: bool
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoughSurface:
+    """A rough road of a class of ISO 8608, which its ``seed`` determines; ``width`` (m) is about y = 0."""
+
+    grade: str
+    seed: int
+    width: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """A rectangle of a road, from and to x and y, m, where ``friction`` is a factor; it rises or falls to that over ``edge`` (m)."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    friction: float
+    edge: float
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class Road:
     """Height over x, of the left (y > 0) and the right track; the first segment begins at x = ``start``.
 
     Before it the road is flat at height zero, after the last segment it stays at the height reached.
     ``contact`` is "point" (a follower, force along the local normal) or "disc" (the wheel as a rigid disc,
-    vertical force).
+    vertical force).  The heights of a ``surface`` are added to both tracks, ``patches`` have another friction, a later one on those before.
     """
 
     contact: str = "point"
     start: float = 0.0
     left: tuple[RoadSegment, ...] = ()
     right: tuple[RoadSegment, ...] = ()
+    surface: HeightTable | RoughSurface | None = None
+    patches: tuple[Patch, ...] = ()
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """The parts that it has beside its tracks: "surface", "friction"."""
+        found = {"surface": self.surface is not None, "friction": bool(self.patches)}
+        return frozenset(name for name, has in found.items() if has)
 
 
 @dataclass(frozen=True, kw_only=True)

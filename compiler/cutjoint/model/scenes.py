@@ -27,13 +27,11 @@ from cutjoint.model.records import (
     Numerics,
     Output,
     Plot,
-    Road,
-    RoadSegment,
     Scalar,
     Scene,
-    SegmentKind,
     Signal,
 )
+from cutjoint.model.roads import read_road
 from cutjoint.model.scene_joints import held_where_it_starts, read_drives, read_locks, with_guides
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
@@ -98,7 +96,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         starts=read_starts(where, scene, stage.expansion.elements.states),
         inputs=_inputs(where, scene.inputs, stage),
         switches=_switches(where, scene.switches, stage),
-        road=_road(where, scene.road),
+        road=read_road(where, scene.road),
         numerics=numerics,
         outputs=outputs,
         span=where.span,
@@ -279,29 +277,3 @@ def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> di
             where.fail(f"switches: no force is called '{key}'", hint, ("switches", key), at_key=True)
         found.update(dict.fromkeys(matches, active))
     return found
-
-
-def _road(where: Element, road: document.Road) -> Road:
-    tracks = {}
-    for side in ("left", "right"):
-        name = "profile" if road.profile is not None else side
-        segments = getattr(road, name) or ()
-        tracks[side] = tuple(_segment(where, part, ("road", name, i)) for i, part in enumerate(segments))
-    return Road(contact=road.contact, start=where.number(road.start, LENGTH, ("road", "start")), **tracks)
-
-
-_SEGMENTS: Mapping[type[Any], tuple[SegmentKind, str, str]] = {
-    document.Flat: (SegmentKind.FLAT, "flat", ""),
-    document.Ramp: (SegmentKind.RAMP, "ramp", "rise"),
-    document.Step: (SegmentKind.STEP, "", "step"),
-    document.Cosine: (SegmentKind.COSINE, "cosine", "amplitude"),
-}
-
-
-def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
-    kind, length_key, rise_key = _SEGMENTS[type(part)]
-    length = where.number(getattr(part, length_key), LENGTH, (*keys, length_key)) if length_key else 0.0
-    rise = where.number(getattr(part, rise_key), LENGTH, (*keys, rise_key)) if rise_key else 0.0
-    if length_key:
-        _positive(where, length, (*keys, length_key))
-    return RoadSegment(kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys)))

@@ -32,6 +32,7 @@ MAX_COEFFICIENTS = 20
 MAX_PIECES = 100
 MAX_TABLE = 200  #: points of a curve
 MAX_GRID = 400  #: points of a surface
+MAX_FIELD = 50_000  #: heights of a road
 
 
 class Part(BaseModel):
@@ -148,6 +149,7 @@ Triple = Annotated[tuple[Number, ...], Field(min_length=3, max_length=3), Before
 Pair = Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=2), BeforeValidator(_two)]
 Six = Annotated[tuple[Number, ...], Field(min_length=6, max_length=6), BeforeValidator(_six)]
 Four = Annotated[tuple[Number, ...], Field(min_length=4, max_length=4), BeforeValidator(_four)]
+Ends = Annotated[tuple[Number, ...], Field(min_length=2, max_length=2)]
 Coefficients = Annotated[tuple[Number, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
 
 
@@ -368,8 +370,13 @@ def _entry(value: Any) -> Any:
 
 #: A list of numbers; of the value of two variables a list of such lists.
 Entries = Annotated[tuple[Annotated[Any, PlainValidator(_entry)], ...], Field(max_length=MAX_TABLE)]
-_LIST = {"type": "array", "items": {"type": ["number", "string", "array"]}, "maxItems": MAX_TABLE}
-_TABLE_SCHEMA = {"type": "object", "additionalProperties": {"anyOf": [_LIST, {"type": "string"}]}}
+FieldEntries = Annotated[tuple[Annotated[Any, PlainValidator(_entry)], ...], Field(max_length=MAX_FIELD)]
+
+
+def table_schema(most: int) -> dict[str, Any]:
+    """The schema of a table whose lists have that many entries or fewer."""
+    entries = {"type": "array", "items": {"type": ["number", "string", "array"]}, "maxItems": most}
+    return {"type": "object", "additionalProperties": {"anyOf": [entries, {"type": "string"}]}}
 
 
 class Table(Part):
@@ -378,7 +385,7 @@ class Table(Part):
     With the name of a ``file`` these may have names of its columns.
     """
 
-    table: Annotated[dict[StrictStr, Entries], WithJsonSchema(_TABLE_SCHEMA)]
+    table: Annotated[dict[StrictStr, Entries], WithJsonSchema(table_schema(MAX_TABLE))]
     interpolation: Literal["cubic", "linear"] = "cubic"
 
     @model_validator(mode="after")

@@ -57,7 +57,12 @@ FUNCTIONS = {
     "mul": 2, "div": 2, "sqrt": 1, "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1,
     "cosh": 1, "tanh": 1, "exp": 1, "log": 1, "abs": 1, "pow": 2, "lt": 2, "le": 2, "and": 2, "or": 2, "not": 1,
     "where": 3, "road_height": 2, "road_slope": 2, "road_height_dx": 2, "road_slope_dx": 2,
+    **{f"road_{lookup}": 2 for lookup in ("surface", "surface_x", "surface_y", "surface_xx", "surface_xy", "surface_yy")},
+    **{f"road_{lookup}": 2 for lookup in ("friction", "friction_x", "friction_y")},
 }  # fmt: skip
+
+#: The beginnings of the names of lookups of a road's surface, "road_surface_xy" its derivative by x and y; and of its friction.
+SURFACE = ("road_surface", "road_friction")
 
 #: The beginning of the names of functions that a user supplies, "supplied.name" with and "opaque.name" without partial derivatives; a
 #: number behind the name, "supplied.name.0", is that of the argument by which it is differentiated.
@@ -165,6 +170,12 @@ class Block:
 
     def __repr__(self) -> str:
         return f"<{self.op} {self.shape[0]}x{self.shape[1]} #{self.number}>"
+
+
+def surface_lookup(function: str) -> tuple[str, str]:
+    """A lookup of `SURFACE` without, and the letters by which it is differentiated."""
+    lookup = next(name for name in SURFACE if function.startswith(name))
+    return lookup, function.removeprefix(lookup).removeprefix("_")
 
 
 class Builder:

@@ -11,7 +11,7 @@ from functools import partial, reduce
 from typing import Any, TypeAlias
 
 from cutjoint.package.errors import MissingPartialsError
-from cutjoint.program.blocks import SUPPLIED, BindingTime, Block, Builder, SuppliedCall
+from cutjoint.program.blocks import FUNCTIONS, SUPPLIED, SURFACE, BindingTime, Block, Builder, SuppliedCall, surface_lookup
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
 Jacobian: TypeAlias = Mapping[Block, Block]
@@ -155,6 +155,12 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
     function, table = data
     if function in ("road_height", "road_slope"):
         return [b.call(f"{function}_dx", *y.args, table=table), b.zero(1)]
+    if function.startswith(SURFACE):
+        lookup, by = surface_lookup(function)
+        further = [f"{lookup}_{''.join(sorted(by + axis))}" for axis in "xy"]
+        if any(name not in FUNCTIONS for name in further):
+            raise ValueError(f"{function} has no derivative")
+        return [b.call(name, *y.args, table=table) for name in further]
     if function.startswith(SUPPLIED):
         call = SuppliedCall.read(function)
         if call.by is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.package.errors import EquationsError
-from cutjoint.program.blocks import SUPPLIED, Block, SuppliedCall
+from cutjoint.program.blocks import SUPPLIED, SURFACE, Block, SuppliedCall, surface_lookup
 from cutjoint.program.lower import reachable_blocks
 from cutjoint.program.scalars import Graph, Scalar
 
@@ -33,6 +33,8 @@ class RoadTable(Protocol):
 
     def slope_dx(self, x: float, y: float) -> float:
         """The derivative of the slope by x."""
+
+    # One that has a surface has `surface` and `friction` too, which take x, y and the orders of the derivative by them.
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -86,6 +88,9 @@ def _call(function: str, table: str | None, args: list[Any], roads: Mapping[str,
     if table is not None:
         road = roads[table]
         x, y = (float(np.asarray(a).item()) for a in args)  # a road answers for one place, not for a batch
+        if function.startswith(SURFACE):
+            lookup, by = surface_lookup(function)
+            return np.array([[getattr(road, lookup.removeprefix("road_"))(x, y, by.count("x"), by.count("y"))]])
         return np.array([[getattr(road, function.removeprefix("road_"))(x, y)]])
     _require_own(function)
     return np.asarray(FUNCTIONS[function](*args), dtype=float)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cutjoint.program.blocks import BindingTime, Block, Builder
+from cutjoint.program.blocks import SURFACE, BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 
 # Domains
@@ -98,7 +98,7 @@ def _switches(builder: Builder, block: Block) -> list[Switch]:
         return [Switch(value=_signless(_margin(builder, block.args[0])), section=block.section)]
     if function == "abs":
         return [Switch(value=_signless(block.args[0]), section=block.section)]
-    if not road:
+    if not road or function.startswith(SURFACE):
         return []
     x, y = block.args
     return [Switch(value=x, section=block.section, road=road, across=y), Switch(value=y, section=block.section)]

@@ -18,6 +18,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.record import RunFile
 from cutjoint.run.results import FailureReport
+from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import WheelRoad
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import with_settings
@@ -59,7 +60,7 @@ def linearise_at(
     point = Point(
         t=state["t"], q=np.array(state["q"]), v=np.array(state["v"]), vdot=np.array(state["vdot"]),
         parameters=np.array([run_file.parameters[p.name] for p in equations.parameters]), held={**(run_file.inputs or {}), **held},
-        roads={tyre: WheelRoad.of(**road) for tyre, road in run_file.roads.items()},
+        roads={tyre: WheelRoad.of(**road, on_it=surface_of(artifact.scene.road)) for tyre, road in run_file.roads.items()},
     )  # fmt: skip
     return point.t, linearise(equations, point, at_rest=at is None)
 

@@ -17,6 +17,7 @@ from itertools import pairwise
 from typing import Any
 
 from cutjoint.model.records import Road, RoadSegment, SegmentKind
+from cutjoint.run.road_field import Surface
 
 #: Parts into which a cosine bump is cut where a disc rolls over it.
 BUMP_PARTS = 400
@@ -66,11 +67,14 @@ class WheelRoad:
     left: Sequence[Piece]
     right: Sequence[Piece]
     disc: bool
+    on_it: Surface | None = None
 
     @classmethod
-    def of(cls, left: Iterable[Mapping[str, Any]], right: Iterable[Mapping[str, Any]], disc: bool) -> WheelRoad:
-        """The road of a run file."""
-        return cls(left=[Piece(**p) for p in left], right=[Piece(**p) for p in right], disc=disc)
+    def of(
+        cls, left: Iterable[Mapping[str, Any]], right: Iterable[Mapping[str, Any]], disc: bool, on_it: Surface | None = None
+    ) -> WheelRoad:  # fmt: skip
+        """The road of a run file, with a surface on it."""
+        return cls(left=[Piece(**p) for p in left], right=[Piece(**p) for p in right], disc=disc, on_it=on_it)
 
     def _piece(self, x: float, y: float) -> Piece:
         track = self.left if y > 0 else self.right
@@ -91,6 +95,14 @@ class WheelRoad:
     def slope_dx(self, x: float, y: float) -> float:
         """The derivative of the slope by x, 1/m."""
         return 0.0 if self.disc else self._piece(x, y).curvature(x)
+
+    def surface(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The height of the surface, m, or its derivative."""
+        return 0.0 if self.on_it is None else self.on_it.height(x, y, by_x, by_y)
+
+    def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        """The factor of friction, or its derivative."""
+        return float(by_x + by_y == 0) if self.on_it is None else self.on_it.friction(x, y, by_x, by_y)
 
 
 def profile_pieces(segments: Sequence[RoadSegment], start: float) -> list[Piece]:

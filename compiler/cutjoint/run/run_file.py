@@ -25,6 +25,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
+from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import road_pieces
 from cutjoint.run.samples import require_fitting_steps, require_sampling
 from cutjoint.run.settings import Options, find_settings, with_options
@@ -103,7 +104,7 @@ def make_run_file(
             require_fitting_steps(model, scene, settings.dt)
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
-        output_step=scene.output_step, pose=scene.pose, out=out,
+        output_step=scene.output_step, pose=scene.pose, out=out, surface=_surface(model, scene),
         **following(model, _begun_by(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
 
@@ -270,6 +271,11 @@ class Evaluator:
             used = sorted((self._names[s], self._values[s]) for s in expression.free_symbols if s in self._names)
             raise RunError(f"{what} has no finite value with {', '.join(f'{n} = {v:g}' for n, v in used)}; set other values")
         return value
+
+
+def _surface(model: Model, scene: Scene) -> dict[str, Any] | None:
+    surface = surface_of(scene.road) if any(force.has_road for force in model.forces) else None
+    return None if surface is None else surface.described()
 
 
 def _road(scene: Scene, radius: float) -> dict[str, Any]:

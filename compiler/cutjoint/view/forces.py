@@ -12,14 +12,17 @@ import numpy as np
 from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Frame, Look, Point, Ring, Wheel
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Reaction, Scalar
+from cutjoint.run.road_field import Surface, surface_of
 from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.motions import along, one_side, product, quaternions_of, rotation_to
-from cutjoint.view.records import FORCE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
+from cutjoint.view.records import FORCE, ICE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
 from cutjoint.view.sizes import Placed, named_looks, point_of
 
 #: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
 _LARGEST_TURN = 2.0
+#: Cells at most in which a track with a surface is drawn.
+_MOST_CELLS = 20_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,14 +115,26 @@ class ForceNodes(Placed):
         tracks = [(road.left, 0.0, max(way[:, 1].max(), 0.0) + margin / 2), (road.right, min(way[:, 1].min(), 0.0) - margin / 2, 0.0)]
         for segments, right, left in tracks:
             x, z = _course(profile_pieces(segments, road.start), float(x0), float(x1))
-            cells = np.floor((x[1:] + x[:-1]) / 2).astype(int) % 2
-            whole = meshes.strip(x, z, left, right)
-            for shade, colour in enumerate(ROAD):
-                kept = np.concatenate([cells == shade, cells == shade])
+            surface = surface_of(road)
+            whole = meshes.strip(x, z, left, right) if surface is None else _relief(surface, x, z, right, left)
+            middle = whole.points[whole.faces].mean(axis=1)
+            cells = np.floor(middle[:, 0]).astype(int) % 2
+            if surface is not None:
+                cells += [2 * (abs(surface.friction(float(a), float(b), 0, 0) - 1) > 0.05) for a, b, _ in middle]
+            for shade, colour in enumerate((*ROAD, *ICE)):
+                kept = cells == shade
                 if kept.any():
                     mesh = Mesh(points=whole.points, normals=whole.normals, faces=whole.faces[kept])
                     parts.append(Part(mesh=mesh, colour=colour, roughness=1.0))
         return Node(name="road", parts=tuple(parts), translation=np.zeros((1, 3)), about={"road": True})
+
+
+def _relief(surface: Surface, x: Array, z: Array, right: float, left: float) -> Mesh:
+    """A track of heights z (n,) over x (n,), from y = right to left, with its surface, on a grid of a quarter of a metre or wider."""
+    step = max(0.25, float(np.sqrt((x[-1] - x[0]) * (left - right) / _MOST_CELLS)))
+    along, across = (np.linspace(a, b, 1 + int(np.ceil((b - a) / step))) for a, b in ((x[0], x[-1]), (right, left)))
+    heights = np.zeros((len(along), len(across))) if surface.field is None else surface.field.over(along, across)
+    return meshes.relief(along, across, heights + np.interp(along, x, z)[:, np.newaxis])
 
 
 def _course(pieces: list[Piece], first: float, last: float) -> tuple[Array, Array]:

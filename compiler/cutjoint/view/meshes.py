@@ -183,6 +183,15 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def relief(x: Array, y: Array, z: Array) -> Mesh:
+    """A surface through heights z (n, m) over x (n,) and y (m,), seen from above."""
+    slopes = np.gradient(z, x, y)
+    normals = np.stack([-slopes[0], -slopes[1], np.ones_like(z)], axis=-1).reshape(-1, 3)
+    points = np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1).reshape(-1, 3)
+    faces = _grid_faces(len(x), len(y))[:, ::-1]
+    return Mesh(points=points, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True), faces=faces)
+
+
 def strip(x: Array, z: Array, left: float, right: float) -> Mesh:
     """A surface over x with heights z (n,), from y = right to left, seen from above; an edge at each point."""
     n = len(x)

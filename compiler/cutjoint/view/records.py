@@ -76,6 +76,8 @@ FORCE, REACTION = read_colour("#d9480f"), read_colour("#0b7fab")
 ALARM = read_colour("#e5202b")
 RUBBER = read_colour("#33373d")
 ROAD = (read_colour("#a3a8ae"), read_colour("#b6bac0"))
+#: The same where friction is another one.
+ICE = (read_colour("#8fb4cf"), read_colour("#a4c4da"))
 
 _OF_BODIES = tuple(
     read_colour(c) for c in ("#3f7fb5", "#e08a33", "#4f9d5a", "#cf5757", "#8a6fc0", "#3fa3a0", "#c9a227", "#c76b9f", "#8d6e5a", "#7f9a3c")

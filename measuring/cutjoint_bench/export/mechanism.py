@@ -32,6 +32,8 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
     """
     if is_reduced(model, scene):
         raise RunError(f"{model.span.file}: peers know neither guards nor sensors of rods of reduced models; export the full model")
+    if scene.road.parts:
+        raise RunError(f"{scene.span}: scene '{scene.name}': peers know neither surfaces nor friction of roads; leave them out of 'road'")
     topology = build_topology(model)
     starts, coordinates = find_start(topology, scene, parameters)
     return _Builder(topology, scene, Numbers.of(model, scene, parameters), starts, coordinates).build()

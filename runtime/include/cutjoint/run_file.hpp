@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -30,7 +32,56 @@ std::vector<Piece<Real>> read_pieces(const Json& list) {
   return pieces;
 }
 
-/// The road of each tyre, with the memory of its pieces.
+/// The surface of a run file's road, with the memory of its heights and patches.
+template <class Real>
+class SurfaceData {
+ public:
+  explicit SurfaceData(const Json& data) {
+    require_keys(data, std::to_array<std::string_view>({"field", "patches"}));
+    if (const Json& field = value_of(data, "field"); !field.is_null()) read_field(field);
+    for (const Json& p : value_of(data, "patches")) {
+      require_keys(p, std::to_array<std::string_view>({"x", "y", "friction", "edge"}));
+      patches_.push_back({read_pair(p, "x"), read_pair(p, "y"), read_number<Real>(p, "friction"), read_number<Real>(p, "edge")});
+      if (!(patches_.back().edge > Real(0))) refuse("edge", "of a patch is not above zero");
+    }
+    surface_.patches = patches_;
+  }
+
+  SurfaceData(const SurfaceData&) = delete;
+  SurfaceData& operator=(const SurfaceData&) = delete;
+
+  const Surface<Real>& surface() const { return surface_; }
+
+ private:
+  static std::array<Real, 2> read_pair(const Json& object, const char* key) {
+    const std::vector<Real> pair = value_of(object, key).template get<std::vector<Real>>();
+    if (pair.size() != 2) refuse(key, "of a surface has not two numbers");
+    return {pair[0], pair[1]};
+  }
+
+  void read_field(const Json& data) {
+    require_keys(data, std::to_array<std::string_view>({"start", "step", "counts", "wraps", "bilinear", "heights"}));
+    HeightField<Real>& field = surface_.field;
+    field.start = read_pair(data, "start");
+    field.step = read_pair(data, "step");
+    const auto counts = value_of(data, "counts").template get<std::vector<std::ptrdiff_t>>();
+    heights_ = value_of(data, "heights").template get<std::vector<Real>>();
+    const auto is_usual = [](std::ptrdiff_t count) { return count >= 2 && count <= 10'000'000; };
+    if (counts.size() != 2 || !is_usual(counts[0]) || !is_usual(counts[1]) || heights_.size() != static_cast<std::size_t>(counts[0] * counts[1]))
+      refuse("counts", "of a surface are not those of its heights, two or more along x and y");
+    if (!(field.step[0] > Real(0) && field.step[1] > Real(0))) refuse("step", "of a surface is not above zero");
+    field.counts = {counts[0], counts[1]};
+    field.wraps = read_flag(data, "wraps");
+    field.bilinear = read_flag(data, "bilinear");
+    field.heights = heights_;
+  }
+
+  std::vector<Real> heights_;
+  std::vector<FrictionPatch<Real>> patches_;
+  Surface<Real> surface_;
+};
+
+/// The road of each tyre, with the memory of its pieces and of the surface that all have.
 template <class Real>
 class Roads {
  public:
@@ -39,10 +90,12 @@ class Roads {
   Roads(const std::vector<std::string_view>& names, const Json& file) {
     const Json& roads = read_object(file, "roads");
     require_keys(roads, names);
+    if (const auto found = file.find("surface"); found != file.end()) surface_ = std::make_unique<SurfaceData<Real>>(*found);
     for (const std::string_view name : names) {
       const Json& road = read_object(roads, std::string(name).c_str());
       require_keys(road, std::to_array<std::string_view>({"left", "right", "disc"}));
-      roads_.emplace_back(keep(value_of(road, "left")), keep(value_of(road, "right")), read_flag(road, "disc"));
+      roads_.emplace_back(keep(value_of(road, "left")), keep(value_of(road, "right")), read_flag(road, "disc"),
+                          surface_ ? &surface_->surface() : nullptr);
     }
   }
 
@@ -61,6 +114,7 @@ class Roads {
     return {.pieces = pieces, .breaks = breaks};
   }
 
+  std::unique_ptr<SurfaceData<Real>> surface_;
   std::vector<std::vector<Piece<Real>>> pieces_;  ///< their elements stay where they are when this grows or moves
   std::vector<std::vector<Real>> breaks_;
   std::vector<Road<Real>> roads_;

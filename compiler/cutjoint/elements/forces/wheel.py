@@ -15,7 +15,7 @@ from cutjoint.elements.terms import Scalar, Vector
 #: The motion of the contact, with units.
 _MOTION = {
     "deflection": "m", "deflection_rate": "m/s", "loaded_radius": "m", "vx": "m/s", "vy": "m/s", "spin": "rad/s", "camber": "rad",
-    "turn": "rad/s",
+    "turn": "rad/s", "road_friction": "1",
 }  # fmt: skip
 _FORCE, _MOMENT = Law(_MOTION, "N"), Law(_MOTION, "N*m")
 
@@ -31,7 +31,7 @@ class Wheel(OnRoad):
     the road's normal.  They act on the body where the wheel's plane meets the road, if the wheel touches it.  Their variables are the
     ``deflection`` (m) in the wheel's plane with its rate, ``loaded_radius`` (m), ``vx`` (m/s) of the centre along the rolling direction,
     ``vy`` (m/s) of the contact to the left, ``spin`` (rad/s) about the axis, ``camber`` (rad, the top leaning to the right), and ``turn``
-    (rad/s) about the normal.  ``free_radius`` is in m.
+    (rad/s) about the normal, and ``road_friction``, a factor that patches of the road have.  ``free_radius`` is in m.
     """
 
     element: ClassVar[ForceElement] = ForceElement(

@@ -142,7 +142,8 @@ class Contact:
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """The road under a wheel: its normal n with the vertical component ``n_z``, in its plane the rolling direction ``e_x`` and the lateral
-    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, and the centre's vertical ``clearance`` (m)."""
+    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, the centre's vertical ``clearance`` (m), and the factor of
+    ``friction``."""
 
     n: Block
     n_z: Block
@@ -151,6 +152,7 @@ class Ground:
     e_z: Block
     axis: Block
     clearance: Block
+    friction: Block
 
     def camber(self, b: Builder) -> Block:
         """The inclination of the wheel against the road, rad, positive where its top leans to the right."""
@@ -165,15 +167,28 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
     """The road under a wheel by the places of its centre and axis, that of the scene with the wheel's own."""
     b = m.b
     x, y, z = (b.element(place, i) for i in range(3))
-    slope = _with(m, b.add, b.call("road_slope", x, y, table=wheel.name), wheel.ground_slope)
-    clearance = b.sub(z, _with(m, b.add, b.call("road_height", x, y, table=wheel.name), wheel.ground_height))
+
+    def lookup(name: str) -> Block:
+        return b.call(name, x, y, table=wheel.name)
+
+    height, slope, bank = lookup("road_height"), lookup("road_slope"), None
+    if "surface" in m.road:
+        height, slope = b.add(height, lookup("road_surface")), b.add(slope, lookup("road_surface_x"))
+        bank = lookup("road_surface_y")
+    slope = _with(m, b.add, slope, wheel.ground_slope)
+    clearance = b.sub(z, _with(m, b.add, height, wheel.ground_height))
     steep = b.add(b.number(1.0), b.mul(slope, slope))
-    bank = None if wheel.ground_bank is None else m.scalar(wheel.ground_bank, {})
+    if wheel.ground_bank is not None:
+        own = m.scalar(wheel.ground_bank, {})
+        bank = own if bank is None else b.add(bank, own)
     n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
-    return Ground(n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance)
+    return Ground(
+        n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance,
+        friction=lookup("road_friction") if "friction" in m.road else b.number(1.0),
+    )  # fmt: skip
 
 
 def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> Contact:
@@ -182,7 +197,7 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     road = meet_road(m, tyre, place, axis)
     n, n_z, e_x, e_y, e_z = road.n, road.n_z, road.e_x, road.e_y, road.e_z
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
-    constants["SN"] = _with(m, b.mul, constants["SN"], tyre.friction)
+    constants["SN"] = b.mul(_with(m, b.mul, constants["SN"], tyre.friction), road.friction)
     deflection = b.sub(constants["radius"], road.clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
     rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)

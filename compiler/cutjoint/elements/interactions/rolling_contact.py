@@ -61,6 +61,7 @@ class RollingContact(WheelContact):
             "spin": spin,
             "camber": road.camber(b),
             "turn": b.sub(b.dot(n, w), b.mul(spin, lean)),
+            "road_friction": road.friction,
         }
 
     def explain(self, force: forces.Wheel, page: Page) -> Explanation:

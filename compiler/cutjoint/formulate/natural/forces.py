@@ -105,7 +105,8 @@ class ForceMaker:
 
     def _mechanics(self, force: Force, element: Element) -> NodalMechanics:
         return NodalMechanics(
-            b=self._b, translator=self._m.translator, motions=self._m, model=self._model, force=force, element=element
+            b=self._b, translator=self._m.translator, motions=self._m, model=self._model, force=force, element=element,
+            road=self._scene.road.parts,
         )
 
     def guarded(self) -> tuple[list[Element], dict[str, Block]]:

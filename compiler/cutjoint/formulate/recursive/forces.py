@@ -59,14 +59,14 @@ def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) ->
     forces = Forces()
     let_laws_read(k, model, forces)
     for force, names in measured_forces(model, scene):
-        mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force)
+        mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
         values = force.interaction.values(force, mechanics)
         forces.quantities[force.name] = {name: block for name, block in values.items() if name in names}
     for force in forces_in_order(model):
         if is_active(force, scene):
             system.source = force.name
             with k.builder.section("force", force.name, force.interaction.equation, force.span.place):
-                mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force)
+                mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
                 forces.add(k.builder, force.name, force.interaction.act(force, mechanics))
     return forces
 
@@ -77,7 +77,7 @@ def add_guards(system: BodySystem, forces: Forces, k: Kinematics, model: Model, 
     for guard in forces_guarded(model, scene):
         force, b = guard.force, k.builder
         with b.section("guard", force.name, "the law is zero while the margin is not negative", force.span.place):
-            mechanics = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force)
+            mechanics = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
             values = force.interaction.values(force, mechanics)
             if isinstance(force, LawForce):
                 forces.add(b, force.name, reported_variables(force, values))

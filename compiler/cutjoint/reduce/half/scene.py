@@ -35,8 +35,7 @@ def half_scene(half: Half, scene: Scene) -> Scene:
     Raises:
         AsymmetryError: it is not symmetric, or asks for what the half does not determine.
     """
-    if not half.flat:
-        _require_road(half, scene)
+    _require_road(half, scene)
     return replace(
         scene, positions=_states(half, scene.positions), rates=_states(half, scene.rates),
         switches={name: is_on for name, is_on in scene.switches.items() if name not in half.gone},
@@ -46,6 +45,11 @@ def half_scene(half: Half, scene: Scene) -> Scene:
 
 def _require_road(half: Half, scene: Scene) -> None:
     tyres = [f for f in half.model.forces if f.has_road and scene.switches.get(f.name, f.active)]
+    if tyres and scene.road.parts:
+        what = "a surface" if "surface" in scene.road.parts else "patches of friction"
+        raise AsymmetryError(scene.name, f"has {what} on its road, which need not be symmetric", scene.span)
+    if half.flat:
+        return
     if tyres and half.plane.axis != "y":
         raise AsymmetryError(tyres[0].name, "rolls along x, so that the road has no image but in the plane y = 0", tyres[0].span)
     left, right = ([(s.kind, s.length, s.rise) for s in track] for track in (scene.road.left, scene.road.right))

@@ -24,6 +24,12 @@ class Road<Lanes<double, N>> {
   Real slope(Real x, Real y) const {
     return of_each(x, y, [](const Road<double>& road, double x, double y) { return road.slope(x, y); });
   }
+  Real surface(Real x, Real y, int by_x, int by_y) const {
+    return of_each(x, y, [=](const Road<double>& road, double x, double y) { return road.surface(x, y, by_x, by_y); });
+  }
+  Real friction(Real x, Real y, int by_x, int by_y) const {
+    return of_each(x, y, [=](const Road<double>& road, double x, double y) { return road.friction(x, y, by_x, by_y); });
+  }
 
  private:
   template <class Function>

@@ -1,10 +1,12 @@
-// Roads: height and slope over x, in pieces, one profile left of y = 0 and one right of it.
+// Roads: height and slope over x, in pieces, one profile left of y = 0 and one right of it; on them a surface.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <span>
+
+#include "cutjoint/core/surface.hpp"
 
 namespace cutjoint {
 
@@ -72,7 +74,8 @@ template <class Real>
 class Road {
  public:
   constexpr Road() : Road({.pieces = flat, .breaks = {}}, {.pieces = flat, .breaks = {}}, false) {}
-  constexpr Road(const Track<Real>& left, const Track<Real>& right, bool disc) : left_(left), right_(right), disc_(disc) {}
+  constexpr Road(const Track<Real>& left, const Track<Real>& right, bool disc, const Surface<Real>* surface = nullptr)
+      : left_(left), right_(right), disc_(disc), surface_(surface) {}
 
   Real height(Real x, Real y) const { return track(y).at(x).height(x); }
   Real slope(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).slope(x); }
@@ -84,6 +87,10 @@ class Road {
   Real height_dx(Real x, Real y) const { return track(y).at(x).slope(x); }
   Real slope_dx(Real x, Real y) const { return disc_ ? Real(0) : track(y).at(x).curvature(x); }
 
+  /// The surface's height on the tracks, and the factor of friction, or their derivatives of these orders by x and y.
+  Real surface(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->height(x, y, by_x, by_y) : Real(0); }
+  Real friction(Real x, Real y, int by_x, int by_y) const { return surface_ ? surface_->friction(x, y, by_x, by_y) : Real(by_x + by_y > 0 ? 0 : 1); }
+
  private:
   static constexpr Piece<Real> flat[1] = {{PieceKind::line, Real(0), Real(0), Real(0), Real(0)}};
 
@@ -91,6 +98,7 @@ class Road {
 
   Track<Real> left_, right_;
   bool disc_;
+  const Surface<Real>* surface_ = nullptr;  ///< of all wheels
 };
 
 }  // namespace cutjoint

@@ -1,0 +1,124 @@
+"""Roads of scenes: their profiles, surfaces and patches of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isnan, nan
+from typing import Any
+
+from cutjoint.methods import join_or
+from cutjoint.model import document
+from cutjoint.model.records import HeightTable, Patch, Road, RoadSegment, RoughSurface, SegmentKind
+from cutjoint.model.scope import Element
+from cutjoint.model.source import Path
+from cutjoint.model.units import LENGTH, NONE, Quantity
+
+
+def read_road(where: Element, road: document.Road) -> Road:
+    """The road of a scene."""
+    tracks = {}
+    for side in ("left", "right"):
+        name = "profile" if road.profile is not None else side
+        segments = getattr(road, name) or ()
+        tracks[side] = tuple(_segment(where, part, ("road", name, i)) for i, part in enumerate(segments))
+    return Road(
+        contact=road.contact, start=where.number(road.start, LENGTH, ("road", "start")), **tracks, surface=_surface(where, road.surface),
+        patches=tuple(_patch(where, patch, ("road", "friction", i)) for i, patch in enumerate(road.friction)),
+    )  # fmt: skip
+
+
+def _surface(where: Element, surface: document.Heights | document.Rough | None) -> HeightTable | RoughSurface | None:
+    keys = ("road", "surface")
+    if surface is None:
+        return None
+    span = where.scope.source.value_span((*where.path, *keys))
+    if isinstance(surface, document.Rough):
+        width = _positive(where, where.number(surface.width, LENGTH, (*keys, "width")), (*keys, "width"))
+        return RoughSurface(grade=surface.iso8608, seed=surface.seed, width=width, span=span)
+    keys = (*keys, "table")
+    if missing := [name for name in ("x", "y", "value") if name not in surface.table]:
+        where.fail(f"the table of heights has no {join_or(missing)}", "it needs x, y and value: a row of a file for each place", keys)
+        return None
+    first, second = (name for name in surface.table if name != "value")
+    places = {name: _even(where, name, surface.table[name], (*keys, name)) for name in (first, second)}
+    counts, rows = {name: len(surface.table[name]) for name in places}, surface.table["value"]
+    heights = tuple(_lengths(where, row, (*keys, "value", i)) if isinstance(row, tuple) else () for i, row in enumerate(rows))
+    if len(rows) != counts[first] or any(len(row) != counts[second] for row in heights):
+        message = f"the table has {counts[first]} of {first} and {counts[second]} of {second}, and needs as many rows of as many heights"
+        where.fail(message, f"give a list of heights for each {first}: value: [[...], [...]]", (*keys, "value"))
+        return None
+    (x, dx), (y, dy) = places["x"], places["y"]
+    if not x or not y:
+        return None
+    across = heights if first == "x" else tuple(zip(*heights, strict=True))
+    return HeightTable(start=(x[0], y[0]), step=(dx, dy), heights=across, bilinear=surface.interpolation == "linear", span=span)
+
+
+def _lengths(where: Element, numbers: tuple[Any, ...], keys: Path) -> tuple[float, ...]:
+    """Numbers of a list in m; the unit of a file's column, which all its numbers have, is checked once."""
+    if all(isinstance(x, (int, float)) and (not isinstance(x, Quantity) or x.dimension == LENGTH) for x in numbers):
+        return tuple(map(float, numbers))
+    found = []
+    for i, number in enumerate(numbers):
+        if isinstance(number, tuple):
+            where.fail("a list stands where a number should", "give one height for each place", (*keys, i))
+            return (nan,) * len(numbers)
+        found.append(where.number(number, LENGTH, (*keys, i)))
+        if isinstance(number, Quantity) and isnan(found[-1]):
+            return (nan,) * len(numbers)
+    return tuple(found)
+
+
+def _even(where: Element, name: str, numbers: tuple[Any, ...], keys: Path) -> tuple[tuple[float, ...], float]:
+    """Places that rise by equal steps, and their step, m; none where they do not."""
+    places = _lengths(where, numbers, keys)
+    if len(places) < 2:
+        where.fail(f"the table of heights has {len(places)} of {name}", "a surface needs two places or more along x and along y", keys)
+        return (), nan
+    if any(map(isnan, places)):
+        return (), nan
+    step = (places[-1] - places[0]) / (len(places) - 1)
+    for i, place in enumerate(places):
+        if i and place <= places[i - 1]:
+            where.fail(f"the table's {name} does not rise", "sort the table", (*keys, i))
+            return (), nan
+        if abs(place - places[0] - i * step) > 1e-6 * step:
+            message = f"the table's {name} has steps that are not equal: {place:g} m is not {places[0] + i * step:g} m"
+            where.fail(message, "take heights on an even grid, as by interpolation between those that are measured", (*keys, i))
+            return (), nan
+    return places, step
+
+
+def _patch(where: Element, patch: document.Patch, keys: Path) -> Patch:
+    ends = {name: tuple(_lengths(where, getattr(patch, name), (*keys, name))) for name in ("x", "y")}
+    for name, (begin, end) in ends.items():
+        if end <= begin:
+            where.fail(f"the patch ends along {name} where it begins, or before", f"write {name}: [smaller, larger]", (*keys, name))
+    friction = _positive(where, where.number(patch.value, NONE, (*keys, "value")), (*keys, "value"))
+    edge = _positive(where, where.number(patch.edge, LENGTH, (*keys, "edge")), (*keys, "edge"))
+    span = where.scope.source.value_span((*where.path, *keys))
+    return Patch(x=(ends["x"][0], ends["x"][1]), y=(ends["y"][0], ends["y"][1]), friction=friction, edge=edge, span=span)
+
+
+_SEGMENTS: Mapping[type[Any], tuple[SegmentKind, str, str]] = {
+    document.Flat: (SegmentKind.FLAT, "flat", ""),
+    document.Ramp: (SegmentKind.RAMP, "ramp", "rise"),
+    document.Step: (SegmentKind.STEP, "", "step"),
+    document.Cosine: (SegmentKind.COSINE, "cosine", "amplitude"),
+}
+
+
+def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
+    kind, length_key, rise_key = _SEGMENTS[type(part)]
+    length = where.number(getattr(part, length_key), LENGTH, (*keys, length_key)) if length_key else 0.0
+    rise = where.number(getattr(part, rise_key), LENGTH, (*keys, rise_key)) if rise_key else 0.0
+    if length_key:
+        _positive(where, length, (*keys, length_key))
+    return RoadSegment(kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys)))
+
+
+def _positive(where: Element, value: float, keys: Path) -> float:
+    """A number that is noted as wrong unless it is above zero; NaN has been noted before."""
+    if not (isnan(value) or value > 0):
+        where.fail(f"{keys[-1]} must be greater than zero", "", keys)
+    return value
