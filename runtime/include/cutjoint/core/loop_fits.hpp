@@ -162,7 +162,7 @@ class LoopFitting {
     for (int j = 0; j < n_; c += functions_[j++].terms)
       place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + (Real(2) * offset_[j] - before_[j]);
     auto moves = Chosen::all_if(true);
-    for (int steps = 0; steps < most_steps && Chosen::any(moves); ++steps) {
+    const auto iterate = [&] {
       close_(place_, opening_, by_place_);
       solve();
       Real size(0);
@@ -172,6 +172,11 @@ class LoopFitting {
         Chosen::take(moves, found_slope_[j], slope_[j]);
       }
       moves = Chosen::both(moves, Real(closed * closed) < size);
+    };
+    for (int steps = 0; steps < most_steps && Chosen::any(moves); ++steps) iterate();
+    if constexpr (requires { place_[0].slope; }) {  // derivatives are those of the iteration before
+      moves = true;
+      iterate();
     }
     c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms) {
