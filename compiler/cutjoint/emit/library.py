@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
+from cutjoint.formulate.records import CLOSE
 from cutjoint.model.functions import code_file
 
 #: The namespace of instances side by side.
@@ -33,6 +34,9 @@ _OF_INSTANCES = _Number(
     unity=_SIDE, real=f"cutjoint::Lanes<double, {LANES}>", headers=("cutjoint/core/instances.hpp", "cutjoint/core/lane_road.hpp")
 )  # fmt: skip
 
+#: Functions of the earlier stages; what closes loops belongs to that of parameters.
+_STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_inputs"})
+
 _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
     functions=frozenset({"load", "start_step", "begin_step", "scene_inputs", "evaluate", "constraint_residual", "project", "report"}),
@@ -40,7 +44,7 @@ _OF_DERIVATIVES = _Number(
 
 _OF_SYSTEM_DERIVATIVES = _Number(
     unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
-    functions=frozenset({"load", "start_step", "begin_step", "scene_inputs", "report"}),
+    functions=_STAGES | {"report"},
 )  # fmt: skip
 
 
@@ -65,7 +69,10 @@ class _Placed:
 
     def functions(self, page: Page, names: frozenset[str] = frozenset()) -> dict[str, str]:
         """Functions by file, all unless some are named."""
-        some = {f"{self.prefix}{f}": piece for f, piece in self.made.functions.items() if not names or f.removesuffix(".cpp") in names}
+        some = {
+            f"{self.prefix}{f}": piece for f, piece in self.made.functions.items()
+            if not names or f.removesuffix(".cpp") in names or f.startswith(CLOSE)
+        }  # fmt: skip
         return page.files(some, space=self._space)
 
     @property
