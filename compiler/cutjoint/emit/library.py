@@ -39,7 +39,7 @@ _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_i
 
 _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
-    functions=frozenset({"load", "start_step", "begin_step", "scene_inputs", "evaluate", "constraint_residual", "project", "report"}),
+    functions=_STAGES | {"evaluate", "constraint_residual", "project", "report"},
 )  # fmt: skip
 
 _OF_SYSTEM_DERIVATIVES = _Number(
