@@ -14,12 +14,14 @@ from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.assemblies import evaluate, refit
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_interpreted, compile_model
+from cutjoint.methods import Loops
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.given import take_model
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.load import load_scene
 from cutjoint.topology.build import build_topology
 from tests.conftest import ROOT, needs_cpp, with_heavy
 from tests.mechanisms.one_degree import four_bar, spatial
@@ -96,7 +98,7 @@ def test_full_turns_by_generated_code(file: str, pattern: str, point: str) -> No
 def test_newtons_method_and_poses_have_the_functions_of_the_parameters() -> None:
     """By recursive-newton; bodies of a view stand where the outputs say, which the program itself computes."""
     model, scene, changed = opened(four_bar(0), "random.yaml")
-    compiled = with_loops(scene, "compiled")
+    compiled = with_loops(scene, Loops.COMPILED)
     artifact = compile_interpreted(model, compiled, method="recursive-newton")
     assert not artifact.mechanism.closures
     made = simulate(artifact, parameters=changed, integrator="radau5", tolerance=1e-9)
@@ -108,7 +110,7 @@ def test_newtons_method_and_poses_have_the_functions_of_the_parameters() -> None
 def test_a_host_changes_a_point_between_steps() -> None:
     """Coefficients follow the parameter, and only then; a change of a mass finds none anew."""
     model, scene = take_model(ROOT / "models" / "press.yaml", None, ["A.z", "slider.mass"])
-    scene = with_loops(scene, "compiled")
+    scene = with_loops(scene, Loops.COMPILED)
     places = []
     for change in (False, True):
         sim = cutjoint.load(replace(model, scenes={scene.name: scene})).reset()
@@ -128,6 +130,28 @@ def test_a_host_changes_a_point_between_steps() -> None:
     start = np.sqrt(rod**2 - 0.11**2)
     assert sim.outputs["slider.x"] == pytest.approx(x + np.sqrt(rod**2 - z**2) - start + 0.3, abs=1e-9)
     assert places[0] != places[1]
+
+
+def test_a_step_is_differentiated_by_a_point() -> None:
+    """The fit is differentiated with the step: beside differences of steps, and beside the loops' equations."""
+    model, scene = take_model(ROOT / "models" / "press.yaml", None, ["A.z"])
+    found = {}
+    for loops in (Loops.EXACT, Loops.COMPILED):
+        chosen = with_loops(scene, loops)
+        sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=1e-3)
+        for _ in range(5):
+            sim.step()
+        before = sim.snapshot()
+        found[loops] = sim.step_derivative().by_parameter[:, list(sim.parameters).index("A.z")]
+    ends = []
+    for way in (-2, -1, 1, 2):
+        sim.restore(before)
+        sim.parameters["A.z"] += way * 1e-5
+        sim.step()
+        ends.append(sim.states.array.copy())
+    differences = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-5
+    assert np.abs(found[Loops.COMPILED] - differences).max() < 1e-8 * np.abs(differences).max()
+    assert np.abs(found[Loops.COMPILED] - found[Loops.EXACT]).max() < 1e-7 * np.abs(differences).max()
 
 
 SWING = """
