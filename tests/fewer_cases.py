@@ -40,6 +40,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/packaging/test_wheel.py": ("test_the_installed_wheel_of_measuring_adds_its_command",),
     "tests/packaging/test_sdist.py": ("test_the_source_distribution_has_what_its_tests_read",),
     "tests/pages/test_snippets.py": ("test_a_page_does_what_it_says",),
+    "tests/physics/test_fitted_tyre.py": ("test_the_file_is_what_the_script_finds",),
     "tests/physics/test_held_poses.py": (
         "test_a_host_is_told_where_a_scene_is_not_made_for_that", "test_simulations_of_a_host_begin_there",
     ),
