@@ -1,4 +1,4 @@
-"""Pages that follow a running host: what it sends is seen, what is none of the model's is told, and nobody else may ask."""
+"""Pages that follow a running host: its poses are seen, other datagrams are told, and nobody else may ask."""
 
 from __future__ import annotations
 
