@@ -1,4 +1,4 @@
-"""Pages that follow a running host: what it sends is seen, what is none of the model's is told, and nobody else may ask."""
+"""Pages that follow a running host: its poses are seen, other datagrams are told, and nobody else may ask."""
 
 from __future__ import annotations
 
@@ -113,11 +113,13 @@ def test_it_answers_this_machine_alone() -> None:
 
 
 def test_the_command_says_where_it_is_seen() -> None:
-    command = [sys.executable, "-m", "cutjoint.cli", "view", str(PRESS), "--live", "0"]
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "cutjoint.cli", "view", str(PRESS), "--live", str(port)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as started:
         assert started.stdout is not None
-        line = started.stdout.readline()
-        port = int(line.split("localhost:")[1].partition("/")[0])
+        assert f"http://localhost:{port}/ follows datagrams at UDP port {port}" in started.stdout.readline()
         page = http.client.HTTPConnection("localhost", port)
         page.request("GET", "/")
         assert b"press" in page.getresponse().read()
@@ -125,5 +127,5 @@ def test_the_command_says_where_it_is_seen() -> None:
 
 
 def test_files_and_hosts_are_apart() -> None:
-    assert "--live writes no file; leave out --out" in call("view", PRESS, "--live", 0, "--out", "x.html", status=1)
+    assert "--live writes no file; leave out --out" in call("view", PRESS, "--live", 5005, "--out", "x.html", status=1)
     assert "--shared is of --live PORT" in call("view", PRESS, "--shared", status=1)

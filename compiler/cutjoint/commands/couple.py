@@ -10,7 +10,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.commands.preparing import read_request
 from cutjoint.compile.prepared import Request
-from cutjoint.coupling.connections import connect
+from cutjoint.coupling.connections import connect, open_system
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Party, Plan, co_simulate
 from cutjoint.emit.standalone import STEPS
@@ -38,7 +38,8 @@ def command(
     iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
     view: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
-    """Run one scene of MODEL beside FMUs for co-simulation: their outputs drive the inputs of the same names, and they read outputs."""
+    """Run one scene of MODEL beside FMUs for co-simulation, or a system of them (.ssp): their outputs drive the inputs of the same names,
+    and they read outputs."""
     read_files = {"the model": model, **{_words_of(fmu, fmus): fmu for fmu in fmus}}
     require_apart(read_files, tables={"--out": out}, plots=plots, documents=[("--view", view)])
     if view is not None:
@@ -47,8 +48,10 @@ def command(
     asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
     read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened, functions=functions))
     with ExitStack() as opened_fmus:
-        controllers = [opened_fmus.enter_context(open_controller(fmu, CALL_LIMIT if limit is None else limit)) for fmu in fmus]
-        connected = connect(controllers, read, chosen, _named(connections))
+        system = opened_fmus.enter_context(open_system(fmus, _named(connections), read.name))
+        seconds = CALL_LIMIT if limit is None else limit
+        controllers = [opened_fmus.enter_context(open_controller(fmu, seconds)) for fmu in system.fmus]
+        connected = connect(controllers, read, chosen, system.named, is_whole=system.is_whole)
         parties = [
             Party(fmu=fmu, connections=ports, step=_step(fmu, communication)) for fmu, ports in zip(controllers, connected, strict=True)
         ]  # fmt: skip

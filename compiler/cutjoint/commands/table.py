@@ -247,7 +247,7 @@ OPTIONS: Mapping[str, Row] = {
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
     "live": click.option("--live", metavar="PORT", type=Setting("live"), help="Follow a running host instead: a page at "
-        "http://localhost:PORT/ shows the poses that come as datagrams at UDP port PORT; 0 is any free port."),
+        "http://localhost:PORT/ shows the poses that come as datagrams at UDP port PORT."),
     "shared": click.option("--shared", is_flag=True, help="Let other machines send poses and see the page."),
     "kinematics.out": click.option("--out", type=_FILE, help="CSV file of all sweeps, in SI units; units go beside it."),
     "axle": click.option("--axle", metavar="NAME", help="The axle, by the words that its wheels' names share, such as front, or the left "

@@ -1,10 +1,18 @@
-"""The connections of controllers with a model and each other: outputs of each to inputs of others."""
+"""The connections of controllers with a model and each other: outputs of each to inputs of others; and systems that say them.
+
+Systems are those of System Structure and Parameterization 1.0 (Modelica Association, 2019).
+"""
 
 from __future__ import annotations
 
+import re
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
 
 from cutjoint.coupling.controller import ControllerFmu, Port
 from cutjoint.formulate.inputs import guided_by, input_parameters
@@ -13,6 +21,13 @@ from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.units import measure
 from cutjoint.package.errors import RunError
+from cutjoint.toolchain.temporary import temporary_folder
+
+#: The ending of a system's archive, the file in it that has the structure, and its namespace.
+SYSTEM, _STRUCTURE, _SPACE = ".ssp", "SystemStructure.ssd", "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
+#: Bytes of the structure and of an FMU.
+_LARGEST_STRUCTURE, _LARGEST_FMU = 1 << 24, 1 << 30
+_FMU = "application/x-fmu-sharedlibrary"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +47,121 @@ class Connections:
     held: tuple[str, ...]
 
 
-def connect(fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Mapping[str, str]) -> tuple[Connections, ...]:
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """FMUs, and the names to which their ports are connected, as of `connect`; ``is_whole`` if nothing else is."""
+
+    fmus: Sequence[Path]
+    named: Mapping[str, str]
+    is_whole: bool = False
+
+
+@contextmanager
+def open_system(files: Sequence[Path], named: Mapping[str, str], model: str) -> Iterator[System]:
+    """FMUs as they are given, or those of an archive whose component of the model's name stands for the model; they lie in a temporary
+    folder meanwhile, by the names of their components.
+
+    Raises:
+        RunError: the archive stands beside other files or connections, is damaged, or has what a run beside a model does not know.
+    """
+    if not any(file.suffix == SYSTEM for file in files):
+        yield System(fmus=files, named=named)
+        return
+    if len(files) > 1 or named:
+        raise RunError(f"{files[0]}: a system has its FMUs and connections; give it alone, without --connect")
+    with temporary_folder() as folder:
+        try:
+            with zipfile.ZipFile(files[0]) as archive:
+                system = _read_system(files[0], archive, model, Path(folder))
+        except (OSError, zipfile.BadZipFile, KeyError) as error:
+            raise RunError(f"{files[0]}: no system can be read from it: {str(error).strip(chr(34))}") from None
+        yield system
+
+
+def _read_system(path: Path, archive: zipfile.ZipFile, model: str, folder: Path) -> System:
+    root = _parsed(path, _content(archive, _STRUCTURE, _LARGEST_STRUCTURE))
+    inner = root.find(f"{_SPACE}System")
+    if inner is None:
+        raise RunError(f"{path}: {_STRUCTURE} has no system")
+    _require_plain(path, inner, "the system")
+    components = {str(each.get("name")): each for each in inner.iterfind(f"{_SPACE}Elements/*")}
+    if model not in components:
+        raise RunError(f"{path}: the system has no component '{model}', as the model is named; {nearest(model, components, 'it has')}")
+    fmus = [_extracted(path, archive, each, name, folder) for name, each in components.items() if name != model]
+    named: dict[str, str] = {}
+    for each in inner.iterfind(f"{_SPACE}Connections/*"):
+        port, name = _connection(path, each, components, model)
+        if named.setdefault(port, name) != name:
+            raise RunError(f"{path}: '{port}' is connected with '{named[port]}' and with '{name}'; a port has one")
+    return System(fmus=fmus, named=named, is_whole=True)
+
+
+def _parsed(path: Path, content: bytes) -> Any:
+    """The root of a structure: no entity is replaced, nothing is loaded."""
+    try:
+        from lxml import etree  # comes with FMPy
+    except ImportError:
+        raise RunError("systems of FMUs need FMPy: install cutjoint[fmu]") from None
+    try:
+        root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False))
+    except etree.XMLSyntaxError as error:
+        raise RunError(f"{path}: {_STRUCTURE}: {error}") from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise RunError(f"{path}: {_STRUCTURE} has a document type, which no system needs")
+    if root.tag != f"{_SPACE}SystemStructureDescription":
+        raise RunError(f"{path}: {_STRUCTURE} is no system structure of SSP 1.0")
+    return root
+
+
+def _content(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    if archive.getinfo(name).file_size > most:
+        raise OSError(f"'{name}' has more than {most} bytes")
+    return archive.read(name)
+
+
+def _require_plain(path: Path, element: Any, whose: str) -> None:
+    """Check that nothing changes values that a run would not."""
+    if any(element.find(f"{_SPACE}{tag}") is not None for tag in ("ParameterBindings", "SignalDictionaries")):
+        raise RunError(f"{path}: {whose} has parameter bindings or signal dictionaries, which are not read; put values into the FMUs")
+
+
+def _extracted(path: Path, archive: zipfile.ZipFile, element: Any, name: str, folder: Path) -> Path:
+    """The FMU of a component, in a file of its name."""
+    whose, source = f"component '{name}'", unquote(str(element.get("source") or ""))
+    _require_plain(path, element, whose)
+    if element.tag != f"{_SPACE}Component" or element.get("type", _FMU) != _FMU or element.get("implementation") == "ModelExchange":
+        raise RunError(f"{path}: {whose} is no FMU for co-simulation")
+    if not re.fullmatch(r"\w[\w .-]*", name):
+        raise RunError(f"{path}: {whose}: name it by letters, digits and underscores")
+    if not source.startswith("resources/") or ".." in source.split("/") or source not in archive.namelist():
+        raise RunError(f"{path}: {whose}: its source '{source}' is no file in resources/ of the system")
+    file = folder / f"{name}.fmu"
+    file.write_bytes(_content(archive, source, _LARGEST_FMU))
+    return file
+
+
+def _connection(path: Path, element: Any, components: Mapping[str, Any], model: str) -> tuple[str, str]:
+    """The port of an FMU, and the name to which it is connected."""
+    ends = [(str(element.get(f"{end}Element") or ""), str(element.get(f"{end}Connector"))) for end in ("start", "end")]
+    words = " to ".join(f"{owner}.{connector}" for owner, connector in ends)
+    if element.tag != f"{_SPACE}Connection" or len(element) or element.get("suppressUnitConversion") == "true":
+        raise RunError(f"{path}: the connection {words} transforms what it passes; use plain ones")
+    for owner, _ in ends:
+        if owner not in components:
+            raise RunError(f"{path}: the connection {words}: no component is named '{owner}'; connect components alone")
+    (start, source), (end, sink) = ends
+    if start == end:
+        raise RunError(f"{path}: the connection {words} is within one component")
+    if start == model:
+        return f"{end}:{sink}", source
+    return (f"{start}:{source}", sink) if end == model else (f"{end}:{sink}", f"{start}:{source}")
+
+
+def connect(
+    fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Mapping[str, str], *, is_whole: bool = False
+) -> tuple[Connections, ...]:
     """The connections of each FMU: of each port with the input or output of its name in the model, or of its name in ``named``, which may
-    be a port of another FMU.
+    be a port of another FMU; of those in ``named`` alone if they are the ``whole``.
 
     Raises:
         RunError: there is no such port, input or output, a unit is of another dimension, an input has two sources, or an FMU is not
@@ -53,7 +180,7 @@ def connect(fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Ma
             raise RunError(f"--connect {word}={name}: both are {sink.port.causality}s; connect an output with an input")
         _require_alike(fmus[source.fmu].path, source.port, sink.port)
         passed[sink.fmu].append((source.fmu, source.port, sink.port))
-    found = tuple(_connect(i, fmus, model, scene, own[i], passed) for i in range(len(fmus)))
+    found = tuple(_connect(i, fmus, model, scene, own[i], passed, is_whole) for i in range(len(fmus)))
     drivers: dict[str, Path] = {}
     for fmu, connections in zip(fmus, found, strict=True):
         for name in connections.driven:
@@ -112,16 +239,16 @@ def _outputs(model: Model, scene: Scene) -> dict[str, str]:
 
 def _connect(
     number: int, fmus: Sequence[ControllerFmu], model: Model, scene: Scene, named: Mapping[str, str],
-    passed: Sequence[Sequence[tuple[int, Port, Port]]],
+    passed: Sequence[Sequence[tuple[int, Port, Port]]], is_whole: bool,
 ) -> Connections:  # fmt: skip
     fmu, inputs, outputs = fmus[number], _inputs(model), _outputs(model, scene)
     driven: dict[str, Port] = {}
-    for port, name in _matched(fmu, "output", inputs, named, f"input of model '{model.name}'"):
+    for port, name in _matched(fmu, "output", inputs, named, f"input of model '{model.name}'", is_whole):
         if name in driven:
             raise RunError(f"{fmu.path}: both '{driven[name].name}' and '{port.name}' would drive input '{name}'; connect one of them")
         driven[name] = port
     given = [sink.name for _, _, sink in passed[number]]
-    matched = _matched(fmu, "input", outputs, named, f"output of scene '{scene.name}'")
+    matched = _matched(fmu, "input", outputs, named, f"output of scene '{scene.name}'", is_whole)
     read = tuple((name, port) for port, name in matched if port.name not in given or port.name in named)
     if twice := [name for name in given if given.count(name) > 1 or name in {port.name for _, port in read}]:
         raise RunError(f"{fmu.path}: input '{twice[0]}' would be driven twice; connect it once")
@@ -141,10 +268,12 @@ def _connect(
 
 
 def _matched(
-    fmu: ControllerFmu, causality: str, there: Mapping[str, str], named: Mapping[str, str], what: str
+    fmu: ControllerFmu, causality: str, there: Mapping[str, str], named: Mapping[str, str], what: str, is_whole: bool
 ) -> Iterator[tuple[Port, str]]:  # fmt: skip
     """The ports of a kind with their names in the model, and checks of both."""
     for port in (p for p in fmu.ports.values() if p.causality == causality):
+        if is_whole and port.name not in named:
+            continue
         name = named.get(port.name, port.name)
         if name in there:
             _require_fit(fmu.path, port, name, there[name])

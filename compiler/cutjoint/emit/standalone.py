@@ -239,7 +239,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
 
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
-    """Whether the interface has derivatives of steps."""
+    """Return whether the interface has derivatives of steps."""
     return parts.freedoms is not None and steps.differentiable and (parts.system is None or not parts.stepped.equation_names)
 
 

@@ -39,7 +39,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "points": {"least": 3, "most": 1001},
     "priority": {"least": 1, "most": 99},
     "processor": {"least": 0, "most": 65535},
-    "live": {"least": 0, "most": 65535},
+    "live": {"least": 1, "most": 65535},
     "radius": {"least": 1e-3, "most": 10.0},
     "share": {"least": 0.0, "most": 1.0},
 }

@@ -219,7 +219,7 @@ class Simulation:
         return self._poses
 
     def pose_datagram(self) -> bytes:
-        """What ``cutjoint view --live`` shows, to be sent to its UDP port: the digest of the poses, the time and the poses, little-endian.
+        """A datagram for the UDP port of ``cutjoint view --live``: the digest of the poses, the time and the poses, little-endian.
 
         Raises:
             TypeError, SimulationError: as of ``poses``.
@@ -393,7 +393,7 @@ class Simulation:
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
 
-        What controllers hold and what the laws of the scene give inputs stays.
+        Values that controllers hold stay, and so do those of inputs by the scene's laws.
 
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.

@@ -151,9 +151,9 @@ class StateSpace:
 
 @dataclass(frozen=True, kw_only=True)
 class StepDerivative:
-    """How the states at the end of a step change: by those at its beginning, ``by_state`` (states, states), by a shift of each input during
-    the step, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and ``end``
-    are the states of the step, the others names.
+    """Derivatives of the states at the end of a step: by those at its beginning, ``by_state`` (states, states), by a shift of each input
+    during the step, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and
+    ``end`` are the states of the step, the others names.
     """
 
     by_state: Array
