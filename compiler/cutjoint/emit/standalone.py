@@ -22,7 +22,7 @@ from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.functions import SUPPLIED_FILE, code_file
+from cutjoint.model.functions import SUPPLIED_FILE, code_file, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import runtime_folder
@@ -203,6 +203,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     if parts.poses:
         tables.append({"name": "pose_names", "entries": list(parts.poses)})
+    if hosted := functions_of_host(model):
+        tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
@@ -210,7 +212,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
-        "supplied": [SUPPLIED_FILE] if model.functions else [],
+        "supplied": [SUPPLIED_FILE] if model.functions else [], "hosted": hosted,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
@@ -405,7 +407,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
-    stored += 16 * len(parts.poses) + 2
+    stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     return 8 * (stored + assembly + masses + others + 512)
 
 
