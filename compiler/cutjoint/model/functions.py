@@ -266,7 +266,7 @@ inline thread_local const cutjoint_host_function* cutjoint_host_functions = null
 
 
 def _calls_of_host(model: Model) -> Iterator[str]:
-    """The C functions, which call what the simulation that steps on this thread was given."""
+    """The C functions: each calls the function of the simulation that steps on this thread."""
     place = 0
     for function in model.functions:
         for signature in signatures_of(function).values():
