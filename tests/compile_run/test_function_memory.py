@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import copy
 import pickle
+import subprocess
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene, generate
+from cutjoint.compile.pipeline import compile_model, compile_scene, generate
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.errors import ModelError
-from cutjoint.model.functions import supply
+from cutjoint.model.functions import leave_to_host, supply
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
+from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load
 from cutjoint.tasks.batch import simulate_batch
+from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import with_heavy
 from tests.fmu.slaves import OK, Slave
 
@@ -217,3 +222,131 @@ def test_code_without_the_update_is_told(tmp_path: Path) -> None:
     path.write_text(CODE.replace("cutjoint_wear_update", "update"), encoding="utf-8")
     with pytest.raises(ModelError, match=r"m\.yaml:7:3: function 'wear': .*f\.cpp has no cutjoint_wear_update; write extern \"C\" void"):
         supply(read_model_text(MODEL, "m.yaml"), path)
+
+
+def soften(a: np.ndarray, memory: np.ndarray, results: np.ndarray, partials: np.ndarray | None) -> None:
+    """The function of Python; its memory begins with the largest displacement."""
+    soft = 1 + 5 * memory[:8].view(float)[0]
+    results[:] = a[0] * a[1] / soft + 3 * a[2], 3 * a[2] ** 2
+    if partials is not None:
+        partials[:] = [[a[1] / soft, a[0] / soft, 3], [0, 0, 6 * a[2]]]
+
+
+def keep_most(a: np.ndarray, memory: np.ndarray, following: np.ndarray, _: None) -> None:
+    following[:8].view(float)[0] = max(memory[:8].view(float)[0], abs(a[1]))
+
+
+def declared() -> Model:
+    return read_model_text(MODEL, "m.yaml")
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_python_has_the_code(method: str) -> None:
+    """Steps are those of the code in C++, to rounding; a copy and a snapshot go on bit by bit."""
+    known = load(worn(), method=method, flags=FLAGS).reset()
+    found = load(declared(), method=method, flags=FLAGS, functions={"wear": soften, "wear_update": keep_most}).reset()
+    for each in (known, found):
+        each.advance(0.2)
+    twin, kept = found.copy(), found.snapshot()
+    for each in (known, found, twin):
+        each.advance(0.4)
+    np.testing.assert_allclose(found.outputs.array, known.outputs.array, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(twin.outputs.array, found.outputs.array)
+    found.restore(kept)
+    found.advance(0.4)
+    np.testing.assert_array_equal(twin.outputs.array, found.outputs.array)
+
+
+@pytest.mark.heavy
+def test_what_python_raises_comes_out_of_the_step() -> None:
+    def fail(*arguments: object) -> None:
+        raise ZeroDivisionError("at last")
+
+    with pytest.raises(ZeroDivisionError, match="at last"):
+        load(declared(), flags=FLAGS, functions={"wear": fail, "wear_update": keep_most}).reset()
+
+
+def test_functions_of_python_are_those_that_the_model_declares() -> None:
+    with pytest.raises(RunError, match="functions: the model has wear, wear_update, not wear; give a callable for each name"):
+        load(declared(), functions={"wear": soften})
+    plain = "cutjoint: 1\nname: none\ngravity: [0, 0, 0]\nbodies: {a: {mass: 1, centre_of_mass: [0, 0, 0]}}\n"
+    text = plain + "joints: {s: {kind: prismatic, bodies: [ground, a], at: [0, 0, 0], axis: x}}\nscenes: {run: {end: 1}}\n"
+    with pytest.raises(ModelError, match="it declares no functions, and a host is to have their code"):
+        load(read_model_text(text, "m.yaml"), functions={"wear": soften})
+
+
+def test_one_place_has_the_code(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(MODEL, encoding="utf-8")
+    (tmp_path / "f.cpp").write_text(CODE, encoding="utf-8")
+    words = ["compile", tmp_path / "m.yaml", "--out", tmp_path / "out", "--host-functions", "--functions", tmp_path / "f.cpp"]
+    result = CliRunner().invoke(main, [str(word) for word in words])
+    assert result.exit_code == 2
+    assert "--functions has the code that --host-functions leaves to hosts: name one of the two" in result.output
+
+
+#: Three simulations of one folder, each with functions and data of its own, and one whose functions are missing.
+HOST = """\
+#include <stdio.h>
+#include <string.h>
+#include "worn.h"
+
+static void wear(void* host, const double* a, const void* memory, void* results, double* partials) {
+  double most, *found = results;
+  memcpy(&most, memory, sizeof most);
+  found[0] = *(double*)host * a[0] * a[1] / (1 + 5 * most) + 3 * a[2];
+  found[1] = 3 * a[2] * a[2];
+  (void)partials;
+}
+
+static void keep(void* host, const double* a, const void* memory, void* next, double* partials) {
+  double most, now = a[1] < 0 ? -a[1] : a[1];
+  memcpy(&most, memory, sizeof most);
+  if (now > most) memcpy(next, &now, sizeof now);
+  (void)host, (void)partials;
+}
+
+int main(void) {
+  static double memory[3][WORN_SIZE / sizeof(double)];
+  worn_sim* sims[3];
+  double share[3] = {1.0, 2.0, 1.0};
+  for (int i = 0; i < 3; ++i) {
+    sims[i] = worn_create(memory[i], sizeof memory[i]);
+    worn_set_function(sims[i], worn_find_function("wear_update"), keep, 0);
+  }
+  if (worn_start(sims[0]) != WORN_NO_FUNCTION || worn_set_function(sims[0], 2, keep, 0) != WORN_NO_SUCH_INDEX) return 1;
+  if (worn_set_function(sims[0], 0, 0, 0) != WORN_NO_FUNCTION || worn_set_function(0, 0, wear, 0) != WORN_NO_SIMULATION) return 2;
+  for (int i = 0; i < 3; ++i) {
+    worn_set_function(sims[i], WORN_FUNCTION_wear, wear, &share[i]);
+    if (worn_start(sims[i])) return 3;
+  }
+  for (int k = 1; k <= 80; ++k)
+    for (int i = 0; i < 3; ++i)
+      if (worn_advance(sims[i], k * 5e-3)) return 4;
+  for (int i = 0; i < 3; ++i) printf("%.17g %.17g\\n", worn_outputs(sims[i])[0], worn_outputs(sims[i])[2]);
+  puts(worn_status_text(WORN_NO_FUNCTION));
+  return 0;
+}
+"""
+
+
+@pytest.mark.heavy
+def test_a_host_in_c_gives_each_simulation_its_functions(tmp_path: Path) -> None:
+    """One of twice the stiffness: of the code in C++ with another parameter."""
+    compile_model(leave_to_host(declared()), scene="run", out=tmp_path / "worn", flags=FLAGS)
+    (tmp_path / "host.c").write_text(HOST, encoding="utf-8")
+    folder, compiler = tmp_path / "worn", find_compiler().command
+    for source, options in ((folder / "worn.cpp", ["-std=c++20"]), (folder / "supplied.cpp", []), (tmp_path / "host.c", ["-x", "c"])):
+        words = [*compiler, "-O1", *options, "-Wall", "-Wextra", "-Werror", f"-I{folder}", "-c", source, "-o", f"{source}.o"]
+        subprocess.run([str(word) for word in words], check=True)
+    objects = [f"{source}.o" for source in (folder / "worn.cpp", folder / "supplied.cpp", tmp_path / "host.c")]
+    subprocess.run([*compiler, *objects, "-lm", "-o", str(tmp_path / "host")], check=True)
+    *rows, text = subprocess.run([tmp_path / "host"], check=True, capture_output=True, text=True).stdout.splitlines()
+    one, two, three = ([float(x) for x in row.split()] for row in rows)
+    assert text == "a function of the host is missing"
+    assert one == three != two
+    for found, k in ((one, 100.0), (two, 200.0)):
+        known = load(worn(), flags=FLAGS)
+        known.parameters["k"] = k
+        known.reset().advance(0.4)
+        assert found == pytest.approx([known.outputs.array[0], known.outputs.array[2]], rel=1e-11)

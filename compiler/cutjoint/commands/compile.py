@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
+
+import click
 
 from cutjoint.commands import options, table
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
+from cutjoint.model.functions import leave_to_host
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_case
 from cutjoint.toolchain.build import simulator_of
@@ -17,15 +21,18 @@ from cutjoint.topology.reading import read_model
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    opened: tuple[str, ...], functions: Path | None,
+    opened: tuple[str, ...], functions: Path | None, hosted: bool,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
+    if hosted and functions is not None:
+        raise click.UsageError("--functions has the code that --host-functions leaves to hosts: name one of the two")
     with options.progress_bar(f"compiling {model.name}"):
+        read = read_model(model, opened=opened, functions=functions)
         artifact = compile_model(
-            read_model(model, opened=opened, functions=functions), scene=scene, method=method, out=out, integrator=integrator,
-            linearise=linearise, poses=poses, pushed=pushed,
+            leave_to_host(read) if hosted else read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise,
+            poses=poses, pushed=pushed,
         )  # fmt: skip
-        price = _price(artifact, model, functions) if opened else ""
+        price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
 
@@ -37,9 +44,9 @@ def _sizes(artifact: Artifact, folder: Path) -> str:
     return f"; a simulation takes {said.stdout.strip()}" if said.returncode == 0 else ""
 
 
-def _price(artifact: Artifact, path: Path, functions: Path | None) -> str:
+def _price(artifact: Artifact, path: Path) -> str:
     """The cost of opened numbers, in words."""
-    plain = read_model(path, functions=functions)
+    plain = replace(read_model(path), code=artifact.model.code)
     case, scene = find_case(plain, artifact.scene.name)
     _, program, _ = generate(case, scene, artifact.scene.outputs, method=artifact.method)
     count = len(open_parameters(artifact.topology.model)) - len(open_parameters(plain))

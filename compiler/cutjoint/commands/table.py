@@ -198,6 +198,8 @@ OPTIONS: Mapping[str, Row] = {
         "match, such as '*.stiffness' or 'front.hub.*'; * stands for any text. --set and tables of cutjoint batch change them without "
         "recompiling."),
     "functions": click.option("--functions", type=_READ, help="C++ file with the code of the functions that MODEL declares."),
+    "hosted": click.option("--host-functions", "hosted", is_flag=True, help="Leave the code of the functions that MODEL declares to hosts, "
+        "which give each simulation pointers to them."),
     "changes": click.option("--set", "changes", metavar="NAME=VALUE", multiple=True, help="Change a parameter, or hold an input constant, "
         "without recompiling: in SI units, or with a unit as in 10mm."),
     "links": click.option("--link-mass", "links", metavar="BODY=KG", multiple=True, help="Make a massless body a slender rod; * in BODY "

@@ -23,7 +23,7 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.poses import digest_of_poses
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.functions import SUPPLIED_FILE, code_file
+from cutjoint.model.functions import SUPPLIED_FILE, code_file, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import runtime_folder
@@ -212,6 +212,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     if parts.poses:
         tables.append({"name": "pose_names", "entries": list(parts.poses)})
+    if hosted := functions_of_host(model):
+        tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
@@ -220,7 +222,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
-        "supplied": [SUPPLIED_FILE] if model.functions else [],
+        "supplied": [SUPPLIED_FILE] if model.functions else [], "hosted": hosted,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
@@ -438,7 +440,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
         stored += _NUMBERS_OF_DUAL * (q + 3 * n) + n * n + 3 * n + state + 32  # of a step's derivatives
-    stored += 16 * len(parts.poses) + 2
+    stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
     return 8 * (stored + assembly + masses + others + 512)

@@ -239,6 +239,44 @@ def supply(model: Model, path: AnyPath) -> Model:
     return replace(model, code=text)
 
 
+def leave_to_host(model: Model) -> Model:
+    """Copy a model whose functions have no code: hosts give each simulation pointers to it.
+
+    Raises:
+        ModelError: it declares no functions.
+    """
+    if not model.functions:
+        raise _error(model.span, "model", "it declares no functions, and a host is to have their code", "leave the option out")
+    return replace(model, code=_LEFT + "\n".join([_HOST, *_calls_of_host(model)]))
+
+
+def functions_of_host(model: Model) -> tuple[str, ...]:
+    """The names of the functions that a host gives to simulations, with updates of memories; none where they have code."""
+    return tuple(name.removeprefix(PREFIX) for f in model.functions for name in signatures_of(f)) if model.code.startswith(_LEFT) else ()
+
+
+_LEFT = "// A host has the code of these functions.\n"
+_HOST = """
+struct cutjoint_host_function {
+  void (*call)(void* host, const double* arguments, const void* memory, void* results, double* partials);
+  void* host;
+};
+inline thread_local const cutjoint_host_function* cutjoint_host_functions = nullptr;
+"""
+
+
+def _calls_of_host(model: Model) -> Iterator[str]:
+    """The C functions: each calls the function of the simulation that steps on this thread."""
+    place = 0
+    for function in model.functions:
+        for signature in signatures_of(function).values():
+            results = "next" if "void* next" in signature else "result" if "" in function.results else "results"
+            memory, partials = "memory" if function.words else "nullptr", "nullptr" if results == "next" else "partials"
+            at = f"cutjoint_host_functions[{place}]"
+            yield f"{signature} {{ {at}.call({at}.host, arguments, {memory}, {results}, {partials}); }}"
+            place += 1
+
+
 def require_code(model: Model) -> None:
     """Check that the code of all functions is there.
 

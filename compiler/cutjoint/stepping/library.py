@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,12 +35,52 @@ LIMITED = ("gap", "rate", "change", "pivot", "iterations", "evaluations")
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 
 
+#: A function of the host in C.
+_CALL = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double), ctypes.c_void_p, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double)
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class HostFunction:
+    """The code of a model's function from Python: a pointer to a function of C, or a callable that fills arrays.
+
+    A callable has ``arguments`` and ``memory`` (bytes, none without a memory), ``results`` and the ``partials`` that it fills, (results,
+    arguments), which are None where nobody needs them.  Of an update, which has no results, ``results`` are the bytes that the memory
+    becomes.
+    """
+
+    arguments: int
+    memory: int
+    results: int
+    call: Callable[..., object]
+
+    def pointer(self, raised: list[BaseException]) -> Any:
+        """The function for C; what it raises is kept, and its results are no numbers then."""
+        if hasattr(self.call, "argtypes"):
+            return ctypes.cast(self.call, _CALL)  # type: ignore[arg-type]
+
+        def call(_: object, arguments: Any, memory: int | None, results: int, partials: Any) -> None:
+            length, kind = (self.results, ctypes.c_double) if self.results else (self.memory, ctypes.c_ubyte)
+            found = np.ctypeslib.as_array((kind * length).from_address(results))
+            kept = None if memory is None else np.frombuffer(ctypes.string_at(memory, self.memory), np.uint8)
+            slopes = np.ctypeslib.as_array(partials, (self.results, self.arguments)) if partials else None
+            try:
+                self.call(np.ctypeslib.as_array(arguments, (self.arguments,)), kept, found, slopes)
+            except BaseException as error:  # goes on from the call of the simulation
+                raised.append(error)
+                found[:] = np.nan if self.results else found
+
+        return _CALL(call)
+
+
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
     first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
-    ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.
+    ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.  ``functions`` are those
+    that simulations call, by their names.
 
     Raises:
         OSError: the file is no library.
@@ -47,19 +88,24 @@ class Library:
 
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
-        steps: Steps, settings: StepSettings, lanes: Lanes | None,
+        steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "has_poses": has_poses, "steps": steps, "settings": settings,
+            "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions,
         }  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
         self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
-        self.create = self._function("create", sim, ctypes.c_void_p, ctypes.c_size_t)
+        self._create = self._function("create", sim, ctypes.c_void_p, ctypes.c_size_t)
+        self.raised: list[BaseException] = []
+        self._functions = {name: function.pointer(self.raised) for name, function in (functions or {}).items()}
+        if functions:
+            self._find_function = self._function("find_function", index, text)
+            self._set_function = self._function("set_function", index, sim, index, _CALL, ctypes.c_void_p)
         self.start = self._function("start", index, sim)
         self.step = self._function("step", index, sim)
         self.advance = self._function("advance", index, sim, number)
@@ -115,6 +161,13 @@ class Library:
             self.arrays["inputs"] = self._function("inputs", pointer, sim)
             self.input = self._function("input", number, sim, index)
             self.set_input = self._function("set_input", index, sim, index, number, number, number)
+
+    def create(self, memory: int, size: int) -> int:
+        """A simulation in memory at an address, with its functions."""
+        address: int = self._create(memory, size)
+        for name, pointer in self._functions.items():
+            self._set_function(address, self._find_function(name.encode()), pointer, None)
+        return address
 
     def __deepcopy__(self, memo: object) -> Library:
         return self

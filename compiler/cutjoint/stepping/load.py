@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -10,11 +10,12 @@ from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.opening import with_pushes
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.given import Given, take_model
-from cutjoint.stepping.library import Lanes, Library, with_rollout
+from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
 
@@ -22,6 +23,7 @@ from cutjoint.toolchain.build import FLAGS
 def load(
     model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
     linearise: bool = False, poses: bool = False, pushed: Sequence[str] = (), flags: Sequence[str] = FLAGS,
+    functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
@@ -31,7 +33,9 @@ def load(
     tolerances allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the
     patterns ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to
     five times as long to compile, with ``poses`` it has those of all bodies and markers.  Bodies and markers that are
-    ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``.
+    ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``.  ``functions`` are those
+    that the model declares, and updates of their memories, ``NAME_update``: functions of C as ctypes has them, or callables of arrays
+    ``(arguments, memory, results, partials)``, of which they fill the last two; partials are None where nobody needs them.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the scene is wrong, or there is no such method or
@@ -40,14 +44,17 @@ def load(
     """
     _require_method(method)
     read, chosen = take_model(model, scene, opened)
+    if functions is not None:
+        read = leave_to_host(read)
     return load_scene(
-        with_pushes(read, pushed), chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags
+        with_pushes(read, pushed), chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags,
+        functions=functions,
     )  # fmt: skip
 
 
 def load_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
-    poses: bool = False, flags: Sequence[str] = FLAGS,
+    poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
@@ -59,13 +66,31 @@ def load_scene(
     def build() -> Path:
         return with_rollout(alone(side_by_side=True)).build_library(flags)
 
-    lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if standalone.fits_lanes else None
+    hosted = _functions_of(model, functions or {})
+    fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
+    lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
         states=len(mechanism.state.states), has_poses=bool(standalone.poses),
-        steps=standalone.steps, settings=standalone.settings, lanes=lanes,
+        steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
     ))  # fmt: skip
+
+
+def _functions_of(model: Model, given: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:
+    """The functions of a model that Python has the code of."""
+    names = functions_of_host(model)
+    if not names:
+        return {}
+    if set(names) != set(given):
+        raise RunError(f"functions: the model has {', '.join(names)}, not {', '.join(given) or 'none'}; give a callable for each name")
+    found = {}
+    for function in model.functions:
+        numbers, memory = len(function.arguments), function.memory
+        found[function.name] = HostFunction(arguments=numbers, memory=memory, results=len(function.results), call=given[function.name])
+        if update := given.get(f"{function.name}_update"):
+            found[f"{function.name}_update"] = HostFunction(arguments=numbers, memory=memory, results=0, call=update)
+    return found
 
 
 def _require_method(method: str) -> None:

@@ -498,6 +498,8 @@ class Simulation:
             self._fail(status)
 
     def _fail(self, status: int) -> None:
+        if self.library.raised:
+            raise self.library.raised.pop(0)
         text = self.library.status_text(status)
         if status > 0:
             room = ctypes.create_string_buffer(_TEXT)
