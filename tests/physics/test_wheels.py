@@ -118,9 +118,9 @@ STOP = """end: 6, output_step: 0.05, numerics: {dt: 0.001},
 
 
 @cache
-def corner(kind: str, gravity: tuple[str, str], scene: str) -> Model:
+def corner(kind: str, gravity: tuple[str, str], scene: str, more: str = "") -> Model:
     masses = ", MASS: 20, IXX: 0.6, IYY: 1" if kind == "52" else ""
-    return read_model_text(CORNER % (*gravity, kind, masses, kind, scene), "m.yaml", folder=DATA)
+    return read_model_text(CORNER % (*gravity, kind, masses + more, kind, scene), "m.yaml", folder=DATA)
 
 
 def run(model: Model, method: str = "recursive", **choices: object) -> Trajectory:
@@ -135,6 +135,34 @@ def test_the_tangent_of_a_wheel(kind: str) -> None:
     system = WithStates(formulate_implicit(start, ()), {name: Hills() for name in start.roads})
     for seed in (0, 1, 2, 4, 5):  # that of 3 has a kink within the step of the differences, and agrees at smaller ones
         assert verify_tangent(system, seed, moves=0.03) > 0
+
+
+class Waves(Hills):
+    """A road with a surface and a friction that change along x and y, and their derivatives."""
+
+    def surface(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        return 0.02 * 1.3**by_x * 1.7**by_y * np.sin(1.3 * x + 0.4 + by_x * np.pi / 2) * np.cos(1.7 * y + by_y * np.pi / 2)
+
+    def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        return (by_x + by_y == 0) + 20 * self.surface(x, y, by_x, by_y)
+
+
+def test_the_tangent_of_a_wheel_on_a_surface() -> None:
+    model = corner("62", LEVEL, STOP + ", road: {surface: {iso8608: A}, friction: [{x: [0, 1], y: [0, 1], value: 0.5}]}")
+    start = formulate_recursive(build_topology(model), model.scenes["run"], ())
+    system = WithStates(formulate_implicit(start, ()), {name: Waves() for name in start.roads})
+    for seed in (0, 1, 2):
+        assert verify_tangent(system, seed, moves=0.03) > 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_friction_of_a_road_is_that_of_the_scaling_factors(kind: str) -> None:
+    ends = STOP.replace("end: 6", "end: 2")
+    scaled = run(corner(kind, LEVEL, ends, ", LMUX: 0.4, LMUY: 0.4"), integrator="dormand-prince", tolerance=1e-9)
+    patch = ", road: {friction: [{x: [-9, 99], y: [-9, 9], value: 0.4}]}"
+    found, whole = (run(corner(kind, LEVEL, ends + more), integrator="dormand-prince", tolerance=1e-9) for more in (patch, ""))
+    assert found["cart.vx"] == pytest.approx(scaled["cart.vx"], abs=1e-6)
+    assert np.abs(whole["cart.vx"] - scaled["cart.vx"]).max() > 0.1
 
 
 def test_all_methods_brake_alike() -> None:
