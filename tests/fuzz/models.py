@@ -561,6 +561,12 @@ class Maker:
                 "contact": rng.choice(("disc", "point")),
                 "profile": [{"flat": 1}, {"ramp": 2, "rise": 0.1}, {"cosine": 1, "amplitude": 0.1}],
             }
+            if self.chance(0.5):
+                rough = {"iso8608": rng.choice("ABCDEF"), "seed": rng.randrange(-1, 9), "width": 1}
+                heights = {"x": [0, 1, rng.choice((2, 3))], "y": [0, 1], "value": [[0, 0.1], [0.2, 0.1], rng.choice(([0, 0.1], [0]))]}
+                scene["road"]["surface"] = rng.choice((rough, {"table": heights, "interpolation": rng.choice(("cubic", "linear"))}))
+            if self.chance(0.5):
+                scene["road"]["friction"] = [{"x": [0, 1], "y": [rng.choice((-1, 2)), 1], "value": rng.choice((0.3, 0)), "edge": 0.1}]
         if self.joints and self.chance(0.2):
             joint = rng.choice(sorted(self.joints))
             place = f"{joint}.{(*COORDINATES[self.joints[joint]['kind']], 'angle')[0]}"

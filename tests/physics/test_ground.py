@@ -98,7 +98,9 @@ def test_friction_is_a_factor_of_the_skid_number(tmp_path: Path) -> None:
     whole, ground, constant = (
         run(tmp_path, "[0, 1, 0]", FREE, more, rolls, grip=grip) for more, grip in (("", "0.85"), ("friction: 0.4", "0.85"), ("", "0.34"))
     )
+    patch = run(tmp_path, "[0, 1, 0]", FREE, "", rolls + ", road: {friction: [{x: [-9, 99], y: [-9, 9], value: 0.4}]}")
     assert np.abs(ground["hub.y"] - constant["hub.y"]).max() < 1e-9
+    assert np.abs(patch["hub.y"] - constant["hub.y"]).max() < 1e-9
     assert np.abs(whole["hub.y"] - constant["hub.y"]).max() > 0.1
 
 

@@ -22,6 +22,8 @@ from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
 from tests.mechanisms.random_models import NOWHERE
 from tests.physics.simulation import compile_model, completed
+from tests.view.conftest import call
+from tests.view.files import Gltf
 
 MASS, RADIUS = 400.0, 0.3
 
@@ -140,6 +142,28 @@ def test_lookups_know_their_derivatives() -> None:
                 interpret_blocks([lookup], {**at, axis: at[axis] + way}, {"wheel": road})[lookup].item() for way in (-h, h)
             ]  # fmt: skip
             assert values[derivative].item() == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-6)
+
+
+def test_a_picture_shows_the_surface_and_its_patches(tmp_path: Path) -> None:
+    """Points of the road are on it, and its triangles are seen from above."""
+    model, page = tmp_path / "model.yaml", tmp_path / "pose.glb"
+    model.write_text(text("{surface: {iso8608: E, seed: 5}, friction: [{x: [-0.5, 0.5], y: [-1, 1], value: 0.5}]}"), encoding="utf-8")
+    call("view", model, "--out", page)
+    surface, gltf = surface_of(read_model(model).scenes["roll"].road), Gltf.read(page)
+    assert surface is not None
+    (node,) = (n for n in gltf.document["nodes"] if n["name"] == "road")
+    parts, colours = gltf.document["meshes"][node["mesh"]]["primitives"], set()
+    for part in parts:
+        points, normals = (gltf.numbers(part["attributes"][key]) for key in ("POSITION", "NORMAL"))
+        faces = points[gltf.numbers(part["indices"]).astype(int).reshape(-1, 3)]
+        turned = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        print(points[:3], normals[:3], turned[:3])
+        for x, y, z in points[:: max(1, len(points) // 20)]:
+            assert z == pytest.approx(surface.height(x, y, 0, 0), abs=1e-6)
+        assert (turned[:, 2] > 0).all()
+        assert (normals[:, 2] > 0.5).all()
+        colours.add(part["material"])
+    assert len(colours) == 4
 
 
 @needs_cpp

@@ -140,6 +140,34 @@ def test_the_tangent_of_a_wheel(kind: str, more: str) -> None:
         assert verify_tangent(system, seed, moves=0.03) > 0
 
 
+class Waves(Hills):
+    """A road with a surface and a friction that change along x and y, and their derivatives."""
+
+    def surface(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        return 0.02 * 1.3**by_x * 1.7**by_y * np.sin(1.3 * x + 0.4 + by_x * np.pi / 2) * np.cos(1.7 * y + by_y * np.pi / 2)
+
+    def friction(self, x: float, y: float, by_x: int, by_y: int) -> float:
+        return (by_x + by_y == 0) + 20 * self.surface(x, y, by_x, by_y)
+
+
+def test_the_tangent_of_a_wheel_on_a_surface() -> None:
+    model = corner("62", LEVEL, STOP + ", road: {surface: {iso8608: A}, friction: [{x: [0, 1], y: [0, 1], value: 0.5}]}")
+    start = formulate_recursive(build_topology(model), model.scenes["run"], ())
+    system = WithStates(formulate_implicit(start, ()), {name: Waves() for name in start.roads})
+    for seed in (0, 1, 2):
+        assert verify_tangent(system, seed, moves=0.03) > 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_friction_of_a_road_is_that_of_the_scaling_factors(kind: str) -> None:
+    ends = STOP.replace("end: 6", "end: 2")
+    scaled = run(corner(kind, LEVEL, ends, ", LMUX: 0.4, LMUY: 0.4"), integrator="dormand-prince", tolerance=1e-9)
+    patch = ", road: {friction: [{x: [-9, 99], y: [-9, 9], value: 0.4}]}"
+    found, whole = (run(corner(kind, LEVEL, ends + more), integrator="dormand-prince", tolerance=1e-9) for more in (patch, ""))
+    assert found["cart.vx"] == pytest.approx(scaled["cart.vx"], abs=1e-6)
+    assert np.abs(whole["cart.vx"] - scaled["cart.vx"]).max() > 0.1
+
+
 def test_all_methods_brake_alike() -> None:
     """A wheel brakes from 20 m/s without locking: errors of the trapezoidal rule are all in which methods differ (order 2, measured)."""
     model = corner("62", LEVEL, STOP)

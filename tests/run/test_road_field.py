@@ -45,6 +45,13 @@ def test_slopes_are_those_of_the_heights_and_continuous(wraps: bool) -> None:
             assert hills.derivative(x - 1e-9, 0.1, *by) == pytest.approx(hills.derivative(x + 1e-9, 0.1, *by), abs=1e-6)
 
 
+@pytest.mark.parametrize("wraps", [False, True])
+def test_heights_over_a_grid_are_those_of_places(wraps: bool) -> None:
+    hills = field(np.random.default_rng(3).normal(size=(13, 9)), wraps=wraps)
+    x, y = np.linspace(-3, 4, 7), np.linspace(-2, 3, 5)
+    assert hills.over(x, y) == pytest.approx(np.array([[hills.derivative(a, b) for b in y] for a in x]), abs=1e-14)
+
+
 def test_the_height_stays_beyond_the_edge() -> None:
     hills = field(np.random.default_rng(3).normal(size=(13, 9)))
     assert hills.derivative(50.0, Y[2]) == pytest.approx(hills.heights[-1, 2], abs=1e-14)

@@ -28,7 +28,7 @@ def read_road(where: Element, road: document.Road) -> Road:
 
 
 def _surface(where: Element, surface: document.Heights | document.Rough | None) -> HeightTable | RoughSurface | None:
-    keys = ("road", "surface")
+    keys: Path = ("road", "surface")
     if surface is None:
         return None
     span = where.scope.source.value_span((*where.path, *keys))

@@ -143,6 +143,7 @@ def _share(patch: Patch, x: float, y: float, by_x: int, by_y: int) -> float:
 @lru_cache(maxsize=4)
 def surface_of(road: Road) -> Surface | None:
     """The surface of a scene's road, None where it has neither heights nor friction."""
+    field: Field | None
     match road.surface:
         case HeightTable() as table:
             field = Field(start=table.start, step=table.step, heights=np.array(table.heights), bilinear=table.bilinear)

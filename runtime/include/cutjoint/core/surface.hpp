@@ -21,13 +21,12 @@ struct HeightField {
   /// The height at a place, or its derivative of orders 0 to 2 by x and y.
   Real derivative(Real x, Real y, int by_x, int by_y) const {
     const Weights rows = weigh(0, x, by_x), columns = weigh(1, y, by_y);
-    Real sum(0);
-    for (std::size_t i = 0; i < 4; ++i) {
+    const std::array<Real, 4>& a = columns.of;
+    const auto above = [&](std::size_t i, const std::array<std::ptrdiff_t, 4>& at) {
       const Real* const row = heights.data() + rows.at[i] * counts[1];
-      sum += rows.of[i] * (columns.of[0] * row[columns.at[0]] + columns.of[1] * row[columns.at[1]] + columns.of[2] * row[columns.at[2]] +
-                           columns.of[3] * row[columns.at[3]]);
-    }
-    return sum;
+      return (a[0] * row[at[0]] + a[1] * row[at[1]]) + (a[2] * row[at[2]] + a[3] * row[at[3]]);
+    };
+    return (rows.of[0] * above(0, columns.at) + rows.of[1] * above(1, columns.at)) + (rows.of[2] * above(2, columns.at) + rows.of[3] * above(3, columns.at));
   }
 
  private:
@@ -40,38 +39,55 @@ struct HeightField {
   Weights weigh(std::size_t axis, Real place, int order) const {
     const std::ptrdiff_t n = counts[axis];
     const bool around = wraps && axis == 0;
-    Real u = (place - start[axis]) / step[axis];
-    if (around) u -= Real(double(n) * std::floor(double(u) / double(n)));
-    if (!(u >= Real(-1) && u <= Real(double(n)))) {
-      if (!(u < Real(-1)) && !(u > Real(double(n)))) return {{}, {place, place, place, place}};  // not a number
-      if (order > 0) return {};
-      u = u < Real(0) ? Real(-1) : Real(double(n));
+    const Real last = Real(double(n));
+    const Real u = into(place, axis, around, last);
+    if (!(u >= Real(-1) && u <= last)) return beyond(u, order, n);
+    auto k = static_cast<std::ptrdiff_t>(double(u));
+    if (Real(double(k)) > u) --k;
+    const Real t = u - Real(double(k));
+    Weights w{.at = {k - 1, k, k + 1, k + 2}, .of = shares(t, order)};
+    if (k < 1 || k + 2 >= n) fit(w, t, order, k, n, around);
+    if (order > 0) {
+      const Real scale = order == 1 ? Real(1) / step[axis] : Real(1) / (step[axis] * step[axis]);
+      for (Real& weight : w.of) weight *= scale;
     }
-    const auto k = static_cast<std::ptrdiff_t>(std::floor(double(u)));
-    Weights w;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const std::ptrdiff_t j = k - 1 + static_cast<std::ptrdiff_t>(i);
-      w.at[i] = around ? (j < 0 ? j + n : j >= n ? j - n : j) : std::clamp<std::ptrdiff_t>(j, 0, n - 1);
-    }
-    const Real t = u - Real(double(k)), scale = order == 0 ? Real(1) : order == 1 ? Real(1) / step[axis] : Real(1) / (step[axis] * step[axis]);
-    if (bilinear) {
-      w.of[1] = order == 0 ? Real(1) - t : order == 1 ? -scale : Real(0);
-      w.of[2] = order == 0 ? t : order == 1 ? scale : Real(0);
-      return w;
-    }
+    return w;
+  }
+
+  /// A place counted in steps; on an axis that repeats between its begin and its end.
+  Real into(Real place, std::size_t axis, bool around, Real last) const {
+    const Real u = (place - start[axis]) / step[axis];
+    return around && !(u >= Real(0) && u < last) ? u - last * Real(std::floor(double(u / last))) : u;
+  }
+
+  /// The weights where nothing changes any more, and those of what is not a number.
+  static Weights beyond(Real u, int order, std::ptrdiff_t n) {
+    if (!(u < Real(0)) && !(u > Real(0))) return {{}, {u, u, u, u}};
+    const std::ptrdiff_t end = u < Real(0) ? 0 : n - 1;
+    return {{end, end, end, end}, {Real(order == 0 ? 1 : 0), Real(0), Real(0), Real(0)}};
+  }
+
+  /// The weights of four places by those of a cubic's ends and slopes, or of two places.
+  std::array<Real, 4> shares(Real t, int order) const {
+    if (bilinear) return {Real(0), order == 0 ? Real(1) - t : Real(order == 1 ? -1 : 0), order == 0 ? t : Real(order == 1 ? 1 : 0), Real(0)};
     const std::array<Real, 4> h = hermite(t, order);
-    w.of[1] = h[0];
-    w.of[2] = h[1];
-    for (std::ptrdiff_t end = 0; end < 2; ++end) {
-      const std::ptrdiff_t node = k + end;
-      if (!around && (node < 0 || node >= n)) continue;
-      const std::ptrdiff_t low = around || node > 0 ? node - 1 : 0, high = around || node < n - 1 ? node + 1 : n - 1;
-      const Real share = high - low == 2 ? h[static_cast<std::size_t>(2 + end)] / Real(2) : h[static_cast<std::size_t>(2 + end)];
+    const Real begins = h[2] * Real(0.5), ends = h[3] * Real(0.5);
+    return {-begins, h[0] - ends, h[1] + begins, ends};
+  }
+
+  /// The weights at an edge, whose slopes are one-sided, or over the seam of an axis that repeats.
+  void fit(Weights& w, Real t, int order, std::ptrdiff_t k, std::ptrdiff_t n, bool around) const {
+    for (std::ptrdiff_t& at : w.at) at = around ? (at < 0 ? at + n : at >= n ? at - n : at) : std::clamp<std::ptrdiff_t>(at, 0, n - 1);
+    if (around || bilinear) return;
+    const std::array<Real, 4> h = hermite(t, order);
+    w.of = {Real(0), h[0], h[1], Real(0)};
+    for (std::ptrdiff_t node = k; node < k + 2; ++node) {
+      if (node < 0 || node >= n) continue;
+      const std::ptrdiff_t low = node > 0 ? node - 1 : 0, high = node < n - 1 ? node + 1 : n - 1;
+      const Real share = h[static_cast<std::size_t>(2 + node - k)] / Real(double(high - low));
       w.of[static_cast<std::size_t>(high - k + 1)] += share;
       w.of[static_cast<std::size_t>(low - k + 1)] -= share;
     }
-    for (Real& weight : w.of) weight *= scale;
-    return w;
   }
 
   /// The shares of both ends' heights and of their slopes in a cubic over [0, 1], or in its derivative.
