@@ -6,6 +6,7 @@ import pytest
 
 from cutjoint.analysis.mobility import GuideError
 from cutjoint.compile.pipeline import generate
+from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import POSITION
 from cutjoint.model.read import read_model_text
@@ -140,6 +141,12 @@ def test_faults_of_laws(gear: str, said: str) -> None:
     with pytest.raises(ModelError) as error:
         with_gear(gear)
     assert said in str(error.value)
+
+
+def test_programs_that_have_no_laws_of_gears_are_not_given_any() -> None:
+    model = with_gear("{joints: [rack, pinion], law: 0.02*position**3}")
+    with pytest.raises(ModelError, match="gear 'mesh': only cutjoint has gears with a law; give it a ratio"):
+        require_mechanics_alone(model)
 
 
 def test_the_image_of_a_law_is_its_law() -> None:

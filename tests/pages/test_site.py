@@ -17,8 +17,9 @@ def test_the_site_builds_and_its_links_lead_somewhere(tmp_path: Path) -> None:
     command = [Path(sys.executable).with_name("zensical"), "build", "--strict"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    pages = {path.stem for path in (tmp_path / "results" / "site").glob("*.html")}
-    assert pages >= {path.stem for path in (ROOT / "docs").glob("*.md")}
+    site, docs = tmp_path / "results" / "site", ROOT / "docs"
+    pages = {path.relative_to(site).with_suffix("") for path in site.rglob("*.html")}
+    assert pages >= {path.relative_to(docs).with_suffix("") for path in docs.rglob("*.md")}
 
 
 def test_a_broken_link_is_found(tmp_path: Path) -> None:
@@ -30,8 +31,9 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
 
 
 def test_all_pages_stand_in_the_list_of_the_site() -> None:
-    listed = (ROOT / "zensical.toml").read_text(encoding="utf-8")
-    assert [path.name for path in sorted((ROOT / "docs").glob("*.md")) if f'"{path.name}"' not in listed] == []
+    listed, docs = (ROOT / "zensical.toml").read_text(encoding="utf-8"), ROOT / "docs"
+    pages = [path.relative_to(docs).as_posix() for path in sorted(docs.rglob("*.md"))]
+    assert [page for page in pages if f'"{page}"' not in listed] == []
 
 
 def test_the_page_of_commands_is_what_they_say() -> None:

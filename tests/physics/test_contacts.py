@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Contact
@@ -179,6 +180,14 @@ instances: {l: {use: side}, r: {use: side, mirror: y}}
     assert isinstance(right, Contact)
     assert [float(x) for x in right.normal or ()] == [0, -0.6, 0.8]
     assert [str(x) for x in right.force] == ["vx", "turn + vy", "deflection"]
+
+
+def test_programs_that_have_no_contacts_are_not_given_any(tmp_path: Path) -> None:
+    text = ball(PLANE, "exponent: 1", "end: 1")
+    text = text[: text.index("instances:")].replace("submodels: {law: {include: library/contact_law}}\n", "")
+    text = text.replace("[law.Fx, law.Fy, law.Fz]", "[0, 0, deflection]")
+    with pytest.raises(ModelError, match="'floor': only cutjoint has contacts; leave it out"):
+        require_mechanics_alone(read_model_text(text, "ball.yaml"))
 
 
 @pytest.mark.parametrize(

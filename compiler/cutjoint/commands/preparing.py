@@ -210,3 +210,22 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
         run=make_simulator_run(artifact, asked, parameters), plots=artifact.scene.plots,
         files={name: sha256(text.encode()).hexdigest() for name, text in model.files.items() if not name.startswith(SHIPPED)},
     )  # fmt: skip
+
+
+def assemble_and_play(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
+) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
+    """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
+    equations if the scene has ``on_violation: restart``."""
+    from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
+
+    with options.progress_bar(f"closing loops of {request.model.name}"):
+        outcome = assemble_loops(model, scene)
+    for note in (*outcome.done, *outcome.left):
+        options.err.print(str(note), markup=False)
+    prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
+    if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
+        options.err.print(f"{run.failure}; again with the loops' equations", markup=False)
+        scene = with_loops(scene, Loops.EXACT)
+        prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
+    return prepared, run, FinishedRun(model, scene, method, parameters)

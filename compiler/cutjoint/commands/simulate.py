@@ -99,13 +99,11 @@ def _derive_and_play(
     request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
-    from cutjoint.commands.preparing import FinishedRun, prepare_and_play, read_request
+    from cutjoint.commands.preparing import FinishedRun, assemble_and_play, prepare_and_play, read_request
 
     model, scene, method = read_request(request)
     has_functions = method != AUTO and METHODS[method].functions and request.implementation != Implementation.GENERIC
     if scene.numerics.loops == Loops.COMPILED and has_functions:
-        from cutjoint.commands.assembling import assemble_and_play
-
         return assemble_and_play(request, model, scene, method, parameters, play)
     if method != AUTO:
         return *prepare_and_play(request, model, scene, method, parameters, play), FinishedRun(model, scene, method, parameters)

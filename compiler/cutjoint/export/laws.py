@@ -15,7 +15,7 @@ from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.friction import bristle_name
 from cutjoint.model.quantities import reading_elements
-from cutjoint.model.records import Binding, FirstOrderState, Force, Model, Scalar, Scene, Signal, Wheel
+from cutjoint.model.records import Binding, Contact, FirstOrderState, Force, Model, Scalar, Scene, Signal, Wheel
 from cutjoint.run.run_file import given_inputs, parameter_values
 
 #: Components in the global frame.
@@ -58,8 +58,8 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, friction by loads, grounds of wheels and functions of the user,
-    which programs with mechanics alone do not have."""
+    """Raise ModelError for states, signals, laws that read other elements, friction by loads, grounds of wheels, contacts, gears with laws
+    and functions of the user, which programs with mechanics alone do not have."""
     bristles = {bristle_name(f.name) for f in model.forces if f.by_load}
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))
@@ -67,7 +67,11 @@ def require_mechanics_alone(model: Model) -> None:
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
-        for f in model.forces if f.by_load or (f.has_road and f.expressions and f not in found)
+        for f in model.forces if f.by_load or isinstance(f, Contact) or (f.has_road and f.expressions and f not in found)
+    ]  # fmt: skip
+    problems += [
+        Problem(span=g.span, element=f"gear '{g.name}'", message="only cutjoint has gears with a law", hint="give it a ratio")
+        for g in model.gears if g.law is not None
     ]  # fmt: skip
     problems += [
         Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")
@@ -80,6 +84,8 @@ def require_mechanics_alone(model: Model) -> None:
 def _words(force: Force) -> str:
     if force.by_load:
         return "friction by what a joint carries"
+    if isinstance(force, Contact):
+        return "contacts"
     return "wheels that turn" if isinstance(force, Wheel) else "a ground of a wheel's own"
 
 

@@ -136,8 +136,6 @@ class _Builder:
         )  # fmt: skip
 
     def gear(self, gear: Gear) -> PeerGear:
-        if gear.law is not None:
-            raise RunError(f"{gear.span}: gear '{gear.name}': peers know gears with a ratio, none with a law; give it a ratio")
         joints = {t.joint.name: t.joint for t in self.topology.tree}
         first, second = ((c.joint, joints[c.joint].element.coordinates.index(c.name)) for c in (gear.first, gear.second))
         return PeerGear(name=gear.name, first=first, second=second, ratio=self.numbers.number(gear.ratio), span=gear.span)

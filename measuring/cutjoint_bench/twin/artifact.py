@@ -68,8 +68,6 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
-    if bent := next((gear for gear in model.gears if gear.law is not None), None):
-        raise RunError(f"{bent.span}: the generic twin knows no gears with laws: use --implementation generated")
     closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)
     if not closure.twin:
         known = join_and(names_of(CLOSURES, lambda c: c.twin))

@@ -63,8 +63,7 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematic
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.recursive.quantities import Forces
-from cutjoint.formulate.samples import sample_function, sample_slots
-from cutjoint.formulate.states import placed_states, state_residuals, state_tangent, still_states
+from cutjoint.formulate.states import placed_states, sample_function, sample_slots, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.model.dependencies import seeing_forces
 from cutjoint.model.quantities import unit_of

@@ -40,8 +40,15 @@ from cutjoint.formulate.records import (
     system_functions,
 )
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
-from cutjoint.formulate.samples import sample_function, sample_slots
-from cutjoint.formulate.states import placed_states, state_rates, state_residuals, state_tangent, still_states
+from cutjoint.formulate.states import (
+    placed_states,
+    sample_function,
+    sample_slots,
+    state_rates,
+    state_residuals,
+    state_tangent,
+    still_states,
+)
 from cutjoint.formulate.switches import (
     describe_domains,
     describe_switches,

@@ -27,8 +27,7 @@ from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_ene
 from cutjoint.formulate.recursive.poses import pose_slots, poses_function
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
-from cutjoint.formulate.samples import sample_function, sample_slots
-from cutjoint.formulate.states import state_rates, still_states
+from cutjoint.formulate.states import sample_function, sample_slots, state_rates, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
 from cutjoint.methods import CLOSURES, PLAIN_CLOSURE
 from cutjoint.model.quantities import unit_of
