@@ -36,7 +36,7 @@ from cutjoint.model.scene_joints import held_where_it_starts, read_drives, read_
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
 from cutjoint.model.starts import read_aims, read_starts, read_states
-from cutjoint.model.units import LENGTH, NONE, TIME, Dimension
+from cutjoint.model.units import NONE, TIME, Dimension
 from cutjoint.model.validate import check_guides, joints_are_known
 
 #: The settings of files whose records have another name.
