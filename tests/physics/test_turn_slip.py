@@ -1,8 +1,8 @@
 """Turn slip of the Magic Formula 6.2: the library's wheel beside the printed equations, which SymPy evaluates.
 
 The equations are those of Pacejka, Tire and Vehicle Dynamics, 2012, section 4.3, by their numbers there, in the axes of property files: x
-along, y to the left, z up.  There phi = (psi' + (1 - eps) Omega sin gamma)/V, which counts against the moment as in the book, whose y and z
-point the other way.  Moments beside turn slip are those of Besselink, Schmeitz and Pacejka, 2010, as in the tables of others.
+along, y to the left, z up.  In these phi is (psi' + (1 - eps) Omega sin gamma)/V, against the moment as in the book: its y and z point the
+other way.  Moments beside turn slip are those of Besselink, Schmeitz and Pacejka, 2010, as in the tables of others.
 """
 
 from __future__ import annotations

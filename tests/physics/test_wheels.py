@@ -113,7 +113,7 @@ scenes:
   run: {%s}
 """
 
-#: What a file of the older formula does not have.
+#: Values that files of the older formula lack.
 MASSES = {"52": ", MASS: 20, IXX: 0.6, IYY: 1", "62": ""}
 LEVEL, SLOPE = ("0", "-9.81"), ("-9.81*0.19611613513818404", "-9.81*0.98058067569092")
 STOP = """end: 6, output_step: 0.05, numerics: {dt: 0.001},
@@ -193,7 +193,7 @@ def test_a_braked_wheel_stays_on_a_slope_that_shakes(kind: str, method: str, dt:
     *((kind, hertz, "0") for kind in KINDS for hertz in (1, 5, 12)), ("62", 1, "1000*cos(2*pi*t)"), ("62", 1, "-1000*cos(2*pi*t)"),
 ])  # fmt: skip
 def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int, lifts: str) -> None:
-    """What the road does on a braked wheel that is shaken to and fro, and up and down a quarter of a period apart, in whole periods."""
+    """The road's work on a braked wheel over whole periods, shaken to and fro, and up and down a quarter of a period apart."""
     moved = ("vx", "loaded_radius", "deflection_rate", "My")
     text = CORNER.replace("outputs: [cart.x, ", f"outputs: [cart.x, {', '.join(f'w.rolling.contact.{name}' for name in moved)}, ")
     text = text.replace("bodies:\n", "  lifting: {value: 0, unit: N, binding: input}\nbodies:\n", 1)
