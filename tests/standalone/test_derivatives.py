@@ -40,7 +40,7 @@ CART_POLE = ROOT / "examples" / "cart_pole.yaml"
 STATES = [
     ("press", None, None, [(100,), (100, 2)]), ("spinning", None, None, [(100,), (40, 4, 1, 6, 5)]), ("flyball", None, "rk4", [(100,)]),
     ("press", None, "rk4", [(100,)]), ("driven", "free", None, [(50,)]), ("axle", "chirp", None, [(200,)]),
-    ("spinning", None, "rk4", [(100,)]),
+    ("spinning", None, "rk4", [(50,)]),
 ]  # fmt: skip
 
 
