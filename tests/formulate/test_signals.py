@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.natural import call
+from cutjoint.compile.pipeline import generate
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.natural.equations import formulate_lagrangian
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -104,3 +105,29 @@ def test_the_classical_tangent_has_states(seed: int) -> None:
     arrays = {"q": q, "v": v, "vdot": vdot, "lambda": np.zeros(m), "weights": np.array([damping, stiffness, 1.0])}
     tangent = dense(pattern, call(system, "linearise", {**now, **arrays}, {})["tangent"])[:n, :n]
     assert np.abs(tangent - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+RIG = """
+cutjoint: 1
+name: rig
+gravity: [0, 0, -9.81]
+bodies: {one: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [1, 2, 3]}, two: {mass: 1, centre_of_mass: [1.5, 0, 0], inertia: [1, 1, 1]}}
+joints:
+  first: {kind: revolute, bodies: [ground, one], at: [0, 0, 0], axis: y}
+  second: {kind: revolute, bodies: [one, two], at: [1, 0, 0], axis: [0, 1, 1]}
+forces: {drive: {kind: joint_force, joint: first, law: -2*rate}}
+scenes: {run: {end: 1}}
+"""
+
+
+def operations(text: str) -> int:
+    model = read_model_text(text, "rig.yaml")
+    return generate(model, model.scenes["run"], (), method="recursive").program.operations("evaluate")
+
+
+def test_signals_and_states_cost_what_they_say() -> None:
+    """Twenty signals, eight rates and the law's further term have a product and a sum each; nothing else is added to an evaluation."""
+    states = "".join(f"  s{i}: {{start: 0.1, rate: -2*s{i} + g{2 * i + 1}}}\n" for i in range(8))
+    signals = "".join(f"  g{k}: 0.5*g{k - 1} + s{k % 8}\n" for k in range(1, 20))
+    more = RIG.replace("-2*rate", '"-2*rate + 3*g19"') + f"states:\n{states}signals:\n  g0: 0.5*first.angle_rate + s0\n{signals}"
+    assert operations(more) - operations(RIG) == 2 * (20 + 8 + 1)

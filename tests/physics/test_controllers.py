@@ -344,6 +344,24 @@ def test_batches_and_studies_have_the_runs_of_the_command_line(tmp_path: Path) -
     model = pole_model()
     artifact = compile_scene_batch(model, model.scenes["run"])
     found = simulate_batch(artifact, [{"k": 2.0}, {"k": 3.0}])
-    single = [simulate(artifact.alone, {"k": k}) for k in (2.0, 3.0)]  # type: ignore[arg-type]
+    single = [simulate(artifact.alone, parameters={"k": k}) for k in (2.0, 3.0)]  # type: ignore[arg-type]
     for i, trajectory in enumerate(single):
         assert found.end["level.value"][i] == trajectory.columns["level.value"][-1]
+
+
+@needs_cpp
+@pytest.mark.heavy
+def test_batches_by_adaptive_steps_meet_samples() -> None:
+    """Two controllers with delays and memory, by steps as long as errors allow: each run of a batch is the single one, bit by bit."""
+    text = SERVO.replace(", numerics: {dt: 2.5 ms}", "").replace("wanted: 1 + t", "wanted: 1 + k*t")
+    text = text.replace("bodies:", "  k: {value: 1, binding: param}\nbodies:", 1)
+    model = read_model_text(text, "servo.yaml")
+    artifact = compile_scene_batch(model, model.scenes["run"])
+    found = simulate_batch(artifact, [{"k": k} for k in (0.5, 1.0, 2.0)])
+    for i, k in enumerate((0.5, 1.0, 2.0)):
+        single = simulate(artifact.alone, parameters={"k": k})  # type: ignore[arg-type]
+        for name in ("shaft.angle", "outer.torque", "outer.sum", "inner.speed"):
+            assert found.end[name][i] == single[name][-1]
+    assert np.ptp(found.end["shaft.angle"]) > 0.01
+    known = servo_by_hand(lambda t: 1 + t)[-1][[0, 2]]
+    assert [found.end[name][1] for name in ("shaft.angle", "outer.torque")] == pytest.approx(known, abs=1e-6)

@@ -289,3 +289,52 @@ def test_steps_are_as_short_as_a_state_needs(method: str, integrator: str) -> No
     t, share = run.t, 100 / (100**2 + 60**2)
     expected = share * (100 * np.sin(60 * t) - 60 * np.cos(60 * t) + 60 * np.exp(-100 * t))
     assert np.abs(run.columns["fast.value"] - expected).max() < 1e-6
+
+
+PUMP = """\
+cutjoint: 1
+name: pump
+gravity: [0, 0, -9.81]
+bodies: {rotor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.02, 0.02, 0.02]}}
+joints: {shaft: {kind: revolute, bodies: [ground, rotor], at: [0, 0, 0], axis: [0, 0, 1]}}
+states:
+  filled: {start: 0 m^3, rate: {table: {file: data/pump.csv, shaft.angle_rate: speed, value: flow}, interpolation: linear}}
+  warm: {start: 300, rate: {table: {t: [0, 1], warm: [0, 400], value: [[0, -4], [4, 0]]}, interpolation: linear}}
+outputs: [filled.value, warm.value]
+scenes: {run: {end: 1, rates: {shaft.angle_rate: 60}}}
+"""
+PUMPED = "speed [rpm], flow [l/min]\n-1000, -20\n0, 0\n500, 9\n1000, 20\n"
+
+
+def pump(folder: Path, text: str = PUMP, table: str = PUMPED) -> Model:
+    (folder / "data").mkdir(exist_ok=True)
+    (folder / "data" / "pump.csv").write_text(table, encoding="utf-8")
+    (folder / "m.yaml").write_text(text, encoding="utf-8")
+    return read_model(folder / "m.yaml")
+
+
+def test_a_table_is_a_rate(tmp_path: Path) -> None:
+    """A pump that turns at 60 rad/s, 573 rpm, has 9 + 11 (573 - 500)/500 l/min; warm' = 4 t - warm/100 by hand."""
+    model = pump(tmp_path)
+    run = simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-10, error=False)
+    rpm = 60 * 30 / np.pi
+    assert run["filled.value"][-1] == pytest.approx((9 + 11 * (rpm - 500) / 500) / 60e3, rel=1e-9)
+    assert run["warm.value"][-1] == pytest.approx(4 * 100 - 4 * 1e4 * (1 - np.exp(-0.01)) + 300 * np.exp(-0.01), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("value: flow", "value: floe", "m.yaml:7:94: state 'filled': the file 'data/pump.csv' has no column 'floe'; did you mean 'flow'?"),
+        ("angle_rate: speed", "angle: speed",
+            "pump.csv:1:1: state 'filled': rate.table.shaft.angle needs an angle or a plain number, got 1/s"),
+        ("0 m^3", "0 kg", "pump.csv:1:14: state 'filled': rate.table.value needs N*s/m, got m^3/s"),
+        ("500, 9", "500,", "pump.csv:4:5: state 'filled': a cell is empty; write a number, or leave the row out"),
+        ("{t: [0, 1], ", "{now: [0, 1], ", "m.yaml:8:42: state 'warm': rate.table.now: unknown symbol 'now'"),
+    ],
+)  # fmt: skip
+def test_tables_that_are_no_rates(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in PUMP + PUMPED
+    with pytest.raises(ModelError) as raised:
+        pump(tmp_path, PUMP.replace(old, new), PUMPED.replace(old, new))
+    assert message in str(raised.value)

@@ -83,8 +83,16 @@ scenes:
   swing: {end: 1}
 """
 
+#: Arms with controllers that keep a memory, which laws of the arms read.
+SAMPLED = DAMPED.replace("law: -torque", "law: -torque - brake.pull").replace(
+    "    signals:\n      turns",
+    "    controllers:\n      brake: {every: 5 ms, signals: {pull: 0.4*kept + lag}, memory: {kept: {start: 0.2, next: 0.9*kept + turns}}}\n"
+    "    signals:\n      turns",
+)
+
 CASES = {
     "arms with signals and states": (lambda: DAMPED, "swing"),
+    "arms with controllers": (lambda: SAMPLED, "swing"),
     "iltis, straight": (lambda: (MODELS / "iltis.yaml").read_text(), "simul1s"),
     "iltis, steering": (lambda: (MODELS / "iltis.yaml").read_text(), "iavsd_sine_2mm"),
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),

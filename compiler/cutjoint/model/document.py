@@ -28,6 +28,7 @@ from cutjoint.model.values import (
     Part,
     Point,
     State,
+    Table,
     TermName,
     Triple,
     Unit,
@@ -66,11 +67,20 @@ class Marker(Part):
     at: Point
 
 
+_Rate: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
+    told_by(
+        {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
+        "needs an expression, or {table: {...}}",
+    ),
+]
+
+
 class FirstOrderState(Part):
     """A number beside the mechanism: its value where a run begins, its rate of change, and how large it usually is."""
 
     start: Number
-    rate: Number
+    rate: _Rate
     nominal: Number | None = None
 
 

@@ -18,7 +18,7 @@ from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.friction import bristle_of
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
-from cutjoint.model.laws import LawKind, read_law
+from cutjoint.model.laws import LawKind, read_law, read_table
 from cutjoint.model.mass import read_mass
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import (
@@ -39,6 +39,7 @@ from cutjoint.model.records import (
 )
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
 from cutjoint.model.units import ANGLE, LENGTH, TIME
+from cutjoint.model.values import Table
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,9 @@ def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrder
     return FirstOrderState(
         name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
         nominal=nominal, initial=element.scalar(state.start, None, ("start",)),
-        rate=element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
+        rate=read_table(element, state.rate, rate, ("rate",))
+        if isinstance(state.rate, Table)
+        else element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
     )  # fmt: skip
 
 

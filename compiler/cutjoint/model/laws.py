@@ -26,14 +26,15 @@ DRAWN = "drawn"
 
 @dataclass(frozen=True)
 class LawKind:
-    """The ``variables`` of a law with their dimensions, and the dimension of its ``result``, None for any."""
+    """The ``variables`` of a law and its ``result`` with their dimensions, None for any."""
 
-    variables: Mapping[str, Dimension]
+    variables: Mapping[str, Dimension | None]
     result: Dimension | None
 
     def per(self, name: str, power: int = 1) -> Dimension | None:
         """The dimension of the result over a power of a variable."""
-        return None if self.result is None else self.result / self.variables[name] ** power
+        dimension = self.variables[name]
+        return None if self.result is None or dimension is None else self.result / dimension**power
 
 
 def read_law(
@@ -47,6 +48,16 @@ def read_law(
         return expression
     element.fail(worded(field_name(keys), "a number in it overflows"), "write smaller numbers", keys)
     return FAILED
+
+
+def read_table(element: Element, law: values.Table, result: Dimension | None, keys: Path) -> Scalar:
+    """The expression of a table whose variables are quantities, states, signals, parameters or the time."""
+    names = element.scope.reading("t")
+    terms = {name: element.term(name, (*keys, "table", name), names) for name in law.table if name != "value"}
+    curve = read_law(element, law, LawKind({name: term.dimension for name, term in terms.items()}, result), keys, {})
+    if any(term.value is FAILED for term in terms.values()):
+        return FAILED
+    return sympy.sympify(curve).xreplace({variable(name): term.value for name, term in terms.items()})
 
 
 def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> Mapping[str, Term]:
