@@ -70,7 +70,7 @@ def test_cosine_and_sine_are_those_of_numpy() -> None:
 
 
 def test_a_rough_road_is_its_sum_of_plane_waves() -> None:
-    """The density is G (n/0.1)^-2 for all waves of n cycles a metre along x, the sines of whose directions are even; phases are the seed's."""
+    """Waves of n cycles a metre along x share G (n/0.1)^-2 alike, and the sines of their directions are even; phases are the seed's."""
     seed, width, waves = 9, 1.0, 32
     surface, n = rough_field(ROUGHNESS["B"], seed, width), np.arange(2, 290) / (LENGTH * STEP)
     directions, phases = uniform(seed, 2 * n.size * waves).reshape(2, n.size, waves)
