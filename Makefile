@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 # The tests that changes since BASE reach, by imports and names: make near BASE=main~3
 BASE ?= HEAD
-.PHONY: demo test quick near full sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops lint setup clean
+.PHONY: demo test quick near full sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
@@ -34,6 +34,9 @@ fuzz: setup
 bench: setup
 	$(BIN)/python -m cutjoint_bench.studies.iltis
 
+roads: setup
+	$(BIN)/python -m cutjoint_bench.studies.roads
+
 flags: setup
 	$(BIN)/python -m cutjoint_bench.studies.flags
 	$(BIN)/python -m cutjoint_bench.studies.fmu_targets
@@ -45,7 +48,7 @@ batch: setup
 	$(BIN)/python -m cutjoint_bench.studies.batch
 
 # Every figure and table of README and docs, from nothing: hours, on a machine that does nothing else.  What is in results/figures is not made again.
-FIGURES := report tables beside pictures bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops
+FIGURES := report tables beside pictures bench methods newton batch sweep chain instructions realtime flags waits choice verification stiff errors branches loops roads
 .NOTPARALLEL: figures
 figures: $(FIGURES:%=results/figures/%.txt)
 

@@ -15,7 +15,7 @@ from cutjoint.methods import METHODS
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.quantities import quantities
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Scene
+from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Output, Patch, RoughSurface, Scene
 from cutjoint.reduce.half.symmetry import halve
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.simulation import simulate
@@ -246,6 +246,17 @@ def test_a_road_with_two_tracks_is_left() -> None:
     scene = model.scenes["simul1"]
     (note,) = halve(model, replace(scene, road=replace(scene.road, right=()))).left
     assert (note.element, note.words) == ("simul1", "has a road whose left and right tracks differ")
+
+
+@pytest.mark.parametrize("part", ["a surface", "patches of friction"])
+def test_a_road_with_a_surface_is_left(part: str) -> None:
+    model = iltis()
+    scene = model.scenes["simul1"]
+    rough = RoughSurface(grade="A", seed=1, width=3.0, span=scene.span)
+    patch = Patch(x=(0.0, 1.0), y=(0.0, 1.0), friction=0.5, edge=0.1, span=scene.span)
+    road = replace(scene.road, surface=rough) if part == "a surface" else replace(scene.road, patches=(patch,))
+    (note,) = halve(model, replace(scene, road=road)).left
+    assert (note.element, note.words) == ("simul1", f"has {part} on its road, which need not be symmetric")
 
 
 def test_a_car_with_a_heavier_side_is_left() -> None:

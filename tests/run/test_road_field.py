@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import kv
 
-from cutjoint.run.road_field import LENGTH, ROUGHNESS, STEP, Field, rough_field, split_mix, turned
+from cutjoint.run.road_field import LENGTH, ROUGHNESS, STEP, Field, rough_field, split_mix, turned, uniform
 
 X, Y = np.linspace(-1.0, 2.0, 13), np.linspace(-0.9, 1.5, 9)
 INSIDE = [(float(x), float(y)) for x in np.linspace(-0.95, 1.95, 7) for y in np.linspace(-0.85, 1.45, 6)]
@@ -67,6 +67,20 @@ def test_cosine_and_sine_are_those_of_numpy() -> None:
     turns = np.linspace(-3, 3, 10_001)
     for own, other in zip(turned(turns), (np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)), strict=True):
         assert np.abs(own - other).max() < 5e-15  # NumPy's angle of three turns is rounded by 4e-15
+
+
+def test_a_rough_road_is_its_sum_of_plane_waves() -> None:
+    """Waves of n cycles a metre along x share G (n/0.1)^-2 alike, and the sines of their directions are even; phases are the seed's."""
+    seed, width, waves = 9, 1.0, 32
+    surface, n = rough_field(ROUGHNESS["B"], seed, width), np.arange(2, 290) / (LENGTH * STEP)
+    directions, phases = uniform(seed, 2 * n.size * waves).reshape(2, n.size, waves)
+    sine = np.sqrt(1 - (n / 5) ** 2)[:, None] * (2 * (np.arange(waves) + directions) / waves - 1)
+    across = n[:, None] * np.tan(np.arcsin(sine))
+    amplitude = np.sqrt(2 * ROUGHNESS["B"] * (n / 0.1) ** -2 / (LENGTH * STEP) / waves)[:, None]
+    for i, j in ((0, 0), (5, 20), (1111, 3), (2047, 13)):
+        x, y = surface.start[0] + i * STEP, surface.start[1] + j * STEP
+        asked = np.sum(amplitude * np.cos(2 * np.pi * (n[:, None] * x + across * y + phases)))
+        assert surface.heights[i, j] == pytest.approx(asked, abs=1e-12)
 
 
 @pytest.mark.heavy
