@@ -124,7 +124,7 @@ def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
             table.add_column(f"{name}\n{_FOR_PEOPLE[unit][1]}", justify="right")
         for load, of in LOADS.items():
             changes = ((name, _FOR_PEOPLE[unit]) for name, unit in CHANGES.items())
-            cells = (f"{1e3 * scale * found.figures[f'{side}.{load}.{name}']:.3f}" for name, (scale, *_) in changes)
+            cells = (f"{round(1e3 * scale * found.figures[f'{side}.{load}.{name}'], 3) + 0.0:.3f}" for name, (scale, *_) in changes)
             table.add_row(f"{load}, by k{of.replace('*', ' ')}", *cells)
         yield table
 
