@@ -5,18 +5,32 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
-from cutjoint.report.kinematics import kinematics_tables, plot_kinematics, write_kinematics
+from cutjoint.package.errors import RunError
+from cutjoint.report.kinematics import compliance_tables, kinematics_tables, plot_kinematics, write_compliance, write_kinematics
 from cutjoint.run.outputs import require_apart, require_folder
-from cutjoint.tasks.kinematics.sweep import find_kinematics
+from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
 
 
 @table.command("kinematics")
 def command(
     model: Path, axle: str | None, travel: float, turn: float | None, points: int, steer: str | None, radius: float | None, share: float,
-    changes: tuple[str, ...], out: Path | None, plots: Path | None,
+    compliance: str | None, changes: tuple[str, ...], out: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Move the wheels of an axle of MODEL up and down and steer them; print camber, toe, steering axis, roll centre and ratios."""
     require_apart({"the model": model}, tables={"--out": out}, plots=plots)
+    if compliance is not None:
+        if plots is not None:
+            raise RunError("--plots: compliance has no plots; leave it out")
+        with options.progress_bar(f"loading the axle of {model.name}"):
+            loaded = find_compliance(
+                model, scene=compliance, axle=axle, steer=steer, radius=radius, parameters=options.read_parameters(changes)
+            )
+        console = options.console_beside(out)
+        for made in compliance_tables(loaded):
+            console.print(made)
+        if out is not None:
+            console.print(f"results: {write_compliance(loaded, out)}", markup=False)
+        return
     if plots is not None:
         require_folder(plots)
     with options.progress_bar(f"moving the axle of {model.name}"):

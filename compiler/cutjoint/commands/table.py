@@ -265,6 +265,8 @@ OPTIONS: Mapping[str, Row] = {
         "z = 0 otherwise, at most that of a tyre."),
     "share": click.option("--share", type=Setting("share"), default=1.0, show_default=True, help="The axle's share of the braking and "
         "driving forces in anti_brake and anti_drive."),
+    "compliance": click.option("--compliance", metavar="SCENE", help="What forces on the wheels change by bushings and springs, at the "
+        "static equilibrium of a scene, in place of the sweeps."),
     "steps": click.option("--steps", type=_FILE, help="CSV file for iterations and residuals of each step."),
     "error": click.option("--error/--no-error", default=True, help="Whether other runs show how wrong this one is: of those that have "
         "converged, one in 200 at most is off by more than three times as much. Without, steps have one tolerance."),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from io import BytesIO, StringIO
 from math import degrees
 from pathlib import Path
@@ -14,9 +14,9 @@ from rich.table import Table
 
 from cutjoint.report.tables import facts
 from cutjoint.run.result_files import open_table, write_all, write_whole
-from cutjoint.tasks.kinematics.axles import SIDES
+from cutjoint.tasks.kinematics.axles import SIDES, Axle
 from cutjoint.tasks.kinematics.figures import MOTION_RATIO, STEERING_RATIO
-from cutjoint.tasks.kinematics.sweep import LEADING, ROLL, STEERING, TRAVEL, AxleKinematics
+from cutjoint.tasks.kinematics.sweep import CHANGES, LEADING, LOADS, ROLL, STEERING, TRAVEL, AxleCompliance, AxleKinematics
 
 #: The most rows that a table for people has.
 _ROWS = 11
@@ -41,11 +41,15 @@ def kinematics_tables(found: AxleKinematics) -> Iterator[Table]:
         yield _sweep(found, name)
 
 
-def _about(found: AxleKinematics) -> Iterator[tuple[str, str]]:
-    axle = found.axle
+def _about_wheels(axle: Axle) -> Iterator[tuple[str, str]]:
     yield "chassis", axle.chassis
     yield "wheels", ", ".join(f"{w.body}, radius {w.radius * 1e3:.4g} mm" for w in axle.wheels)
     yield "steered by", axle.steering.name if axle.steering is not None else "nothing; --steer names a joint"
+
+
+def _about(found: AxleKinematics) -> Iterator[tuple[str, str]]:
+    axle = found.axle
+    yield from _about_wheels(axle)
     if axle.wheelbase is not None:
         yield "wheelbase", f"{axle.wheelbase * 1e3:.4g} mm, centre of mass {axle.height * 1e3:.4g} mm above the road"
     for limit in found.limits:
@@ -102,14 +106,43 @@ def write_kinematics(found: AxleKinematics, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    table = open_table(path, found.units)
     text = StringIO()
     print("sweep", *found.units, sep=",", file=text)
     for name, columns in found.sweeps.items():
         for row in zip(*(columns[c] for c in found.units), strict=True):
             print(name, *(f"{x + 0.0:.17g}" for x in row), sep=",", file=text)
+    return _write(path, found.units, text.getvalue())
+
+
+def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
+    """The axle, and a table a wheel: a row a load, by kN and kN m."""
+    yield facts(f"axle {found.axle.name}, compliance", _about_wheels(found.axle))
+    for side in SIDES:
+        table = Table(title=f"{side} wheel", title_justify="left", box=None)
+        table.add_column("")
+        for name, unit in CHANGES.items():
+            table.add_column(f"{name}\n{_FOR_PEOPLE[unit][1]}", justify="right")
+        for load, of in LOADS.items():
+            changes = ((name, _FOR_PEOPLE[unit]) for name, unit in CHANGES.items())
+            cells = (f"{round(1e3 * scale * found.figures[f'{side}.{load}.{name}'], 3) + 0.0:.3f}" for name, (scale, *_) in changes)
+            table.add_row(f"{load}, by k{of.replace('*', ' ')}", *cells)
+        yield table
+
+
+def write_compliance(found: AxleCompliance, path: Path) -> Path:
+    """Write the figures as a CSV file of one row; units stand beside.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    rows = (",".join(found.units), ",".join(f"{found.figures[name] + 0.0:.17g}" for name in found.units))
+    return _write(path, found.units, "\n".join((*rows, "")))
+
+
+def _write(path: Path, units: Mapping[str, str], text: str) -> Path:
+    table = open_table(path, units)
     try:
-        write_all(table.file, text.getvalue().encode())
+        write_all(table.file, text.encode())
         return table.finish()
     except BaseException as error:
         table.leave(str(error))

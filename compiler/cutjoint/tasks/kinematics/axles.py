@@ -11,7 +11,7 @@ import numpy as np
 from cutjoint.analysis.closing import Array
 from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Force, Joint, Model, PointSpring, Scalar, Span, Vector
+from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Bushing, Force, Joint, Model, PointSpring, Scalar, Span, Vector
 from cutjoint.package.errors import RunError
 
 #: The name of a force that carries a wheel, where it is neither of kind tyre nor of kind wheel.
@@ -235,12 +235,14 @@ def _height(model: Model, values: Values) -> float:
 # The part of the model that an axle is
 
 
-def _reached(joints: Iterable[Joint], start: Iterable[str], without: str) -> set[str]:
-    """The bodies that joints connect, without a way through one body."""
+def _reached(model: Model, start: Iterable[str], without: str) -> set[str]:
+    """The bodies that joints and bushings connect, without a way through one body."""
     ways: dict[str, set[str]] = {}
-    for joint in joints:
-        ways.setdefault(joint.base, set()).add(joint.follower)
-        ways.setdefault(joint.follower, set()).add(joint.base)
+    ends = [(joint.base, joint.follower) for joint in model.joints]
+    ends += [(force.base, force.follower) for force in model.forces if isinstance(force, Bushing)]
+    for base, follower in ends:
+        ways.setdefault(base, set()).add(follower)
+        ways.setdefault(follower, set()).add(base)
     found, new = set(start), list(start)
     while new:
         more = ways.get(new.pop(), set()) - found - {without}
@@ -253,7 +255,7 @@ def _chassis(model: Model, carriers: Sequence[str]) -> str:
     """The body through which all ways from the ground to the wheels lead, the nearest to them; the ground where there is none."""
     on_the_way = []
     for body in model.bodies:
-        standing = _reached(model.joints, {GROUND}, body.name)
+        standing = _reached(model, {GROUND}, body.name)
         if body.name not in carriers and not standing & set(carriers):
             on_the_way.append((len(standing), body.name))
     return max(on_the_way, default=(0, GROUND))[1]
@@ -270,12 +272,12 @@ def _carrier(model: Model, values: Values, wheel: Wheel, chassis: str) -> str:
 
 
 def _carried(model: Model, carriers: set[str], chassis: str) -> set[str]:
-    """The bodies that joints and gears connect with the wheels' bodies, without a way through the chassis or the ground."""
+    """The bodies that joints, bushings and gears connect with the wheels' bodies, without a way through the chassis or the ground."""
     joints = {joint.name: joint for joint in model.joints}
     bodies: set[str] = set()
     start = carriers
     while start - bodies:
-        bodies |= _reached(model.joints, start | bodies, chassis)
+        bodies |= _reached(model, start | bodies, chassis)
         geared = [g for g in model.gears if any(_of_part(joints[name], bodies, chassis) for name in g.joints)]
         start = {body for g in geared for name in g.joints for body in (joints[name].base, joints[name].follower)} - {chassis, GROUND}
     return bodies - {GROUND}

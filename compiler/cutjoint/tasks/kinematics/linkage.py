@@ -99,7 +99,7 @@ class Linkage:
     @cached_property
     def _of_wheels(self) -> tuple[tuple[Block, ...], ...]:
         """Of each wheel centre, outward axis, the centre's velocity and the angular velocity."""
-        return tuple(_wheel_blocks(self._kinematics, wheel) for wheel in self.axle.wheels)
+        return tuple(wheel_blocks(self._kinematics, wheel) for wheel in self.axle.wheels)
 
     @cached_property
     def _of_springs(self) -> dict[str, tuple[Block, Block]]:
@@ -220,7 +220,8 @@ def side_of(axle: Axle, wheel: Wheel) -> str:
     return SIDES[axle.wheels.index(wheel)]
 
 
-def _wheel_blocks(k: Kinematics, wheel: Wheel) -> tuple[Block, ...]:
+def wheel_blocks(k: Kinematics, wheel: Wheel) -> tuple[Block, ...]:
+    """The place of a wheel's centre, its outward axis, the centre's velocity and the carrier's angular velocity, (3, 1) each."""
     b = k.builder
     (x, y, z), (ex, ey, ez) = wheel.centre.tolist(), wheel.outward.tolist()
     point, outward = k.point(wheel.body, (x, y, z)), k.direction(wheel.body, (ex, ey, ez))

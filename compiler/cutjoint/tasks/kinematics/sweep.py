@@ -1,22 +1,35 @@
-"""Sweeps of an axle: both wheels up and down, one up and the other down, and the steering to and fro."""
+"""Sweeps of an axle: both wheels up and down, one up and the other down, and the steering to and fro; and what forces move it by."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.analysis.closing import Array
+from cutjoint.analysis.closing import Array, evaluate_rates, make_inputs
+from cutjoint.analysis.linearise import Linearisation, free_directions
+from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.formulate.implicit.equations import formulate_implicit
+from cutjoint.formulate.inputs import make_translator
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.kinematics import derive_kinematics, halves
+from cutjoint.methods import Loops
 from cutjoint.model.ranges import fault_of_setting
+from cutjoint.model.records import GROUND
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
+from cutjoint.program.blocks import Builder
+from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.inputs import given_inputs
+from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Columns
 from cutjoint.run.run_file import parameter_values
-from cutjoint.tasks.kinematics.axles import Axle, Values, find_axle
-from cutjoint.tasks.kinematics.figures import find_figures, units_of
-from cutjoint.tasks.kinematics.linkage import Linkage, Pose
+from cutjoint.run.scenes import find_case, with_loops
+from cutjoint.tasks.kinematics.axles import Axle, Values, Wheel, find_axle
+from cutjoint.tasks.kinematics.figures import contact, find_figures, units_of
+from cutjoint.tasks.kinematics.linkage import Linkage, Pose, WheelState, side_of, wheel_blocks
+from cutjoint.topology.geometry import TOLERANCE
 from cutjoint.topology.reading import read_model
 
 TRAVEL, ROLL, STEERING = "travel", "roll", "steer"
@@ -82,3 +95,110 @@ def _sweep(linkage: Linkage, start: Pose, end: Array, rows: int, name: str, limi
         ways.append(way)
     return [*reversed(ways[0]), start, *ways[1]]
 
+
+
+# Compliance
+
+#: The loads on each wheel, with the units of what they are counted in.
+LOADS = {"lateral": "N", "braking": "N", "driving": "N", "aligning": "N*m"}
+_BY = {"N": "N", "N*m": "(N*m)"}
+#: The changes by each load.
+CHANGES = {"toe": "rad", "camber": "rad", "x": "m", "y": "m"}
+#: A share of a load that nothing holds.
+_LOOSE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxleCompliance:
+    """Changes of an axle's wheels by loads on them at the static equilibrium, by "wheel.load.change": of each wheel by its own load.
+
+    ``units`` are those of the change by that of the load.
+    """
+
+    axle: Axle
+    figures: Mapping[str, float]
+    units: Mapping[str, str]
+
+
+def find_compliance(
+    path: AnyPath, *, scene: str | None = None, axle: str | None = None, steer: str | None = None, radius: float | None = None,
+    parameters: Mapping[str, float] | None = None,
+) -> AxleCompliance:  # fmt: skip
+    """The changes of the wheels of an axle by loads on them, from the model linearised at the static equilibrium of a scene, with chassis,
+    wheel heights and steering joint held.
+
+    Raises:
+        ModelError: the file is wrong.
+        RunError: there is no such axle, joint or scene, no equilibrium, a parameter cannot be set, or nothing holds a wheel.
+    """
+    model, chosen = find_case(read_model(path), scene)
+    changes = parameters or {}
+    numbers = parameter_values(model, changes)
+    found = find_axle(model, Values(model, numbers | given_inputs(model, changes)), axle, radius=radius, steer=steer)
+    artifact = compile_interpreted(model, with_loops(chosen, Loops.EXACT))
+    equations = formulate_implicit(artifact.mechanism, ())
+    try:
+        at = linearise_at(artifact, equations, None, changes, None)[1]
+    except NotReachedError as error:
+        raise RunError(f"{chosen.span}: scene '{chosen.name}': no equilibrium: {error.report}") from error
+    start = replace(equations.start, parameters=tuple(replace(p, value=numbers[p.name]) for p in equations.start.parameters))
+    wheels, free = _held_wheels(found, start, at)
+    figures: dict[str, float] = {}
+    for wheel, state in zip(found.wheels, wheels, strict=True):
+        side = side_of(found, wheel)
+        for load in LOADS:
+            moved = _answer(free, at.K, _load(wheel, state, load))
+            if moved is None:
+                raise RunError(f"{model.span}: axle '{found.name}': nothing holds the {side} wheel against {load}")
+            figures |= {f"{side}.{load}.{name}": change for name, change in _changes(wheel, state, moved).items()}
+    units = {f"{load}.{name}": f"{unit}/{_BY[of]}" for load, of in LOADS.items() for name, unit in CHANGES.items()}
+    return AxleCompliance(axle=found, figures=Columns(figures), units=Columns({name: units[name.partition(".")[2]] for name in figures}))
+
+
+def _held_wheels(axle: Axle, equations: RecursiveEquations, at: Linearisation) -> tuple[list[WheelState], Array]:
+    """The wheels with their motions by each speed, and the directions (speeds, n) that chassis, wheel heights and steering leave free."""
+    b, n = Builder(), equations.speeds
+    charts = {c.joint: c for c in equations.charts}
+    k = derive_kinematics(b, make_translator(b, equations.topology.model), equations.topology, charts)
+    blocks = [wheel_blocks(k, wheel) for wheel in axle.wheels]
+    places = interpret_blocks([x for block in blocks for x in block[:2]], make_inputs(equations, at.q, np.zeros(n)), {})
+    wheels = []
+    for centre, outward, *motions in blocks:
+        velocity, turn = evaluate_rates(equations, at.q, motions)
+        wheels.append(WheelState(centre=places[centre].ravel(), outward=places[outward].ravel(), velocity=velocity, turn=turn))
+    held = [at.J[:, :n], *(wheel.velocity[2:] for wheel in wheels)]
+    if axle.chassis != GROUND:
+        held += evaluate_rates(equations, at.q, halves(b, k.frames[axle.chassis].Z))
+    if axle.steering is not None and axle.steering.name in charts:
+        held.append(np.eye(n)[charts[axle.steering.name].v :][:1])
+    return wheels, free_directions(np.concatenate(held))
+
+
+def _answer(free: Array, stiffness: Array, load: Array) -> Array | None:
+    """The small motion (speeds,) along free directions by which springs balance a load; None where they do not."""
+    n = len(load)
+    along, given = free.T @ stiffness[:n, :n] @ free, free.T @ load
+    if not given.size:
+        return np.zeros(n)
+    moved = np.linalg.lstsq(along, given, rcond=TOLERANCE)[0]
+    return np.asarray(free @ moved) if np.abs(along @ moved - given).max() <= _LOOSE * np.abs(load).max() else None
+
+
+def _load(wheel: Wheel, state: WheelState, load: str) -> Array:
+    """A unit load as a force on each speed: inwards and rearwards at the contact centre, forwards at the centre, towards toe-in about z."""
+    if load == "aligning":
+        return np.asarray(state.turn.T @ np.array([0.0, 0.0, -wheel.side]))
+    force = {"lateral": np.array([0.0, -wheel.side, 0.0]), "braking": np.array([-1.0, 0, 0]), "driving": np.array([1.0, 0, 0])}[load]
+    arm = np.zeros(3) if load == "driving" else contact(wheel, state) - state.centre
+    return np.asarray(state.velocity.T @ force + state.turn.T @ np.cross(arm, force))
+
+
+def _changes(wheel: Wheel, state: WheelState, speeds: Array) -> dict[str, float]:
+    """Toe-in and camber, and forwards and outwards the place of the carrier at the contact centre, by small motions (speeds,)."""
+    turn, e = state.turn @ speeds, state.outward
+    change, level = np.cross(turn, e), e[0] ** 2 + e[1] ** 2
+    place = state.velocity @ speeds + np.cross(turn, contact(wheel, state) - state.centre)
+    return {
+        "toe": float(-wheel.side * (e[0] * change[1] - e[1] * change[0]) / level), "camber": float(-change[2] / np.sqrt(level)),
+        "x": float(place[0]), "y": float(wheel.side * place[1]),
+    }  # fmt: skip
