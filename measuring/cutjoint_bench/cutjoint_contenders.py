@@ -30,7 +30,7 @@ from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import with_loops
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.digests import runtime_digest
+from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
 from cutjoint_bench.driver import ADDED_SOLVERS, ALL_SOLVERS
 from cutjoint_bench.records import Case, Contender

@@ -8,7 +8,7 @@ from typing import Any
 
 from cutjoint.model.errors import ModelError
 from cutjoint.package.errors import RunError
-from cutjoint.toolchain.digests import runtime_digest
+from cutjoint.toolchain.cache import runtime_digest
 from cutjoint_bench.contenders import CONTENDERS
 from cutjoint_bench.cutjoint_contenders import identify_code
 from cutjoint_bench.failures.trials import case_of

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from cutjoint.methods import PRECISIONS
 from cutjoint.package.version import without_mark
-from cutjoint.toolchain.cache import cache_folder, find_or_make, is_sound, store
+from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, is_sound, runtime_digest, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, must_interpret, resolve
-from cutjoint.toolchain.digests import digest_of, runtime_digest
 from cutjoint.toolchain.drivers import Kind, driver_parts, interpreter_part, make_drivers, parts_for, shipped_interpreter, store_parts
 from cutjoint.toolchain.objects import fetch_objects, find_objects, store_objects
 from cutjoint.toolchain.platforms import Platform

@@ -1,4 +1,6 @@
-"""Files by content keys: each has its digest beside it, and counts as absent unless it is what was stored.
+"""Files by content keys, and digests of texts and of C++ as such keys.
+
+Each file has its digest beside it, and counts as absent unless it is what was stored.
 
 A digest is compared at each use: a file of 1 MB takes a millisecond, while size and time of change do not show a flipped bit.  For the same
 reason nothing is flushed to the disk: a file cut off by a power failure does not match its digest.  Files that somebody else could have
@@ -9,13 +11,15 @@ What all caches share is stored beside the installation, in the same form.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence, Set
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
@@ -23,6 +27,7 @@ from typing import Any
 import platformdirs
 
 from cutjoint.package.errors import ToolchainError
+from cutjoint.package.locations import runtime_folder
 from cutjoint.toolchain.temporary import PREFIX, hold, plain_folder, temporary_folder
 from cutjoint.toolchain.trust import Trust, trust_of
 
@@ -224,3 +229,25 @@ def _writing(folder: Path) -> Iterator[None]:
         raise ToolchainError(
             f"the cache {folder} cannot be written: {reason}; set $CUTJOINT_CACHE to a folder that can"
         ) from error
+
+
+#: Parts of the runtime that only one kind of simulator has: batches, and the interpreter.
+_PARTS = ("batch", "interpreter")
+
+
+def digest_of(parts: Sequence[str]) -> str:
+    """A digest of texts, as names of files have it."""
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+@cache
+def runtime_digest(*, part: str = "") -> str:
+    """A digest of the runtime's headers and sources; of those that only one kind of simulator has, with its ``part``."""
+    return tree_digest(runtime_folder(), left_out={*_PARTS} - {part})
+
+
+def tree_digest(folder: Path, *, left_out: Set[str] = frozenset()) -> str:
+    """A digest of the C++ in a folder and of its projects, but for folders and files of some names."""
+    files = sorted(p for p in folder.rglob("*") if p.suffix in (".hpp", ".cpp", ".txt", ".cmake"))
+    files = [p for p in files if left_out.isdisjoint(p.relative_to(folder).with_suffix("").parts)]
+    return digest_of([text for p in files for text in (str(p.relative_to(folder)), p.read_text(encoding="utf-8"))])

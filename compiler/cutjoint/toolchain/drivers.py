@@ -16,10 +16,20 @@ from pathlib import Path
 from cutjoint.methods import DEFAULT_PRECISION, INTEGRATORS, PRECISIONS, SOLVERS
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder
-from cutjoint.toolchain.cache import alone, cache_folder, fetch, installed_folder, is_sound, require_writable, store
+from cutjoint.toolchain.cache import (
+    alone,
+    cache_folder,
+    digest_of,
+    fetch,
+    installed_folder,
+    is_sound,
+    require_writable,
+    runtime_digest,
+    store,
+    tree_digest,
+)
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, resolve
-from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
 from cutjoint.toolchain.temporary import plain_folder
 
 #: The kinds of drivers, as `Source.driver` has them.

@@ -8,10 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain.cache import cache_folder, read_record, write_record
+from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write_record
 from cutjoint.toolchain.children import tool
 from cutjoint.toolchain.compiler import Compiler, resolve
-from cutjoint.toolchain.digests import digest_of
 
 #: Flags that every compiler takes; those that are used by default are among them.
 _KNOWN = re.compile(r"-O[0-3]|-march=native")

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.package.locations import templates_folder
-from cutjoint.toolchain.cache import cache_folder, fetch, is_sound, store
+from cutjoint.toolchain.cache import cache_folder, digest_of, fetch, is_sound, runtime_digest, store
 from cutjoint.toolchain.compiler import Compiler, resolve
-from cutjoint.toolchain.digests import digest_of, runtime_digest
 from cutjoint.toolchain.drivers import DRIVERS, Kind
 
 if TYPE_CHECKING:

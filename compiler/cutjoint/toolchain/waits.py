@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain.cache import cache_folder, read_record, write_record
-from cutjoint.toolchain.digests import digest_of
+from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write_record
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.toolchain.digests import digest_of
+from cutjoint.toolchain.cache import digest_of
 from cutjoint_bench.estimate_models import draws
 from cutjoint_bench.progress import Say, progress_bar
 from cutjoint_bench.store import Store

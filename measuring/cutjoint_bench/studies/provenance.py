@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from cutjoint.package.version import __version__
 from cutjoint.toolchain.build import FLAGS
+from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.compiler import find_compiler
-from cutjoint.toolchain.digests import runtime_digest
 from cutjoint.toolchain.platforms import machine
 
 

@@ -7,10 +7,9 @@ from functools import cache
 from pathlib import Path
 
 from cutjoint.toolchain.build import FLAGS, Binary
-from cutjoint.toolchain.cache import cache_folder, find_or_make
+from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, runtime_digest, tree_digest
 from cutjoint.toolchain.cmake import build_project, plain_runtime, plain_tree
 from cutjoint.toolchain.compiler import Compiler, find_compiler, resolve
-from cutjoint.toolchain.digests import digest_of, runtime_digest, tree_digest
 from cutjoint_bench.twin import ADDITIONS, RUNTIME
 
 
