@@ -117,7 +117,7 @@ class Derivatives {
 
   static void fill(void* self, Dual, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
-    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i].slope : Slopes{}};
+    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i] : Dual()};
   }
 
   /// Along the directions that are given, the first `number` of a row.
@@ -159,7 +159,7 @@ class Derivatives {
 
   /// Speeds that keep them closed.
   void find_speeds(Minimal& minimal) {
-    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i].slope};
+    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i]};
     for (std::size_t i = 0; i < n; ++i) place_[i] = delta_[i].value;
     chart_rates<double>(charts(), place_.data(), state_->v.data(), values_.data());
     give_slopes(dx_.data() + freedoms, minimal, rate_);
@@ -268,7 +268,7 @@ class Derivatives {
   void give_slopes(const Dual* slopes, Minimal& minimal, Fixed<Dual, n>& numbers) {
     room_.fill(Dual());
     minimal.take(slopes, room_);
-    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i].slope};
+    for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i]};
   }
 
   void take_slopes(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* slopes) {

@@ -22,6 +22,8 @@ struct Dual {
   constexpr Dual() = default;
   constexpr Dual(double number) : value(number) {}
   constexpr Dual(double number, const Slopes& derivatives) : value(number), slope(derivatives) {}
+  /// The derivatives of another: clang takes a vector that is passed by itself for an aligned one.
+  constexpr Dual(double number, const Dual& other) : value(number), slope(other.slope) {}
 
   [[gnu::always_inline]] Dual& operator+=(const Dual& b) { return *this = *this + b; }
   [[gnu::always_inline]] Dual& operator-=(const Dual& b) { return *this = *this - b; }
@@ -40,41 +42,41 @@ struct Dual {
   friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
 };
 
-/// A function's value, and its derivatives by an argument with these slopes, of which it has that `steepness`.
-inline Dual follow(double value, double steepness, const Slopes& slope) { return {value, slope == 0.0 ? Slopes{} : steepness * slope}; }
+/// A function's value, and its derivatives by an argument, of which it has that `steepness`.
+inline Dual follow(double value, double steepness, const Dual& a) { return {value, a.slope == 0.0 ? Slopes{} : steepness * a.slope}; }
 
 inline Dual sqrt(const Dual& a) {
   const double root = std::sqrt(a.value);
-  return follow(root, 0.5 / root, a.slope);
+  return follow(root, 0.5 / root, a);
 }
-inline Dual sin(const Dual& a) { return follow(std::sin(a.value), std::cos(a.value), a.slope); }
-inline Dual cos(const Dual& a) { return follow(std::cos(a.value), -std::sin(a.value), a.slope); }
+inline Dual sin(const Dual& a) { return follow(std::sin(a.value), std::cos(a.value), a); }
+inline Dual cos(const Dual& a) { return follow(std::cos(a.value), -std::sin(a.value), a); }
 inline Dual tan(const Dual& a) {
   const double tangent = std::tan(a.value);
-  return follow(tangent, 1.0 + tangent * tangent, a.slope);
+  return follow(tangent, 1.0 + tangent * tangent, a);
 }
-inline Dual asin(const Dual& a) { return follow(std::asin(a.value), 1.0 / std::sqrt(1.0 - a.value * a.value), a.slope); }
-inline Dual acos(const Dual& a) { return follow(std::acos(a.value), -1.0 / std::sqrt(1.0 - a.value * a.value), a.slope); }
-inline Dual atan(const Dual& a) { return follow(std::atan(a.value), 1.0 / (1.0 + a.value * a.value), a.slope); }
-inline Dual sinh(const Dual& a) { return follow(std::sinh(a.value), std::cosh(a.value), a.slope); }
-inline Dual cosh(const Dual& a) { return follow(std::cosh(a.value), std::sinh(a.value), a.slope); }
+inline Dual asin(const Dual& a) { return follow(std::asin(a.value), 1.0 / std::sqrt(1.0 - a.value * a.value), a); }
+inline Dual acos(const Dual& a) { return follow(std::acos(a.value), -1.0 / std::sqrt(1.0 - a.value * a.value), a); }
+inline Dual atan(const Dual& a) { return follow(std::atan(a.value), 1.0 / (1.0 + a.value * a.value), a); }
+inline Dual sinh(const Dual& a) { return follow(std::sinh(a.value), std::cosh(a.value), a); }
+inline Dual cosh(const Dual& a) { return follow(std::cosh(a.value), std::sinh(a.value), a); }
 inline Dual tanh(const Dual& a) {
   const double tangent = std::tanh(a.value);
-  return follow(tangent, 1.0 - tangent * tangent, a.slope);
+  return follow(tangent, 1.0 - tangent * tangent, a);
 }
 inline Dual exp(const Dual& a) {
   const double power = std::exp(a.value);
-  return follow(power, power, a.slope);
+  return follow(power, power, a);
 }
-inline Dual log(const Dual& a) { return follow(std::log(a.value), 1.0 / a.value, a.slope); }
+inline Dual log(const Dual& a) { return follow(std::log(a.value), 1.0 / a.value, a); }
 inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.slope : a.slope}; }
 inline Dual atan2(const Dual& a, const Dual& b) {
   const double square = a.value * a.value + b.value * b.value;
-  return follow(std::atan2(a.value, b.value), b.value / square, a.slope) + follow(0.0, -a.value / square, b.slope);
+  return follow(std::atan2(a.value, b.value), b.value / square, a) + follow(0.0, -a.value / square, b);
 }
 inline Dual pow(const Dual& a, const Dual& b) {
   const double power = std::pow(a.value, b.value);
-  return follow(power, b.value * std::pow(a.value, b.value - 1.0), a.slope) + follow(0.0, std::log(a.value) * power, b.slope);
+  return follow(power, b.value * std::pow(a.value, b.value - 1.0), a) + follow(0.0, std::log(a.value) * power, b);
 }
 
 /// A road of plain numbers, which belongs to somebody else.
@@ -84,8 +86,8 @@ class Road<Dual> {
   Road() = default;
   explicit Road(const Road<double>& road) : road_(&road) {}
 
-  Dual height(const Dual& x, const Dual& y) const { return follow(road_->height(x.value, y.value), road_->height_dx(x.value, y.value), x.slope); }
-  Dual slope(const Dual& x, const Dual& y) const { return follow(road_->slope(x.value, y.value), road_->slope_dx(x.value, y.value), x.slope); }
+  Dual height(const Dual& x, const Dual& y) const { return follow(road_->height(x.value, y.value), road_->height_dx(x.value, y.value), x); }
+  Dual slope(const Dual& x, const Dual& y) const { return follow(road_->slope(x.value, y.value), road_->slope_dx(x.value, y.value), x); }
   Dual surface(const Dual& x, const Dual& y, int by_x, int by_y) const { return of_both<&Road<double>::surface>(x, y, by_x, by_y); }
   Dual friction(const Dual& x, const Dual& y, int by_x, int by_y) const { return of_both<&Road<double>::friction>(x, y, by_x, by_y); }
 
@@ -93,7 +95,7 @@ class Road<Dual> {
   template <auto answer>
   Dual of_both(const Dual& x, const Dual& y, int by_x, int by_y) const {
     const auto value = [&](int i, int j) { return (road_->*answer)(x.value, y.value, by_x + i, by_y + j); };
-    return follow(value(0, 0), value(1, 0), x.slope) + follow(0.0, value(0, 1), y.slope);
+    return follow(value(0, 0), value(1, 0), x) + follow(0.0, value(0, 1), y);
   }
 
   const Road<double>* road_ = nullptr;

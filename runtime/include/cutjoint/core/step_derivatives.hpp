@@ -185,7 +185,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   /// Its end along directions.
   bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
     for (std::size_t i = 0; i < n; ++i) {
-      const Dual before(from.vdot[i], vdot_[i].slope);
+      const Dual before(from.vdot[i], vdot_[i]);
       speeds_[i] = v_[i] + h / 2 * before;
       way_[i] = h * v_[i] + h * h / 4 * before;
       found_[i] = stage_.vdot[i];
