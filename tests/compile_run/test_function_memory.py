@@ -217,6 +217,25 @@ def test_a_saved_state_of_an_fmu_has_the_memory_bit_by_bit() -> None:
             assert instance.step(i * 7.5e-3, 7.5e-3) == OK
 
 
+def test_explanations_have_a_memory_as_one_argument(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(MODEL, encoding="utf-8")
+    result = CliRunner().invoke(main, ["explain", str(tmp_path / "m.yaml"), "--out", str(tmp_path / "m.md")])
+    assert result.exit_code == 0, result.output
+    lines = (tmp_path / "m.md").read_text(encoding="utf-8").splitlines()
+    (update,) = [line for line in lines if "leftarrow" in line and "a keeper kept" in line]
+    assert update.count("keeper kept") == 2
+    assert r"\operatorname{wear\_update}" in update
+
+
+@pytest.mark.parametrize("command", ["modes", "equilibrium", "view"])
+def test_commands_that_interpret_refuse_functions_by_name(command: str, tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(MODEL, encoding="utf-8")
+    more = ["--out", str(tmp_path / "m.html")] if command == "view" else []
+    result = CliRunner().invoke(main, [command, str(tmp_path / "m.yaml"), *more])
+    assert result.exit_code == 1
+    assert "m.yaml:7:3: function 'wear': only generated code calls functions of the user" in result.output.replace("\n", " ")
+
+
 def test_code_without_the_update_is_told(tmp_path: Path) -> None:
     path = tmp_path / "f.cpp"
     path.write_text(CODE.replace("cutjoint_wear_update", "update"), encoding="utf-8")
