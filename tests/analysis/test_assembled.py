@@ -327,7 +327,7 @@ def test_a_scene_compiles_its_loops() -> None:
     assert generate(model, scene, scene.outputs, method="classical").equations.topology.cuts
 
 
-#: The same with a point that stays open, in place of the mass.
+#: A point that stays open, in place of the mass.
 HIGH = HELD.replace("heavy: {value: 1, unit: kg", "heavy: {value: 1, unit: m").replace("mass: heavy", "mass: 1").replace(
     "at: [0, 0, 1]", "at: [0, 0, heavy]"
 )  # fmt: skip

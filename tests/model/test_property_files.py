@@ -78,7 +78,7 @@ def test_each_key_that_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
         f"tyre.tir:{lines + 3}:1: instance 'w': this is no KEY = value; comments begin with $ or !",
     ]
     assert told(tmp_path, TYRE.replace("'kg'", "'stone'"))[0].endswith("instance 'w': unknown unit 'stone' of MASS; did you mean 'tonne'?")
-    assert told(tmp_path, f"{TYRE}\nPDXP1 = 0.4\n")[0].endswith(f"Q_RB2 (line 77), PDXP1 (line {lines + 2})")
+    assert told(tmp_path, f"{TYRE}\nQXYZ9 = 0.4\n")[0].endswith(f"Q_RB2 (line 77), QXYZ9 (line {lines + 2})")
 
 
 def test_files_of_other_kinds_are_refused(tmp_path: Path) -> None:

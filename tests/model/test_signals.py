@@ -129,8 +129,8 @@ WRONG = [
     ([("start: 0 rad, rate", "rate")], ["m.yaml:21:3: state 'integral': the field 'start' is missing"]),
     ([("start: 0 rad, rate: error/lag", "start: 0 rad")], ["m.yaml:21:3: state 'integral': the field 'rate' is missing"]),
     ([("start: 0 rad", "begin: 0 rad")],
-     ["m.yaml:21:3: state 'integral': the field 'start' is missing", "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: rate, "
-      "start"]),
+     ["m.yaml:21:3: state 'integral': the field 'start' is missing",
+      "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: nominal, rate, start"]),
 ]  # fmt: skip
 
 

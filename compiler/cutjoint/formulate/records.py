@@ -77,8 +77,10 @@ class Function:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFit:
-    """What finds the functions of an assembly when parameters are loaded: the ``function`` with its ``slots``, its number of ``rows``, and
-    the place of its coefficients, from ``first`` on."""
+    """The search for the functions of an assembly when parameters are loaded.
+
+    The ``function`` has ``slots`` of its own and so many ``rows``; the coefficients stand from ``first`` on.
+    """
 
     assembly: Assembly
     function: Function
@@ -99,7 +101,7 @@ class LoopFit:
         return (n + 1) + m * (n + 2) + n * n + 6 * n + (n + 2) * most
 
     def description(self) -> dict[str, Any]:
-        """What runtime core/loop_fits.hpp reads: coefficients of the model's own numbers, ``start``, by function."""
+        """Its tables, as runtime core/loop_fits.hpp reads them: coefficients of the model's own numbers, ``start``, by function."""
         f = self.assembly.functions
         series = [one for found in f.series.values() for one in found]
         return {

@@ -62,7 +62,7 @@ def driven_by_time(topology: Topology, drive: str | None) -> Topology:
 
 
 def without_assemblies(topology: Topology) -> Topology:
-    """The same spanning tree with the joints that functions close among its cut joints."""
+    """The spanning tree with the joints that functions close among its cut joints."""
     return replace(topology, model=replace(topology.model, assemblies=()), cuts=(*topology.cuts, *topology.held), held=())
 
 
