@@ -105,7 +105,7 @@ class Solved : public Relative<M, Solved<M>> {
     first_lambda_ = state_.lambda;
     left_ = correction_;
     auto& solver = projection_.solver();
-    solver.solve(left_, Real(1e-9), Real(1e-6), true, [this](const Equations<M>& w, Speeds<M>& step, Equations<M>& closed) {
+    solver.solve(left_, Real(1e-4), Real(1e-6), true, [this](const Equations<M>& w, Speeds<M>& step, Equations<M>& closed) {
       for (std::size_t i = 0; i < w.size(); ++i) trial_[i] = first_lambda_[i] + w[i];
       evaluate(trial_);
       for (std::size_t i = 0; i < w.size(); ++i) closed[i] = left_[i] - correction_[i];
