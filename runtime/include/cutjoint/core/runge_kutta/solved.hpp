@@ -54,7 +54,7 @@ class Solved : public Relative<M, Solved<M>> {
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
   /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
-  /// the accelerations much less than the one before.  The next check is soon where the first of them changes more than rounding.
+  /// the accelerations much less than the one before.  The next check is soon where the first of them is more than enough.
   void solve_multipliers() {
     constexpr int most = 4;
     const bool checks = experience_.age >= trusted;
@@ -68,7 +68,7 @@ class Solved : public Relative<M, Solved<M>> {
       const Real change = this->largest_change();
       if (!(change < last / Real(100))) return settle();
       experience_.passes = pass - 1;
-      if (pass == 2) experience_.age = Real(10) * change > enough() ? trusted - soon : 0;
+      if (pass == 2) experience_.age = change > enough() ? trusted - soon : 0;
       if (pass == 4) experience_.age = trusted;
       if (change <= enough()) break;
       last = change;
