@@ -3,15 +3,14 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <limits>
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/relative.hpp"
 #include "cutjoint/core/road.hpp"
-#include "cutjoint/core/runge_kutta/solved.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/switch_cells.hpp"
 
@@ -20,35 +19,32 @@ namespace cutjoint::runge_kutta {
 /// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
 /// after each step.
 template <Mechanism M>
-class ClosedLoopDynamics : public Solved<M> {
+class ClosedLoopDynamics : public Relative<M> {
  public:
   using Real = typename M::real_type;
-  using typename Solved<M>::Vector;
+  using typename Relative<M>::Vector;
 
   ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, bool solves)
-      : Solved<M>(mechanism, tolerance, solves), cells_(cells), history_{.last = state_.lambda, .before_last = state_.lambda}, residual_(state_.lambda),
+      : Relative<M>(mechanism, tolerance, solves), cells_(cells), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda) {}
 
   /// Take over a start, in the regime in which it stands.
   Vector begin(const StateOf<M>& start) {
-    Vector y = Solved<M>::begin(start);
+    Vector y = Relative<M>::begin(start);
     adopt(start.t, y);
     history_.last = start.lambda;
     return y;
   }
 
-  /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.  A second one from
-  /// there tries whether accelerations are in doubt.
+  /// An attempt of a step from t begins, with the multipliers of the last step: those of a rejected attempt may be anything.
   void begin_attempt(Real t) {
     cells_.begin(t);
-    if (t == history_.attempted) this->doubt();
-    history_.attempted = t;
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
   void derive(Real t, const Vector& y, Vector& slope) {
     predict(t);
-    Solved<M>::derive(t, y, slope);
+    Relative<M>::derive(t, y, slope);
     if (cells_.empty()) return;
     evaluate_switches();
     cells_.look(t);
@@ -60,7 +56,7 @@ class ClosedLoopDynamics : public Solved<M> {
     const auto before = this->experience_;
     complete_ = state_;
     predict(t);
-    Solved<M>::derive(t, y, slope);
+    Relative<M>::derive(t, y, slope);
     std::swap(complete_, state_);
     const long evaluations = this->experience_.evaluations;
     this->experience_ = before;
@@ -69,13 +65,15 @@ class ClosedLoopDynamics : public Solved<M> {
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
   Fault project(Real t, Vector& y) {
-    Solved<M>::project(t, y);
+    Relative<M>::project(t, y);
     if (state_.lambda.empty()) return {};
     this->take(t, y);
     if (const Fault fault = projection_.close(state_)) return fault;
     this->put(state_, y);
     return {};
   }
+
+  Projection<M>& projection() { return projection_; }
 
   /// The largest residuals of the loops in a state.
   Residuals residuals(Real t, const Vector& y) {
@@ -136,14 +134,13 @@ class ClosedLoopDynamics : public Solved<M> {
     Equations<M> last, before_last;
     Real last_time{0}, before_last_time{0};
     int known = 0;  ///< steps
-    Real attempted = -std::numeric_limits<Real>::infinity();  ///< the start of the last attempt
   };
 
   /// Memory of the next steps.
   struct Memory {
     typename stepping::SwitchCells<M>::Memory cells;
     History history;
-    typename Solved<M>::Experience experience;
+    typename Relative<M>::Experience experience;
     Equations<M> lambda;
   };
 
@@ -159,11 +156,11 @@ class ClosedLoopDynamics : public Solved<M> {
   }
 
  private:
-  using Solved<M>::complete_, Solved<M>::mechanism_, Solved<M>::projection_, Solved<M>::state_;
+  using Relative<M>::complete_, Relative<M>::mechanism_, Relative<M>::state_;
 
   /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
-    const auto& [last, before_last, last_time, before_last_time, known, attempted] = history_;
+    const auto& [last, before_last, last_time, before_last_time, known] = history_;
     if (known < 2 || this->solves_) return;
     const Real share = (t - last_time) / (last_time - before_last_time);
     for (std::size_t i = 0; i < last.size(); ++i) state_.lambda[i] = last[i] + share * (last[i] - before_last[i]);
@@ -180,6 +177,7 @@ class ClosedLoopDynamics : public Solved<M> {
   }
 
   stepping::SwitchCells<M> cells_;
+  Projection<M> projection_;
   History history_;
   Equations<M> residual_, rate_;
 };
