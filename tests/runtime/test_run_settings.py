@@ -81,6 +81,8 @@ def refused(method: str, changes: dict[str, Any], folder: Path) -> str:
         ("rates", {"pin.angle": 0.1}, "is not one of pin.angle_rate"),
         ("parameters.gab", 0.1, "is not one of gap"),
         ("roads", {"wheel": {}}, "is unknown"),
+        ("surface", [], "is [] and not an object"),
+        ("surface", {"patches": 1, "field": None}, "of a surface is not a list"),
         ("rates", [], "is [] and not an object"),
         ("integrator", "euler", 'is "euler" and not one of trapezoidal, '),
         ("integrator", 1, "is 1 and not one of trapezoidal, "),

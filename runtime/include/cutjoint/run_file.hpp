@@ -39,7 +39,7 @@ class SurfaceData {
   explicit SurfaceData(const Json& data) {
     require_keys(data, std::to_array<std::string_view>({"field", "patches"}));
     if (const Json& field = value_of(data, "field"); !field.is_null()) read_field(field);
-    for (const Json& p : value_of(data, "patches")) {
+    for (const Json& p : list_of(data, "patches")) {
       require_keys(p, std::to_array<std::string_view>({"x", "y", "friction", "edge"}));
       patches_.push_back({read_pair(p, "x"), read_pair(p, "y"), read_number<Real>(p, "friction"), read_number<Real>(p, "edge")});
       if (!(patches_.back().edge > Real(0))) refuse("edge", "of a patch is not above zero");
@@ -53,8 +53,20 @@ class SurfaceData {
   const Surface<Real>& surface() const { return surface_; }
 
  private:
+  static const Json& list_of(const Json& object, const char* key) {
+    const Json& list = value_of(object, key);
+    if (!list.is_array()) refuse(key, "of a surface is not a list");
+    return list;
+  }
+
+  static std::vector<Real> read_numbers(const Json& object, const char* key) {
+    std::vector<Real> numbers;
+    for (const Json& number : list_of(object, key)) numbers.push_back(number_of<Real>(number, key));
+    return numbers;
+  }
+
   static std::array<Real, 2> read_pair(const Json& object, const char* key) {
-    const std::vector<Real> pair = value_of(object, key).template get<std::vector<Real>>();
+    const std::vector<Real> pair = read_numbers(object, key);
     if (pair.size() != 2) refuse(key, "of a surface has not two numbers");
     return {pair[0], pair[1]};
   }
@@ -64,13 +76,14 @@ class SurfaceData {
     HeightField<Real>& field = surface_.field;
     field.start = read_pair(data, "start");
     field.step = read_pair(data, "step");
-    const auto counts = value_of(data, "counts").template get<std::vector<std::ptrdiff_t>>();
-    heights_ = value_of(data, "heights").template get<std::vector<Real>>();
-    const auto is_usual = [](std::ptrdiff_t count) { return count >= 2 && count <= 10'000'000; };
-    if (counts.size() != 2 || !is_usual(counts[0]) || !is_usual(counts[1]) || heights_.size() != static_cast<std::size_t>(counts[0] * counts[1]))
-      refuse("counts", "of a surface are not those of its heights, two or more along x and y");
+    const std::array<Real, 2> counts = read_pair(data, "counts");
+    heights_ = read_numbers(data, "heights");
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      if (!(counts[axis] >= Real(2) && counts[axis] <= Real(1e7))) refuse("counts", "of a surface are not two or more along x and y");
+      field.counts[axis] = static_cast<std::ptrdiff_t>(double(counts[axis]));
+    }
+    if (heights_.size() != static_cast<std::size_t>(field.counts[0] * field.counts[1])) refuse("counts", "of a surface are not those of its heights");
     if (!(field.step[0] > Real(0) && field.step[1] > Real(0))) refuse("step", "of a surface is not above zero");
-    field.counts = {counts[0], counts[1]};
     field.wraps = read_flag(data, "wraps");
     field.bilinear = read_flag(data, "bilinear");
     field.heights = heights_;
@@ -90,7 +103,7 @@ class Roads {
   Roads(const std::vector<std::string_view>& names, const Json& file) {
     const Json& roads = read_object(file, "roads");
     require_keys(roads, names);
-    if (const auto found = file.find("surface"); found != file.end()) surface_ = std::make_unique<SurfaceData<Real>>(*found);
+    if (file.contains("surface")) surface_ = std::make_unique<SurfaceData<Real>>(read_object(file, "surface"));
     for (const std::string_view name : names) {
       const Json& road = read_object(roads, std::string(name).c_str());
       require_keys(road, std::to_array<std::string_view>({"left", "right", "disc"}));
