@@ -23,6 +23,7 @@ from cutjoint.run.scenes import with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
 from cutjoint.topology.build import build_topology
+from tests.analysis.test_assembled import SWING
 from tests.conftest import ROOT, needs_cpp, with_heavy
 from tests.mechanisms.one_degree import four_bar, spatial
 
@@ -154,31 +155,17 @@ def test_a_step_is_differentiated_by_a_point() -> None:
     assert np.abs(found[Loops.COMPILED] - found[Loops.EXACT]).max() < 1e-7 * np.abs(differences).max()
 
 
-SWING = """
-cutjoint: 1
-name: swing
-gravity: [0, 0, -9.81]
-parameters: {high: {value: 1, unit: m, binding: param}}
-bodies:
-  left: {mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}
-  bar: {mass: 1, centre_of_mass: [0.5, 0, 1.1], inertia: [0.1, 0.1, 0.1]}
-  right: {mass: 1, centre_of_mass: [1, 0, 0.6], inertia: [0.1, 0.1, 0.1]}
-joints:
-  a: {kind: revolute, bodies: [ground, left], at: [0, 0, 0], axis: [0, 1, 0]}
-  b: {kind: revolute, bodies: [left, bar], at: [0, 0, high], axis: [0, 1, 0]}
-  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: [0, 1, 0]}
-  d: {kind: revolute, bodies: [ground, right], at: [1, 0, 0], axis: [0, 1, 0]}
-outputs: [a.angle, bar.x]
-scenes:
-  fall: {end: 0.2, output_step: 50 ms, rates: {a.angle_rate: 0.5}, on_violation: %s, numerics: {loops: compiled}}
-"""
+#: A swing whose point on the left is as high as a parameter says.
+_SLOW = SWING.replace("end: 3", "end: 0.2").replace("angle_rate: 4.0", "angle_rate: 0.5")
+HIGH = _SLOW.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace(
+    "bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)  # fmt: skip
 
 
 def test_loops_that_do_not_close_are_told_and_left_to_their_equations(tmp_path: Path) -> None:
     rows, words = {}, "its loops do not close over the range of their functions with these parameters"
     for way, loops in (("stop", "compiled"), ("restart", "compiled"), ("restart", "exact")):
         file, out = tmp_path / f"{way}.yaml", tmp_path / f"{way}_{loops}.csv"
-        file.write_text(SWING % way, encoding="utf-8")
+        file.write_text(HIGH % f", on_violation: {way}, numerics: {{loops: compiled}}", encoding="utf-8")
         asked = ["simulate", str(file), "--set", "high=2.5", "--loops", loops, "--implementation", "interpreted", "--no-error"]
         result = CliRunner().invoke(main, [*asked, "--out", str(out)])
         assert result.exit_code == (1 if way == "stop" else 0), result.output
