@@ -87,7 +87,8 @@ class LoopFitting {
   LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
       : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
         place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), slope_(upper_ + n_ * n_),
-        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + n_), mean_(before_ + n_), sums_(mean_ + n_), terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
+        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + n_), mean_(before_ + n_), sums_(mean_ + n_),
+        terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
 
   /// Find all coefficients, and then a margin, which is negative where loops stay open; the coefficients are then those of `start`.
   void find(Real* found) {
