@@ -13,7 +13,7 @@ import pytest
 from cutjoint.emit.source import Source
 from cutjoint.package import locations
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain import build, cache, cmake, digests
+from cutjoint.toolchain import build, cache, cmake
 from cutjoint.toolchain.cache import find_or_make, is_sound
 from tests.toolchain.test_damage import make
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -59,13 +59,13 @@ def test_any_name_of_the_installation(name: str, tmp_path: Path, monkeypatch: py
     (runtime / "include").mkdir(parents=True)
     (runtime / "include" / "small.hpp").write_text("inline int zero() { return 0; }\n", encoding="utf-8")
     (runtime / "small.cmake").write_text("set(CMAKE_CXX_STANDARD 20)\n", encoding="utf-8")
-    for module in (locations, digests, cmake):
+    for module in (locations, cache, cmake):
         monkeypatch.setattr(module, "runtime_folder", lambda: runtime)
     monkeypatch.setenv("CUTJOINT_CACHE", str(tmp_path / "cache"))
-    digests.runtime_digest.cache_clear()
+    cache.runtime_digest.cache_clear()
     files = {"CMakeLists.txt": WITH_RUNTIME, "main.cpp": "#include <small.hpp>\nint main() { return zero(); }\n"}
     binary = build.build(Source(stem="small", files=files, digest="small", driver="recursive"), flags=())
-    digests.runtime_digest.cache_clear()
+    cache.runtime_digest.cache_clear()
     assert subprocess.run([binary.path], check=False).returncode == 0
     assert {p.name for p in tmp_path.iterdir()} == {name, "cache"}
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.package import locations
-from cutjoint.toolchain import cmake, digests
+from cutjoint.toolchain import cache, cmake
 from cutjoint.toolchain.build import warm
 from tests.toolchain.damage import DAMAGE
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -41,10 +41,10 @@ def installation(site: Site, monkeypatch: pytest.MonkeyPatch) -> Path:
     (runtime / "driver" / "alone").mkdir(parents=True)
     (runtime / "driver" / "alone" / "CMakeLists.txt").write_text(DRIVER.format(log=site.folder / "log"), encoding="utf-8")
     (runtime / "driver" / "alone" / "part.cpp").write_text("int part() { return 1; }\n", encoding="utf-8")
-    for module in (locations, digests, cmake):
+    for module in (locations, cache, cmake):
         monkeypatch.setattr(module, "runtime_folder", lambda: runtime)
     monkeypatch.setattr(sys, "prefix", str(site.folder / "installed"))
-    digests.runtime_digest.cache_clear()
+    cache.runtime_digest.cache_clear()
     site.open_gate()
     return site.folder / "installed"
 
@@ -53,7 +53,7 @@ def installation(site: Site, monkeypatch: pytest.MonkeyPatch) -> Path:
 def forget_digests() -> object:
     """The digest of the real runtime afterwards."""
     yield None
-    digests.runtime_digest.cache_clear()
+    cache.runtime_digest.cache_clear()
 
 
 def test_a_warm_driver_serves_every_cache(installation: Path, site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,7 +75,7 @@ def test_drivers_of_another_version_are_removed(installation: Path, site: Site) 
     warm("recursive", flags=())
     (old,) = (installation / "share" / "cutjoint").glob("drivers-*")
     (site.folder / "runtime" / "driver" / "more.cpp").touch()
-    digests.runtime_digest.cache_clear()
+    cache.runtime_digest.cache_clear()
     assert warm("recursive", flags=())
     (new,) = (installation / "share" / "cutjoint").glob("drivers-*")
     assert new != old
