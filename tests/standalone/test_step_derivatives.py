@@ -77,6 +77,7 @@ def by_rk4(stiffness: float) -> tuple[np.ndarray, np.ndarray]:
 )
 def test_a_linear_motion(method: str, integrator: str, known: object) -> None:
     sim = loaded(OSCILLATOR, "oscillator", method, integrator).reset(dt=H)
+    assert sim.settings.step == sim.copy().settings.step == H
     sim.inputs["push"] = 0.7
     sim.step()
     before, other = sim.states.array.copy(), sim.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -55,14 +56,15 @@ class Simulation:
         self.inputs = Values(library.names["input"], self._view("inputs", "input"), library.units.get("input"))
         self._is_started = False
         self._limits: dict[str, float] = {}
+        self._settings = library.settings
 
     def __repr__(self) -> str:
         return f"<Simulation of '{self.library.model}' at {self.time:.6g} s>"
 
     @property
     def settings(self) -> StepSettings:
-        """The settings of its steps until `reset` is given others."""
-        return self.library.settings
+        """The settings of its steps: those of the scene, or what `reset` was given."""
+        return self._settings
 
     def _view(self, array: str, kind: str) -> Array:
         names = self.library.names[kind]
@@ -88,12 +90,14 @@ class Simulation:
         call, library = self._call, self.library
         if dt is not None:
             call(library.set_step, dt)
+            self._settings = replace(self._settings, step=dt)
         if iterations is not None:
             self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule of method recursive")
             call(library.set_iterations, iterations)
         if tolerance is not None:
             self._require(library.steps.adaptive, "a tolerance is of integrators that choose their steps")
             call(library.set_tolerance, tolerance, tolerance)
+            self._settings = replace(self._settings, tolerance=tolerance)
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
         call(library.give_scene)
@@ -480,9 +484,10 @@ class Simulation:
     def __deepcopy__(self, memo: object) -> Simulation:
         return self.copy()
 
-    def __reduce__(self) -> tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float]]]:
+    def __reduce__(self) -> tuple[Callable[..., Simulation], tuple[Library, bytes | None, Array, Array, dict[str, float], StepSettings]]:
         snapshot = self.snapshot() if self._is_started else None
-        return _rebuilt, (self.library, snapshot, self.parameters.array.copy(), self.inputs.array.copy(), self._limits)
+        arrays = self.parameters.array.copy(), self.inputs.array.copy()
+        return _rebuilt, (self.library, snapshot, *arrays, self._limits, self._settings)
 
     @staticmethod
     def _require(able: bool, advice: str) -> None:
@@ -509,9 +514,12 @@ class Simulation:
         raise SimulationError(f"{self.library.model}, at {self.time:.6g} s: {text.decode()}{hint if status < 0 else ''}", status)
 
 
-def _rebuilt(library: Library, snapshot: bytes | None, parameters: Array, inputs: Array, limits: Mapping[str, float]) -> Simulation:
+def _rebuilt(
+    library: Library, snapshot: bytes | None, parameters: Array, inputs: Array, limits: Mapping[str, float], settings: StepSettings
+) -> Simulation:  # fmt: skip
     """A simulation that stands where another stood."""
     made = Simulation(library)
+    made._settings = settings
     made.parameters.array[:], made.inputs.array[:] = parameters, inputs
     made.set_limits(**limits)
     if snapshot is not None:
