@@ -33,7 +33,7 @@ def _surface(where: Element, surface: document.Heights | document.Rough | None) 
         return None
     span = where.scope.source.value_span((*where.path, *keys))
     if isinstance(surface, document.Rough):
-        width = _positive(where, where.number(surface.width, LENGTH, (*keys, "width")), (*keys, "width"))
+        width = where.positive(where.number(surface.width, LENGTH, (*keys, "width")), (*keys, "width"))
         return RoughSurface(grade=surface.iso8608, seed=surface.seed, width=width, span=span)
     keys = (*keys, "table")
     if missing := [name for name in ("x", "y", "value") if name not in surface.table]:
@@ -94,8 +94,8 @@ def _patch(where: Element, patch: document.Patch, keys: Path) -> Patch:
     for name, (begin, end) in ends.items():
         if end <= begin:
             where.fail(f"the patch ends along {name} where it begins, or before", f"write {name}: [smaller, larger]", (*keys, name))
-    friction = _positive(where, where.number(patch.value, NONE, (*keys, "value")), (*keys, "value"))
-    edge = _positive(where, where.number(patch.edge, LENGTH, (*keys, "edge")), (*keys, "edge"))
+    friction = where.positive(where.number(patch.value, NONE, (*keys, "value")), (*keys, "value"))
+    edge = where.positive(where.number(patch.edge, LENGTH, (*keys, "edge")), (*keys, "edge"))
     span = where.scope.source.value_span((*where.path, *keys))
     return Patch(x=(ends["x"][0], ends["x"][1]), y=(ends["y"][0], ends["y"][1]), friction=friction, edge=edge, span=span)
 
@@ -113,12 +113,5 @@ def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
     length = where.number(getattr(part, length_key), LENGTH, (*keys, length_key)) if length_key else 0.0
     rise = where.number(getattr(part, rise_key), LENGTH, (*keys, rise_key)) if rise_key else 0.0
     if length_key:
-        _positive(where, length, (*keys, length_key))
+        where.positive(length, (*keys, length_key))
     return RoadSegment(kind=kind, length=length, rise=rise, span=where.scope.source.value_span((*where.path, *keys)))
-
-
-def _positive(where: Element, value: float, keys: Path) -> float:
-    """A number that is noted as wrong unless it is above zero; NaN has been noted before."""
-    if not (isnan(value) or value > 0):
-        where.fail(f"{keys[-1]} must be greater than zero", "", keys)
-    return value

@@ -133,9 +133,7 @@ def _above_zero(where: Element, value: int | float | str | None, key: str) -> fl
 def _positive(where: Element, value: float, keys: Path) -> float:
     """A number that is noted as wrong unless it is above zero and, of a setting, in its range; NaN has been noted before."""
     most = RANGES.get(keys[-1], {}).get("most", inf) if isinstance(keys[-1], str) else inf
-    if not (isnan(value) or value > 0):
-        where.fail(f"{keys[-1]} must be greater than zero", "", keys)
-    _at_most(where, value, most, keys)
+    _at_most(where, where.positive(value, keys), most, keys)
     return value
 
 

@@ -217,6 +217,12 @@ class Element:
         expression = self.scalar(value, expected, keys, {})
         return self.value(expression)
 
+    def positive(self, value: float, keys: Path) -> float:
+        """A number that is noted as wrong unless it is above zero; NaN has been noted before."""
+        if not (math.isnan(value) or value > 0):
+            self.fail(f"{keys[-1]} must be greater than zero", "", keys)
+        return value
+
     def value(self, expression: Scalar) -> float:
         """The value of an expression at the parameters' values."""
         return evaluate(expression, self.scope.values)
