@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from keyword import iskeyword
 from typing import Any
 
 import click
@@ -17,8 +18,8 @@ from cutjoint.model.text import escaped_lines
 from cutjoint.package.extensions import COMMANDS, MissingPackageError
 from cutjoint.run.stopping import Terminated, ended_by_signals
 
-_COMMANDS = ("batch", "check", "compile", "couple", "equilibrium", "explain", "export", "kinematics", "modes", "realtime", "reduce",
-             "schema", "simulate", "sweep", "view", "warm")  # fmt: skip
+_COMMANDS = ("batch", "check", "compile", "couple", "equilibrium", "explain", "export", "import", "kinematics", "modes", "realtime",
+             "reduce", "schema", "simulate", "sweep", "view", "warm")  # fmt: skip
 
 #: After how many new objects Python looks for cycles among them.  A command makes many that stay: with Python's 700, an eighth of its time
 #: and more goes there.
@@ -54,7 +55,7 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _COMMANDS:
-            command = import_module(f"cutjoint.commands.{cmd_name}").command
+            command = import_module(f"cutjoint.commands.{cmd_name}{'_' * iskeyword(cmd_name)}").command
         elif cmd_name in COMMANDS.names():
             try:
                 command = COMMANDS.load(cmd_name)

@@ -146,6 +146,9 @@ _FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model 
 OPTIONS: Mapping[str, Row] = {
     "model": click.argument("model", type=_READ),
     "study": click.argument("study", type=_READ),
+    "file": click.argument("file", type=_READ),
+    "base": click.option("--base", type=click.Choice(["fixed", "free"]), default="fixed", show_default=True, help="Whether a URDF's first "
+        "link stands on the ground or moves freely; SDF and MJCF say it themselves."),
     "scene": click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one."),
     **dict.fromkeys(("check.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
     "modes.scene": click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise. With --at it may be left "
@@ -240,6 +243,7 @@ OPTIONS: Mapping[str, Row] = {
         "processors otherwise."),
     "out": click.option("--out", type=_FILE, required=True, help="CSV file; units go beside it."),
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the C++ and the simulator."),
+    "import.out": click.option("--out", type=_FILE, help="Model file; FILE's name with .yaml behind it, in the present folder, otherwise."),
     "explain.out": click.option("--out", type=_FILE, help="Markdown file; standard output otherwise."),
     "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file."),
     "modes.out": click.option("--out", type=_FILE, help="JSON file for all numbers."),

@@ -96,16 +96,20 @@ MESHES = (".glb", ".stl", ".obj")
 
 
 class Visual(Part):
-    """The picture of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point; a ``colour``."""
+    """The picture of a body: a mesh in a file beside the model, ``scale`` times as large, its origin ``at`` a point, its axes along two of
+    ``x``, ``y``, ``z``; a ``colour``."""
 
     mesh: StrictStr | None = None
     colour: StrictStr | None = None
     at: Point | None = None
     scale: StrictInt | StrictFloat | None = None
+    x: Direction | None = None
+    y: Direction | None = None
+    z: Direction | None = None
 
     @model_validator(mode="after")
     def _drawable(self) -> Visual:
-        if self.mesh is None and (self.colour is None or self.at is not None or self.scale is not None):
+        if self.mesh is None and (self.colour is None or any(x is not None for x in (self.at, self.scale, self.x, self.y, self.z))):
             raise shape_error("needs a mesh, or a colour alone")
         if self.mesh is not None:
             _require_beside(self.mesh)

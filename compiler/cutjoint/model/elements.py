@@ -17,7 +17,7 @@ from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.friction import bristle_of
 from cutjoint.model.gears import read_gear
-from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_direction, read_point, unit
+from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_axes, read_direction, read_point, unit
 from cutjoint.model.laws import LawKind, read_law, read_table
 from cutjoint.model.mass import read_mass
 from cutjoint.model.quantities import Element as Quantified
@@ -108,8 +108,10 @@ def _read_body(element: Element, body: body_parts.Body) -> Body:
 
 def _read_visual(element: Element, visual: body_parts.Visual) -> Visual:
     nowhere = (sympy.Integer(0),) * 3
+    is_global = visual.x is visual.y is visual.z is None
     return Visual(
-        mesh=visual.mesh or "", colour=visual.colour or "", axes=GLOBAL_AXES, scale=float(visual.scale or 1),
+        mesh=visual.mesh or "", colour=visual.colour or "", scale=float(visual.scale or 1),
+        axes=GLOBAL_AXES if is_global else read_axes(element, visual, ("visual",)),
         at=nowhere if visual.at is None else read_point(element, visual.at, ("visual", "at")),
         span=element.scope.source.key_span((*element.path, "visual")),
     )  # fmt: skip

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
+from cutjoint.importing.read import import_file, is_foreign, name_of
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.functions import supply
@@ -15,15 +17,15 @@ from cutjoint.topology.spanning_tree import TopologyError
 
 
 def read_model(path: AnyPath, *, opened: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
-    """Read and validate the model file at ``path``; numbers in the result are SI, and parameters if their names match ``opened``.
-    ``functions`` is a C++ file with the code of functions that the model declares.
+    """Read and validate the model file at ``path``, or the URDF, SDF or MJCF file as `cutjoint import` makes it one; numbers in the result
+    are SI, and parameters if their names match ``opened``.  ``functions`` is a C++ file with the code of functions that the model declares.
 
     Raises:
         ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
             these.  Or the code of a function is not in the C++ file.
     """
     with _problems_of_loops():
-        model = read.read_model(path, opened=opened)
+        model = _read_foreign(Path(path), opened) if is_foreign(path) else read.read_model(path, opened=opened)
     return model if functions is None else supply(model, functions)
 
 
@@ -31,6 +33,11 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     """Read a model from a text; ``file`` is the name in places and messages, ``folder`` has the files that the text names."""
     with _problems_of_loops():
         return read.read_model_text(text, file, folder=folder, opened=opened)
+
+
+def _read_foreign(path: Path, opened: Sequence[str]) -> Model:
+    """A file of another program; places in messages about the model that it becomes are those of the file that `cutjoint import` writes."""
+    return read.read_model_text(import_file(path).text, str(name_of(path)), folder=path.parent, opened=opened)
 
 
 @contextmanager

@@ -1,0 +1,1 @@
+"""Files of other programs as model files: URDF with loops, SDF, MJCF."""

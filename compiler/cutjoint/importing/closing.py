@@ -1,0 +1,122 @@
+"""The position of a robot in which its loops close, nearest to the file's zero position: steps of Levenberg and Marquardt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutjoint.importing.robot import Array, Loop, Pose, Robot
+
+#: A loop that stays open by less is closed, m and rad: files are written with rounded numbers.
+CLOSED = 1e-5
+_STEPS, _STEP = 200, 0.3
+_TRIALS = 12
+
+
+@dataclass(frozen=True)
+class Closed:
+    """Coordinates by joints where loops close, the links' poses there, and the largest gap that is left, m or rad."""
+
+    q: dict[str, Array]
+    poses: dict[str, Pose]
+    gap: float
+
+
+def close(robot: Robot) -> Closed:
+    """Find where loops and couplings close.  Raises ModelError at the loop that stays open by more than CLOSED."""
+    joints = [joint for joint in robot.outwards() if joint.freedom and joint.kind != "free"]
+    ends = np.cumsum([0] + [joint.freedom for joint in joints])
+
+    def unpacked(values: Array) -> dict[str, Array]:
+        return {joint.name: values[ends[i] : ends[i + 1]] for i, joint in enumerate(joints)}
+
+    def gaps(values: Array) -> list[Array]:
+        q = unpacked(values)
+        poses = robot.poses(q)
+        return [*(_gap(loop, poses) for loop in robot.loops), *(np.array([c.gap(q)]) for c in robot.couplings)]
+
+    def residual(values: Array) -> Array:
+        found = gaps(values)
+        return np.concatenate(found) if found else np.zeros(0)
+
+    values = _solve(residual, int(ends[-1]))
+    left = residual(values)
+    for loop, gap in zip([*robot.loops, *robot.couplings], gaps(values), strict=True):
+        if np.abs(gap).max() > CLOSED:
+            unit = "in its relation" if not isinstance(loop, Loop) else "m or rad"
+            loop.node.refuse(
+                f"does not close: in the position found it is open by {np.abs(gap).max():.2g} {unit}",
+                "correct the frames of its two ends, or the limits of what it can reach",
+            )
+    values[np.abs(values) < 1e-12] = 0
+    q = {name: _turned_back(each) if robot.joints[name].kind == "revolute" else each for name, each in unpacked(values).items()}
+    return Closed(q, robot.poses(q), float(np.abs(left).max(initial=0.0)))
+
+
+def _solve(residual: Callable[[Array], Array], count: int) -> Array:
+    """Where the residual is least, from zero and then, where it does not vanish, from a few positions around."""
+    best = np.zeros(count)
+    random = np.random.default_rng(1)
+    for trial in range(_TRIALS):
+        start = np.zeros(count) if trial == 0 else random.uniform(-1, 1, count) * trial / 4
+        found = _descend(residual, start)
+        if trial == 0 or np.linalg.norm(residual(found)) < 0.1 * np.linalg.norm(residual(best)):
+            best = found
+        if np.abs(residual(best)).max(initial=0.0) < CLOSED:
+            break
+    return best
+
+
+def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
+    """Steps of Levenberg and Marquardt, each of _STEP rad or m at most."""
+    left, damping = residual(values), 1e-6
+    for _ in range(_STEPS):
+        if np.abs(left).max(initial=0.0) < 1e-14:
+            break
+        h = 1e-6
+        slopes = np.array([(residual(values + h * e) - residual(values - h * e)) / (2 * h) for e in np.eye(len(values))]).T
+        u, s, v = np.linalg.svd(slopes, full_matrices=False)
+        able = s > 1e-9 * s.max(initial=0.0)
+        while damping < 1e6:
+            step = -(v[able].T * (s[able] / (s[able] ** 2 + damping * s[able].max() ** 2))) @ (u[:, able].T @ left)
+            step *= min(1.0, _STEP / max(np.abs(step).max(), 1e-300))
+            there = residual(values + step)
+            if np.linalg.norm(there) < np.linalg.norm(left):
+                break
+            damping *= 10
+        else:
+            break
+        values, left, damping = values + step, there, max(damping / 10, 1e-16)
+    return values
+
+
+def _turned_back(angle: Array) -> Array:
+    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
+
+
+def _gap(loop: Loop, poses: dict[str, Pose]) -> Array:
+    first, second = poses[loop.links[0]] @ loop.first, poses[loop.links[1]] @ loop.second
+    apart = second.place - first.place
+    match loop.kind:
+        case "spherical":
+            return apart
+        case "revolute":
+            return np.concatenate([apart, np.cross(first.rotation @ loop.axis, second.rotation @ loop.axis)])
+    turned = _rotation_vector(first.rotation.T @ second.rotation)
+    if loop.kind == "prismatic":
+        inside = first.rotation.T @ apart
+        apart = inside - (loop.axis @ inside) * loop.axis
+    return np.concatenate([apart, turned])
+
+
+def _rotation_vector(rotation: Array) -> Array:
+    """The vector about which a rotation (3 by 3) turns, as long as its angle, rad."""
+    sine = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]) / 2
+    angle = np.arctan2(np.linalg.norm(sine), (np.trace(rotation) - 1) / 2)
+    if angle > 3:  # near half a turn the axis is that of rotation + 1
+        _, axes = np.linalg.eigh(rotation + rotation.T)
+        axis = axes[:, 2]
+        return np.asarray(angle * axis * (1 if axis @ sine >= 0 else -1))
+    return np.asarray(sine * (angle / np.sin(angle) if angle > 1e-6 else 1))

@@ -1,0 +1,338 @@
+"""A robot as the text of a model file: a line an element, names kept, comments where something was decided."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.importing.closing import Closed
+from cutjoint.importing.relations import Relation, solve_couplings
+from cutjoint.importing.robot import Array, Drive, Joint, Link, Loop, Robot
+from cutjoint.model.mass import TOLERANCE
+from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
+
+#: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
+_NOISE = 1e-13
+#: The speed at which dry friction is nearly all there, rad/s or m/s.
+_CREEP = 0.01
+_COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
+_MESHES = (".stl", ".obj", ".glb")
+
+
+class Document:
+    """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves."""
+
+    def __init__(self, robot: Robot, closed: Closed, folder: Path, *, free: bool) -> None:
+        self._notes: dict[str, list[str]] = {note: [] for note in robot.notes}
+        self._robot, self._closed, self._folder = robot, closed, folder
+        self._sections: dict[str, dict[str, Any]] = {
+            key: {} for key in ("parameters", "bodies", "joints", "gears", "forces", "markers", "outputs")
+        }
+        self._names: dict[str, str] = {}
+        self._taken: set[str] = {"ground"}
+        self._carriers = {link.name: "ground" for link in robot.root()}
+        if free:
+            self._float()
+        idle = set(_idle(robot))
+        if idle:
+            self._note("left out, since nothing resists their motion", *sorted(idle))
+        for joint in robot.outwards():
+            if joint.child not in idle:
+                self._add_joint(joint)
+        for loop in robot.loops:
+            self._add_loop(loop)
+        for relation in solve_couplings(robot):
+            self._add_gear(relation)
+        for drive in robot.drives:
+            self._add_drive(drive)
+
+    def text(self, source: str, left_out: Mapping[str, int]) -> str:
+        """The whole file; ``source`` is the name of the file read, ``left_out`` counts its tags and attributes that were not taken."""
+        head = [f"# From {source}."]
+        if left_out:
+            head.append("# Left out: " + ", ".join(f"{tag} ({count})" for tag, count in sorted(left_out.items())) + ".")
+        head += [f"# {note[0].upper()}{note[1:]}." for note in self.notes]
+        head += ["cutjoint: 1", f"name: {_legal(self._robot.name) or 'robot'}", f"gravity: {_flow(list(self._robot.gravity))}"]
+        for title, elements in self._sections.items():
+            if elements:
+                head += [f"{title}:", *(f"  {name}: {_flow(element)}" for name, element in elements.items() if title != "outputs")]
+        if outputs := self._sections["outputs"]:
+            head[-1] = f"outputs: {_flow(list(outputs))}"
+        return "\n".join([*head, "scenes:", "  motion: {end: 1}", *self._scenes()]) + "\n"
+
+    def _scenes(self) -> Iterator[str]:
+        """The file's starts, by the coordinates that loops leave free or that motors drive."""
+        in_loops = self._in_loops()
+        for name, start in self._robot.starts.items():
+            able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or any(d.joint == j for d in self._robot.drives))}
+            moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
+            positions = {key: value for key, value in moved.items() if value}
+            yield f"  {self._name(name, 'scene')}: {_flow({'end': 1, **({'positions': positions} if positions else {})})}"
+
+    def _in_loops(self) -> set[str]:
+        """The joints on the ways round loops."""
+        carried = {joint.child: joint for joint in self._robot.joints.values()}
+        found: set[str] = set()
+        for loop in self._robot.loops:
+            ways = []
+            for end in loop.links:
+                way = set()
+                while end in carried:
+                    way.add(carried[end].name)
+                    end = carried[end].parent
+                ways.append(way)
+            found |= ways[0] ^ ways[1]
+        return found | {name for coupling in self._robot.couplings for name in coupling.terms}
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences of what was decided."""
+        counted = ((note, ", ".join(dict.fromkeys(names))) for note, names in self._notes.items())
+        return [*self._position(), *(f"{note}: {names}" if names else note for note, names in counted)]
+
+    def _note(self, sentence: str, *names: str) -> None:
+        self._notes.setdefault(sentence, []).extend(names)
+
+    def _position(self) -> Iterator[str]:
+        robot, moved = self._robot, {j: q for j, q in self._closed.q.items() if q.any()}
+        if not robot.loops and not robot.couplings:
+            return
+        if self._closed.gap > 1e-9:
+            yield f"loops close within {self._closed.gap:.1g} m or rad by the file's numbers; here they close wholly"
+        if moved:
+            values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in moved.items())
+            yield f"loops do not close where all coordinates of the file are zero; coordinates count from where they do: {values}"
+        else:
+            yield "loops close where all coordinates of the file are zero; the design position is that"
+
+    # names
+
+    def _name(self, wanted: str, suffix: str = "") -> str:
+        """A legal name that nothing has yet, near the wanted one."""
+        base = _legal(wanted) or "part"
+        tries = (base, f"{base}_{suffix}" if suffix else "", *(f"{base}_{i}" for i in range(2, 10_000)))
+        name = next(t for t in (t[:MAX_NAME_LENGTH].rstrip("_") for t in tries if t) if t.lower() not in self._taken)
+        self._taken.add(name.lower())
+        return name
+
+    def _coordinate(self, joint: str) -> str:
+        return f"{self._names[joint]}.{_COORDINATE[self._robot.joints[joint].kind]}"
+
+    # bodies
+
+    def _float(self) -> None:
+        (root,) = self._robot.root()
+        name = self._add_body(root)
+        joint = self._name(f"{name}_free")
+        self._sections["joints"][joint] = {"kind": "free", "bodies": ["ground", name], "at": [0, 0, 0]}
+
+    def _add_body(self, link: Link) -> str:
+        name = self._carriers[link.name] = self._name(link.name, "body")
+        pose = self._closed.poses[link.name]
+        body: dict[str, Any] = {"massless": True} if link.mass == 0 else {"mass": link.mass}
+        if link.mass:
+            body["centre_of_mass"] = _vector(pose.rotation @ link.centre + pose.place)
+        inertia = pose.rotation @ link.inertia @ pose.rotation.T
+        excess, about = _excess(link)
+        if excess:
+            axis = pose.rotation @ about
+            inertia = inertia - excess * np.outer(axis, axis)
+        if inertia.any():
+            body["inertia"] = _inertia(inertia)
+        if picture := self._picture(link):
+            body["visual"] = picture
+        self._sections["bodies"][name] = body
+        if excess:
+            shaft = self._name(f"{name}_excess")
+            self._sections["bodies"][shaft] = {"massless": True, "inertia": {"axial": _short(excess), "axis": _direction(axis)}}
+            joint = self._name(f"{shaft}_weld")
+            self._sections["joints"][joint] = {"kind": "fixed", "bodies": [name, shaft], "at": _vector(pose.place)}
+            self._note("moments of inertia larger than the sum of the two others, as no body has; a shaft has what is too much", link.name)
+        return name
+
+    def _picture(self, link: Link) -> dict[str, Any]:
+        picture: dict[str, Any] = {}
+        if link.mesh and (file := self._mesh(link)):
+            pose = self._closed.poses[link.name] @ link.mesh_pose
+            picture = {"mesh": file, "at": _vector(pose.place)}
+            if link.scale != 1:
+                picture["scale"] = link.scale
+            if np.abs(pose.rotation - np.eye(3)).max() > 1e-9:
+                picture["x"], picture["y"] = (_direction(axis) for axis in pose.rotation.T[:2])
+        if link.colour:
+            picture["colour"] = link.colour
+        return picture
+
+    def _mesh(self, link: Link) -> str:
+        """The mesh's path below the folder, "" with a note if it is not there or in no format that is drawn."""
+        path = re.sub(r"^(package|model|file)://", "", link.mesh).lstrip("/").replace("\\", "/")
+        parts = [part for part in path.split("/") if part]
+        for tail in (parts[i:] for i in range(len(parts))):
+            if ".." not in tail and Path(tail[-1]).suffix.lower() in _MESHES and self._folder.joinpath(*tail).is_file():
+                return "/".join(tail)
+        self._note("meshes that are not drawn, being no .stl, .obj or .glb below the file's folder", parts[-1] if parts else link.name)
+        return ""
+
+    # joints
+
+    def _add_joint(self, joint: Joint) -> None:
+        link, parent = self._robot.links[joint.child], self._carriers[joint.parent]
+        pose = self._closed.poses[joint.parent] @ joint.origin
+        if joint.kind == "fixed" and link.massless:
+            self._carriers[link.name] = parent
+            if not self._is_used(link):
+                marker = self._name(link.name, "point")
+                self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
+            return
+        child = self._add_body(link)
+        name = self._names[joint.name] = self._name(joint.name, "joint")
+        element: dict[str, Any] = {"kind": joint.kind, "bodies": [parent, child], "at": _vector(pose.place)}
+        if joint.kind in _COORDINATE:
+            element["axis"] = _direction(pose.rotation @ joint.axis)
+        if joint.armature:
+            element["armature"] = joint.armature
+        self._sections["joints"][name] = element
+        self._resist(name, element, joint, float(self._closed.q[joint.name][0]) if joint.name in self._closed.q else 0.0)
+
+    def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: float) -> None:
+        """The spring, damper and friction of a joint, whose coordinate in the file is ``here`` in the design position."""
+        if joint.kind == "spherical" and joint.damping and not joint.stiffness and not joint.friction:
+            base, follower = element["bodies"]
+            for body, other in ((follower, base), (base, follower)):
+                if body != "ground":
+                    torque = [f"-{joint.damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
+                    damper = self._name(f"{name}_damping", "reaction")
+                    self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
+            return
+        if joint.kind not in _COORDINATE and (joint.stiffness or joint.damping or joint.friction):
+            joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or replace it by three hinges")
+        if joint.stiffness or joint.damping:
+            spring = {"stiffness": joint.stiffness, "damping": joint.damping}
+            if joint.stiffness:
+                spring["free_position"] = _short(joint.rest - here)
+            element["spring"] = {key: value for key, value in spring.items() if value}
+        if joint.friction:
+            force = self._name(f"{name}_friction")
+            self._sections["forces"][force] = {"kind": "joint_force", "joint": name, "law": f"-{joint.friction!r}*tanh(rate/{_CREEP})"}
+            self._note(f"dry friction made smooth: all of it is there from about {3 * _CREEP} rad/s or m/s", force)
+
+    def _is_used(self, link: Link) -> bool:
+        """Whether anything hangs on a link but its parent."""
+        ends = {name for loop in self._robot.loops for name in loop.links}
+        return link.name in ends or any(joint.parent == link.name for joint in self._robot.joints.values())
+
+    def _add_loop(self, loop: Loop) -> None:
+        first, second = (self._carriers[link] for link in loop.links)
+        if first == second:
+            loop.node.refuse(f"connects {loop.links[0]} and {loop.links[1]}, which are one body", "leave it out")
+        here = self._closed.poses[loop.links[0]] @ loop.first
+        element: dict[str, Any] = {"kind": loop.kind, "bodies": [first, second], "at": _vector(here.place)}
+        if loop.kind in _COORDINATE:
+            element["axis"] = _direction(here.rotation @ loop.axis)
+        name = self._name(loop.name, "loop")
+        self._sections["joints"][name] = element
+        if loop.stiffness and any(q.any() for q in self._closed.q.values()):
+            loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put the spring on another joint of the loop")
+        self._resist(name, element, loop, 0.0)
+
+    def _add_gear(self, relation: Relation) -> None:
+        joints = [self._names[relation.follower], self._names[relation.leader]]
+        self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
+
+    def _law(self, relation: Relation) -> dict[str, Any]:
+        """The ratio of a gear, or the law by which it bends, over coordinates that count from the design position."""
+        if not relation.bend:
+            return {"ratio": _short(relation.ratio)}
+        whole = np.polynomial.Polynomial([0.0, relation.ratio, *relation.bend])
+        here = whole(np.polynomial.Polynomial([float(self._closed.q[relation.leader][0]), 1.0]))
+        coefficients = [0.0, *here.coef[1:]]
+        return {"law": {"polynomial": [_short(c) for c in coefficients], "of": "position"}}
+
+    def _add_drive(self, drive: Drive) -> None:
+        joint = self._robot.joints[drive.joint]
+        if joint.kind not in _COORDINATE or drive.joint not in self._names:
+            self._note("drives left out, since their joint has no coordinate of its own", drive.name)
+            return
+        name = self._name(drive.name, "input")
+        unit = ("N*m" if joint.kind == "revolute" else "N") if drive.unit is None else drive.unit
+        self._sections["parameters"][name] = {"value": 0, **({"unit": unit} if unit else {}), "binding": "input"}
+        force = self._name(f"{self._names[drive.joint]}_motor")
+        offset = _short(float(self._closed.q[drive.joint][0]) + drive.offset)
+        position = f"(position + {offset!r})" if offset else "position"
+        law = drive.law.format(input=name, position=position, rate="rate")
+        self._sections["forces"][force] = {"kind": "joint_force", "joint": self._names[drive.joint], "law": law}
+        self._sections["outputs"][self._coordinate(drive.joint)] = True
+
+
+def _idle(robot: Robot) -> Iterator[str]:
+    """Links at the ends of chains that move and have nothing that resists it."""
+    ends = {name for loop in robot.loops for name in loop.links}
+    coupled = {name for coupling in robot.couplings for name in coupling.terms}
+    heavy: set[str] = set()
+    for joint in reversed(list(robot.outwards())):
+        link = robot.links[joint.child]
+        if not link.massless or link.name in ends or link.name in heavy or joint.name in coupled:
+            heavy.add(joint.parent)
+        elif joint.freedom:
+            yield link.name
+    # a fixed link on an idle one goes with it
+
+
+def _excess(link: Link) -> tuple[float, Array]:
+    """By how much the largest principal moment of a link is larger than the sum of the others, kg m2, and its direction."""
+    moments, axes = np.linalg.eigh(link.inertia)
+    if moments[0] < -TOLERANCE * abs(moments[2]) or link.mass < 0:
+        link.node.refuse("has a negative mass or principal moment of inertia", "correct its inertial")
+    excess = moments[2] - moments[1] - moments[0]
+    return (float(excess), axes[:, 2]) if link.mass and excess > TOLERANCE * moments[2] else (0.0, axes[:, 2])
+
+
+def _legal(name: str) -> str:
+    """A name of the model file, "" if no letter is left."""
+    plain = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9]", "_", name)).strip("_")
+    plain = plain if plain[:1].isalpha() or not plain else f"n{plain}"
+    plain = plain[:MAX_NAME_LENGTH].rstrip("_")
+    return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE else plain
+
+
+def _short(value: float) -> float | int:
+    """A number without the rounding of the file's frames, whole if it is."""
+    rounded = float(f"{value:.12g}")
+    return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
+
+
+def _vector(place: Array) -> list[float | int]:
+    return [_short(x) if abs(x) > _NOISE else 0 for x in place]
+
+
+def _direction(axis: Array) -> str | list[float | int]:
+    """A direction by an axis' name where it is one, else by its components."""
+    for i, name in enumerate("xyz"):
+        if abs(axis[i]) > 1 - 1e-12:
+            return name if axis[i] > 0 else f"-{name}"
+    return _vector(axis)
+
+
+def _inertia(matrix: Array) -> list[float | int]:
+    noise = _NOISE * np.abs(matrix).max()
+    entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    short = [_short(x) if abs(x) > noise else 0 for x in entries]
+    return short if any(short[3:]) else short[:3]
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(part)}" for key, part in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_flow, value)) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value if re.fullmatch(r"-?[A-Za-z][A-Za-z0-9_./]*", value) else json.dumps(value)
+    return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))

@@ -1,0 +1,339 @@
+"""MJCF, as MuJoCo's own compiler understands it: defaults, frames, includes and attachments are its business.
+
+What is read is the compiled model, so angles count from its ``qpos0``, where bodies stand as the file draws them.  MuJoCo closes loops by
+springs; here they are rigid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion
+from cutjoint.importing.xml import Node, read_xml
+from cutjoint.package.extensions import MissingPackageError
+
+_FREE, _BALL, _SLIDE, _HINGE = range(4)
+_CONNECT, _WELD, _JOINT, _TENDON = range(4)
+_INCLUDES = 50
+_LARGEST_FILE = 200_000_000
+
+
+def read_mjcf(path: Path) -> tuple[Robot, Node]:
+    """The robot of an MJCF file.
+
+    Raises:
+        ModelError: the file is wrong, names a file outside its folder, or says what a model file cannot.
+        MissingPackageError: MuJoCo is not installed.
+    """
+    root = read_xml(path)
+    if root.tag != "mujoco":
+        root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")
+    _require_inside(root, path.parent, path.parent, [path])
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingPackageError("reading MJCF needs the package mujoco: pip install 'cutjoint[mjcf]'") from None
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        root.refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
+    _heed(root)
+    return _Reading(model, root, mujoco).robot, root
+
+
+def _heed(node: Node) -> None:
+    """Count all below an element as read: MuJoCo has read it, and `_Reading` says what has no place in a model file."""
+    for name in node.attributes:
+        node.get(name)
+    for child in node.children:
+        node.all(child.tag)
+        _heed(child)
+
+
+def _require_inside(root: Node, folder: Path, at: Path, seen: list[Path]) -> None:
+    """Refuse files that stand outside the folder of the model, are very large, or are code."""
+    for node in _all(root):
+        if node.tag == "plugin":
+            node.refuse("is a plugin, whose code is not run", "leave it out")
+        for key in ("meshdir", "texturedir", "assetdir"):
+            _inside(node, node.attributes.get(key, ""), folder, at)
+    folders = {node.attributes.get(key, "") for node in _all(root) for key in ("meshdir", "texturedir", "assetdir")} | {""}
+    for node in _all(root):
+        file = node.attributes.get("file", "")
+        if not file:
+            continue
+        for part in folders:
+            target = _inside(node, f"{part}/{file}" if part else file, folder, at)
+            if target.is_file() and target.stat().st_size > _LARGEST_FILE:
+                node.refuse(f"names a file of more than {_LARGEST_FILE // 1_000_000} MB", "make it smaller")
+        if node.tag == "include":
+            target = _inside(node, file, folder, at)
+            if target in seen or len(seen) > _INCLUDES:
+                node.refuse(f"includes '{file[:60]}' again, or more than {_INCLUDES} files", "include each file once")
+            seen.append(target)
+            if target.is_file():
+                _require_inside(read_xml(target), folder, at, seen)
+
+
+def _inside(node: Node, name: str, folder: Path, at: Path) -> Path:
+    target = (at / name).resolve()
+    if not target.is_relative_to(folder.resolve()):
+        node.refuse(f"names '{name[:60]}', outside the folder of the file", "put what it needs into that folder")
+    return target
+
+
+def _all(node: Node) -> Iterator[Node]:
+    yield node
+    for child in node.children:
+        yield from _all(child)
+
+
+class _Reading:
+    """A compiled model of MuJoCo as a robot.  ``_of_joint`` has the names of joints by their number there."""
+
+    def __init__(self, model: Any, root: Node, mujoco: Any) -> None:
+        self.m, self._root, self._mujoco = model, root, mujoco
+        self._nodes = {(node.tag, node.attributes.get("name", "")): node for node in _all(root)}
+        self._links = [self._name("BODY", i, "world" if i == 0 else f"body_{i}") for i in range(model.nbody)]
+        self._of_joint: dict[int, str] = {}
+        self._start: dict[str, float] = {}
+        x, y, z = map(float, model.opt.gravity)
+        self.robot = Robot(root.attributes.get("model") or "mujoco", gravity=(x, y, z))
+        self.robot.links[self._links[0]] = Link(self._links[0], root)
+        for body in range(1, model.nbody):
+            self._add_body(body)
+        self._add_loops()
+        self._add_tendons()
+        for actuator in range(model.nu):
+            self._add_actuator(actuator)
+        self._add_starts()
+        self._tell()
+
+    def _name(self, kind: str, index: int, default: str) -> str:
+        found = self._mujoco.mj_id2name(self.m, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return found or default
+
+    def _node(self, tag: str, name: str) -> Node:
+        return self._nodes.get((tag, name), self._root)
+
+    # bodies and joints
+
+    def _add_body(self, body: int) -> None:
+        m, name = self.m, self._links[body]
+        link = Link(name, self._node("body", name), float(m.body_mass[body]), m.body_ipos[body].copy())
+        turn = of_quaternion(*map(float, m.body_iquat[body]))
+        link.inertia = turn @ np.diag(m.body_inertia[body]) @ turn.T
+        self._draw(link, body)
+        parent, at = self._links[m.body_parentid[body]], Pose(of_quaternion(*map(float, m.body_quat[body])), m.body_pos[body].copy())
+        first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+        if not count:
+            weld = Joint(f"{name}_weld", link.node, "fixed", parent, name, at)
+            self.robot.joints[weld.name] = weld
+        for joint in range(first, first + count):
+            child = name if joint == first + count - 1 else f"{name}_{joint - first + 1}"
+            if child != name:
+                self.robot.links[child] = Link(child, link.node)
+            self._add_joint(joint, parent, child, at)
+            parent, at = child, Pose()
+        self.robot.links[name] = link
+
+    def _add_joint(self, joint: int, parent: str, child: str, at: Pose) -> None:
+        m, kind = self.m, int(self.m.jnt_type[joint])
+        name = self._name("JOINT", joint, f"{child}_joint")
+        while name in self.robot.joints:
+            name += "_"
+        place = Pose(place=np.zeros(3) if kind == _FREE else m.jnt_pos[joint].copy())
+        added = Joint(
+            name, self._node("joint", name), {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}[kind],
+            parent, child, at @ place, m.jnt_axis[joint] / np.linalg.norm(m.jnt_axis[joint]), place.inverse(),
+        )  # fmt: skip
+        dof, address = int(m.jnt_dofadr[joint]), int(m.jnt_qposadr[joint])
+        added.damping, added.friction, added.armature = (float(x[dof]) for x in (m.dof_damping, m.dof_frictionloss, m.dof_armature))
+        added.stiffness = float(np.ravel(m.jnt_stiffness[joint])[0])
+        if kind in (_SLIDE, _HINGE):
+            self._start[name] = float(m.qpos0[address])
+            added.rest = float(m.qpos_spring[address]) - self._start[name]
+        elif added.armature or (kind == _FREE and (added.damping or added.stiffness or added.friction)):
+            added.node.refuse(f"has an armature, a spring, damping or friction on a joint of kind {added.kind}", "leave it out")
+        self._of_joint[joint] = name
+        self.robot.joints[name] = added
+
+    def _draw(self, link: Link, body: int) -> None:
+        m, first = self.m, int(self.m.body_geomadr[body])
+        for geom in range(first, first + int(m.body_geomnum[body])):
+            if int(m.geom_type[geom]) == int(self._mujoco.mjtGeom.mjGEOM_MESH) and not link.mesh:
+                mesh = int(m.geom_dataid[geom])
+                path = bytes(m.paths[m.mesh_pathadr[mesh] :]).split(b"\0")[0].decode(errors="replace") if m.mesh_pathadr[mesh] >= 0 else ""
+                scale = m.mesh_scale[mesh]
+                if not path or not scale[0] == scale[1] == scale[2] > 0:
+                    continue
+                centred = Pose(of_quaternion(*map(float, m.mesh_quat[mesh])), m.mesh_pos[mesh].copy())
+                geometry = Pose(of_quaternion(*map(float, m.geom_quat[geom])), m.geom_pos[geom].copy())
+                link.mesh, link.scale, link.mesh_pose = self._path(path), float(scale[0]), geometry @ centred.inverse()
+                link.colour = colour_of(tuple(map(float, m.geom_rgba[geom])))
+
+    def _path(self, path: str) -> str:
+        folders = {node.attributes.get(key, "") for node in _all(self._root) for key in ("meshdir", "assetdir")} - {""}
+        return "/".join([*sorted(folders)[:1], path])
+
+    # relations
+
+    def _add_loops(self) -> None:
+        points: dict[tuple[str, str], list[Loop]] = {}
+        for i in range(self.m.neq):
+            kind, name = int(self.m.eq_type[i]), self._name("EQUALITY", i, f"equality_{i + 1}")
+            if not self.m.eq_active0[i]:
+                self.robot.notes.append(f"the equality {name} is not active, and left out")
+            elif kind in (_CONNECT, _WELD):
+                loop = self._loop(i, kind, name)
+                pair = loop.links if loop.links[0] < loop.links[1] else loop.links[::-1]
+                if kind == _CONNECT:
+                    points.setdefault((pair[0], pair[1]), []).append(loop)
+                else:
+                    self.robot.loops.append(loop)
+            elif kind == _JOINT:
+                self._add_coupling(i, name)
+            elif kind != _TENDON:
+                self._node("equality", "").refuse(f"has the equality '{name}' of a kind that a model file has not", "leave it out")
+        for pairs in points.values():
+            self.robot.loops.append(_united(pairs) if len(pairs) > 1 else pairs[0])
+
+    def _loop(self, i: int, kind: int, name: str) -> Loop:
+        m, data = self.m, self.m.eq_data[i]
+        ids = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+        node = self._node("connect" if kind == _CONNECT else "weld", name)
+        if int(m.eq_objtype[i]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
+            frames = [Pose(of_quaternion(*map(float, m.site_quat[s])), m.site_pos[s].copy()) for s in ids]
+            bodies = [int(m.site_bodyid[s]) for s in ids]
+        else:
+            bodies = list(ids)
+            if kind == _CONNECT:
+                frames = [Pose(place=data[:3].copy()), Pose(place=data[3:6].copy())]
+            else:
+                frames = [Pose(of_quaternion(*map(float, data[6:10])), data[3:6].copy()), Pose(place=data[:3].copy())]
+        links = self._links[bodies[0]], self._links[bodies[1]]
+        return Loop(name, node, "spherical" if kind == _CONNECT else "fixed", links, frames[0], frames[1])
+
+    def _add_coupling(self, i: int, name: str) -> None:
+        m, node = self.m, self._node("joint", name)
+        first = self._of_joint[int(m.eq_obj1id[i])]
+        second = "" if int(m.eq_obj2id[i]) < 0 else self._of_joint[int(m.eq_obj2id[i])]
+        constant, slope, *bend = map(float, m.eq_data[i][:5])
+        if not second or (slope == 0 and not any(bend)):
+            node.refuse(f"holds the joint '{first}' still", "leave its joint out, or write it as a weld")
+        coupling = Coupling(name, node, {first: 1.0, second: -slope}, constant)
+        if any(bend):
+            coupling.leader, coupling.bend = second, tuple(bend)
+        self.robot.couplings.append(coupling)
+
+    def _add_tendons(self) -> None:
+        """Equalities of fixed tendons are linear relations of coordinates."""
+        m = self.m
+        for i in range(m.neq):
+            if int(m.eq_type[i]) != _TENDON or not m.eq_active0[i]:
+                continue
+            name, terms = self._name("EQUALITY", i, f"equality_{i + 1}"), dict[str, float]()
+            node = self._node("tendon", name)
+            for sign, tendon in ((1.0, int(m.eq_obj1id[i])), (-float(m.eq_data[i][1]), int(m.eq_obj2id[i]))):
+                if tendon < 0:
+                    continue
+                for wrap in range(int(m.tendon_adr[tendon]), int(m.tendon_adr[tendon] + m.tendon_num[tendon])):
+                    if int(m.wrap_type[wrap]) != int(self._mujoco.mjtWrap.mjWRAP_JOINT):
+                        node.refuse("couples a tendon that runs through space", "a model file has tendons of fixed length ratios only")
+                    joint = self._of_joint[int(m.wrap_objid[wrap])]
+                    terms[joint] = terms.get(joint, 0.0) + sign * float(m.wrap_prm[wrap])
+            if any(m.eq_data[i][2:5]):
+                node.refuse("is a tendon's equality with a polynomial", "write it for joints")
+            self.robot.couplings.append(Coupling(name, node, terms, float(m.eq_data[i][0])))
+
+    def _add_actuator(self, i: int) -> None:
+        m, enums = self.m, self._mujoco
+        name = self._name("ACTUATOR", i, f"motor_{i + 1}")
+        of_joint = int(m.actuator_trntype[i]) == int(enums.mjtTrn.mjTRN_JOINT)
+        direct = (int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])) == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
+        bias = int(m.actuator_biastype[i])
+        if not (of_joint and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
+            self.robot.notes.append(f"the actuator {name} is left out: it has dynamics of its own, or does not act on a joint")
+            return
+        gear, gain = float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0])
+        b = [float(x) for x in m.actuator_biasprm[i][:3]] if bias else [0.0, 0.0, 0.0]
+        control = "{input}"
+        if m.actuator_ctrllimited[i]:
+            low, high = map(float, m.actuator_ctrlrange[i])
+            control = f"max({_word(low)}, min({_word(high)}, {{input}}))"
+        parts = [_times(gain, control), *([_word(b[0])] if b[0] else [])]
+        parts += [_times(k * gear, word) for k, word in ((b[1], "{position}"), (b[2], "{rate}")) if k]
+        force = " + ".join(parts).replace("+ -", "- ")
+        if m.actuator_forcelimited[i]:
+            low, high = map(float, m.actuator_forcerange[i])
+            force, parts = f"max({_word(low)}, min({_word(high)}, {force}))", parts[:1]
+        joint = self._of_joint[int(m.actuator_trnid[i][0])]
+        plain = not any(b) and gain == 1
+        law = _times(gear, f"({force})" if len(parts) > 1 and gear != 1 else force)
+        self.robot.drives.append(Drive(name, joint, law, self._start.get(joint, 0.0), None if plain else ""))
+
+    def _add_starts(self) -> None:
+        m = self.m
+        for key in range(m.nkey):
+            start = {name: float(m.key_qpos[key][int(m.jnt_qposadr[j])]) - self._start[name]
+                     for j, name in self._of_joint.items() if name in self._start}  # fmt: skip
+            self.robot.starts[self._name("KEY", key, f"key_{key + 1}")] = start
+
+    def _tell(self) -> None:
+        m, notes = self.m, self.robot.notes
+        if self.robot.loops:
+            notes.append("loops, which MuJoCo closes by springs, are rigid")
+        counts = {
+            "limits of joints": int(np.sum(m.jnt_limited)),
+            "geoms that collide": int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0))),
+            "sites": m.nsite, "sensors": m.nsensor, "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair,
+            "tendons": m.ntendon, "flexible bodies": m.nflex, "skins": m.nskin, "mocap bodies, which are fixed here": m.nmocap,
+        }  # fmt: skip
+        if found := [f"{what} ({count})" for what, count in counts.items() if count]:
+            notes.append(f"left out: {', '.join(found)}")
+        if m.opt.density or m.opt.viscosity:
+            notes.append("left out: forces of the medium (density, viscosity)")
+        if np.any(m.body_gravcomp):
+            self._root.refuse("has bodies with gravcomp", "leave it out, or write it as loads")
+        if any(m.tendon_stiffness.ravel()) or any(m.tendon_damping.ravel()):
+            self._root.refuse("has tendons with stiffness or damping", "leave them out, or write them as springs")
+
+
+def _times(factor: float, word: str) -> str:
+    return word if factor == 1 else f"{_word(factor)}*{word}"
+
+
+def _word(number: float) -> str:
+    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
+
+
+def _united(loops: list[Loop]) -> Loop:
+    """Several points in which two bodies are connected: a hinge through those of a line, else the bodies are one."""
+    one = loops[0]
+    mine = [loop.first.place if loop.links == one.links else loop.second.place for loop in loops]
+    theirs = [loop.second.place if loop.links == one.links else loop.first.place for loop in loops]
+    a, b = max(combinations(range(len(loops)), 2), key=lambda ij: float(np.linalg.norm(mine[ij[0]] - mine[ij[1]])))
+    axis, other = (_unit(places[b] - places[a]) for places in (mine, theirs))
+    if not axis.any():
+        return one
+    straight = all(np.linalg.norm(np.cross(axis, place - mine[a])) < 1e-6 for place in mine)
+    if not straight:
+        one.node.refuse("connects two bodies in points that are on no line", "write a weld")
+    return Loop(one.name, one.node, "revolute", one.links, _along(axis, mine[a]), _along(other, theirs[a]), np.array([0.0, 0.0, 1.0]))
+
+
+def _unit(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-9 else np.zeros(3)
+
+
+def _along(axis: Array, place: Array) -> Pose:
+    """A frame at a place whose z axis has a direction."""
+    across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x = across / np.linalg.norm(across)
+    return Pose(np.array([x, np.cross(axis, x), axis]).T, place)

@@ -1,0 +1,215 @@
+"""A mechanism as other programs describe it: links in frames of their own, joints, loops, relations of coordinates.
+
+Each reader makes a :class:`Robot`; `closing.py` finds a position in which its loops close, `document.py` writes it as a model file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutjoint.importing.xml import Node
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: Coordinates of the joint kinds: turns about the axis, displacements along it, all turns, everything.
+FREEDOMS = {"fixed": 0, "revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A frame in another: the columns of ``rotation`` (3 by 3) are its axes, ``place`` (3) its origin, m."""
+
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    place: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __matmul__(self, inner: Pose) -> Pose:
+        return Pose(self.rotation @ inner.rotation, self.rotation @ inner.place + self.place)
+
+    def inverse(self) -> Pose:
+        """The outer frame in this one."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.place)
+
+
+@dataclass
+class Link:
+    """A body: ``mass`` in kg, ``centre`` (3) in m and ``inertia`` (3 by 3, about the centre) in kg m2 in the link's axes; its picture."""
+
+    name: str
+    node: Node
+    mass: float = 0.0
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    mesh: str = ""
+    mesh_pose: Pose = field(default_factory=Pose)
+    scale: float = 1.0
+    colour: str = ""
+
+    @property
+    def massless(self) -> bool:
+        """Whether nothing resists its motion."""
+        return self.mass == 0 and not self.inertia.any()
+
+
+@dataclass
+class Joint:
+    """A joint of ``kind`` from a ``parent`` link to a ``child``: its frame is ``origin`` in the parent's, the child's is ``inner`` in it.
+
+    ``axis`` (3), a unit vector, is in the joint's frame.  ``stiffness`` (N m or N/m) acts from ``rest``, ``damping`` (N m s or N s/m) on
+    the rate, ``friction`` (N m or N) against it, ``armature`` (kg m2 or kg) on the acceleration.
+    """
+
+    name: str
+    node: Node
+    kind: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    inner: Pose = field(default_factory=Pose)
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+
+    @property
+    def freedom(self) -> int:
+        """The number of its coordinates."""
+        return FREEDOMS[self.kind]
+
+    def moved(self, q: Array) -> Pose:
+        """The child's frame in the parent's; ``q`` are the coordinates, a rotation vector of a spherical joint."""
+        motion = Pose()
+        match self.kind:
+            case "revolute":
+                motion = Pose(rotation_about(self.axis * q[0]))
+            case "prismatic":
+                motion = Pose(place=self.axis * q[0])
+            case "spherical":
+                motion = Pose(rotation_about(q))
+            case "free":
+                motion = Pose(rotation_about(q[3:]), q[:3])
+        return self.origin @ motion @ self.inner
+
+
+@dataclass
+class Loop:
+    """A joint that closes a loop: frames ``first`` and ``second`` of two links meet; ``axis`` (3) is in both.  It resists as joints do."""
+
+    name: str
+    node: Node
+    kind: str
+    links: tuple[str, str]
+    first: Pose
+    second: Pose
+    axis: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+
+
+@dataclass
+class Coupling:
+    """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
+    joint ``leader`` with coefficients ``bend`` from the square up."""
+
+    name: str
+    node: Node
+    terms: dict[str, float]
+    constant: float = 0.0
+    leader: str = ""
+    bend: tuple[float, ...] = ()
+
+    def gap(self, q: Mapping[str, Array]) -> float:
+        """By how much coordinates miss it."""
+        bent = sum(c * q[self.leader][0] ** i for i, c in enumerate(self.bend, 2)) if self.leader else 0.0
+        return float(sum(k * q[j][0] for j, k in self.terms.items()) - self.constant - bent)
+
+
+@dataclass
+class Drive:
+    """A motor on a joint's coordinate: its ``law`` over {input}, {position} and {rate}, with ``offset`` the position in the file where the
+    coordinate is zero; the input has a ``unit``, that of the law if it is left out."""
+
+    name: str
+    joint: str
+    law: str = "{input}"
+    offset: float = 0.0
+    unit: str | None = None
+
+
+@dataclass
+class Robot:
+    """All of a file, as read.  A link without a parent stands on the ground.  ``starts`` are coordinates by joints, by names of scenes;
+    ``notes`` are sentences of decisions."""
+
+    name: str
+    links: dict[str, Link] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict)
+    loops: list[Loop] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    drives: list[Drive] = field(default_factory=list)
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def root(self) -> list[Link]:
+        """Links that are no joint's child."""
+        children = {joint.child for joint in self.joints.values()}
+        return [link for link in self.links.values() if link.name not in children]
+
+    def outwards(self) -> Iterator[Joint]:
+        """The joints, each behind that which carries it."""
+        below: dict[str, list[Joint]] = {}
+        for joint in self.joints.values():
+            below.setdefault(joint.parent, []).append(joint)
+        waiting = [joint for link in self.root() for joint in below.get(link.name, [])]
+        while waiting:
+            joint = waiting.pop(0)
+            yield joint
+            waiting[:0] = below.get(joint.child, [])
+
+    def poses(self, q: dict[str, Array]) -> dict[str, Pose]:
+        """The global poses of all links for coordinates by joints; those of joints that are not named are zero."""
+        placed = {link.name: Pose() for link in self.root()}
+        for joint in self.outwards():
+            placed[joint.child] = placed[joint.parent] @ joint.moved(q.get(joint.name, np.zeros(joint.freedom)))
+        return placed
+
+
+def rotation_about(vector: Array) -> Array:
+    """The rotation (3 by 3) about a vector's direction by its length, rad."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    rotation: Array = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return rotation
+
+
+def roll_pitch_yaw(angles: tuple[float, ...]) -> Array:
+    """The rotation R_z(yaw) R_y(pitch) R_x(roll), 3 by 3; angles in rad."""
+    roll, pitch, yaw = angles
+    x, y, z = np.eye(3)
+    rotation: Array = rotation_about(yaw * z) @ rotation_about(pitch * y) @ rotation_about(roll * x)
+    return rotation
+
+
+def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
+    """The rotation (3 by 3) of a unit quaternion, the scalar first."""
+    sine = float(np.linalg.norm([x, y, z]))
+    if sine == 0:
+        return np.eye(3)
+    return rotation_about(2 * np.arctan2(sine, w) / sine * np.array([x, y, z]))
+
+
+def colour_of(parts: tuple[float, ...]) -> str:
+    """A colour of a model file, of red, green, blue and more, each from 0 to 1."""
+    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02x}" for part in parts[:3])

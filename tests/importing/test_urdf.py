@@ -1,0 +1,141 @@
+"""URDF with loops: motion beside Pinocchio, which reads the same file; positions in which loops close; what is refused, with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.importing.read import import_file
+from cutjoint.model.errors import ModelError
+from cutjoint.model.records import Model
+from cutjoint.tasks.runs import simulate
+from cutjoint.topology.reading import read_model, read_model_text
+from tests.conftest import needs_cpp
+from tests.oracles.pinocchio_robot import PinocchioRobot
+
+LEG = Path(__file__).with_name("leg.urdf")
+BODIES = ("thigh", "shank", "crank", "rod", "rotor")
+
+
+def at(x: float, y: float, z: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+@needs_cpp
+def test_accelerations_are_those_of_pinocchio() -> None:
+    columns = [f"{body}.{quantity}" for body in BODIES for quantity in ("ax", "ay", "az", "wx", "wy", "wz", "roll", "pitch", "yaw")]
+    text = import_file(LEG).text.replace("outputs: [motor.angle]", f"outputs: [{', '.join(columns)}]")
+    text = text.replace("motion: {end: 1}", "motion: {end: 1, output_step: 0.05, rates: {yaw.angle_rate: 1, motor.angle_rate: 2}}")
+    model = read_model_text(text, "leg.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["motion"]), accuracy=1e-9)
+    loop = ("rod", at(0, 0, -0.3), "shank", at(-0.11960079923851836, 0.02, 0.005980026647627538), 3)
+    oracle = PinocchioRobot(LEG, [loop], {"geared": ("motor", -5)})
+    damped = oracle.model.joints[oracle.model.getJointId("yaw")].idx_v
+    for row in range(len(run["t"])):
+        angles = {b: [run[f"{b}.{a}"][row] for a in ("roll", "pitch", "yaw")] for b in BODIES}
+        rotations = {b: pin.rpy.rpyToMatrix(*found) for b, found in angles.items()}
+        spins = {b: np.array([run[f"{b}.w{c}"][row] for c in "xyz"]) for b in BODIES}
+        q, v = oracle.coordinates(rotations, spins)
+        tau = np.zeros(oracle.model.nv)
+        tau[damped] = -0.2 * v[damped]
+        expected = oracle.accelerations(q, v, tau)
+        for body in BODIES:
+            assert [run[f"{body}.a{c}"][row] for c in "xyz"] == pytest.approx(expected[body], abs=1e-9)
+
+
+def test_what_a_file_becomes(tmp_path: Path) -> None:
+    imported = import_file(LEG)
+    assert imported.left_out == {"collision": 1, "limit": 1}
+    model = read_model(LEG)
+    assert [b.name for b in model.bodies] == ["thigh", "shank", "crank", "rod", "rotor", "rotor_excess"]
+    assert [m.name for m in model.markers] == ["toe"]
+    assert (model.gears[0].joints, float(model.gears[0].ratio)) == (("geared", "motor"), -5)
+    assert import_file(LEG).text == imported.text
+
+
+def robot(links: str, joints: str) -> str:
+    return f'<robot name="r">\n{links}\n{joints}\n</robot>\n'
+
+
+def link(name: str, mass: float = 1, inertia: str = 'ixx="0.1" iyy="0.1" izz="0.1"') -> str:
+    return f'<link name="{name}"><inertial><mass value="{mass}"/><inertia {inertia}/></inertial></link>'
+
+
+def hinge(name: str, parent: str, child: str, xyz: str, more: str = "") -> str:
+    return (
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/>{more}</joint>'
+    )
+
+
+LINKS = '<link name="base"/>' + link("a") + link("b") + link("c")
+
+
+def test_loops_in_a_file_beside_close_from_afar(tmp_path: Path) -> None:
+    """A five-bar whose zero position is stretched out: the ends of both arms meet in the position found, by frames that are joints."""
+    ends = '<link name="end"/>'
+    arms = hinge("j1", "base", "a", "0 0 0") + hinge("j2", "a", "b", "1 0 0") + hinge("j3", "base", "c", "0.5 0 0")
+    tips = '<joint name="tip" type="fixed"><parent link="b"/><child link="end"/><origin xyz="1 0 0"/></joint>'
+    other = '<link name="mark"/><joint name="tip2" type="fixed"><parent link="c"/><child link="mark"/><origin xyz="0.8 0 0"/></joint>'
+    path = tmp_path / "five.urdf"
+    path.write_text(robot(LINKS + ends + other, arms + tips))
+    path.with_suffix(".yaml").write_text("closed_loop: [[tip, mark]]\ntype: ['3d']\nname_mot: [j1]\n")
+    model = read_model(path)
+    joints = {joint.name: joint for joint in model.joints}
+    place = [float(x) for x in joints["loop_1"].at]
+    assert joints["loop_1"].kind == "spherical"
+    assert np.hypot(place[0] - 0.5, place[1]) == pytest.approx(0.8, abs=1e-9)
+    elbow = [float(x) for x in joints["j2"].at]
+    assert np.hypot(place[0] - elbow[0], place[1] - elbow[1]) == pytest.approx(1, abs=1e-9)
+    assert np.hypot(*elbow[:2]) == pytest.approx(1, abs=1e-9)
+    assert [parameter.name for parameter in model.parameters] == ["j1_drive"]
+
+
+def test_a_moment_that_no_body_has_is_kept(tmp_path: Path) -> None:
+    """The mass matrix is that of the file, though a principal moment is larger than the sum of the others."""
+    path = tmp_path / "plate.urdf"
+    path.write_text(robot('<link name="base"/>' + link("a", 2, 'ixx="0" iyy="0" izz="0.5"'), hinge("j", "base", "a", "0 0 0")))
+    model: Model = read_model(path)
+    shaft = next(body for body in model.bodies if body.name == "a_excess")
+    assert (float(shaft.mass), float(shaft.inertia[2])) == (0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (robot(LINKS, hinge("j", "base", "d", "0 0 0")), 3, "names the link 'd', which is not there"),
+        (robot(LINKS, hinge("j", "base", "a", "0 0")), 3, "has '0 0' where 3 numbers stand"),
+        (robot(LINKS, hinge("j", "base", "a", "0 0 nan")), 3, "has '0 0 nan' where 3 numbers stand"),
+        (robot(LINKS, hinge("j", "base", "a", "0 0 0") + hinge("k", "b", "c", "0 0 0")), 1, "has 2 links without a parent"),
+        (robot(LINKS, hinge("j", "base", "a", "0 0 0") + hinge("k", "b", "a", "0 0 0")), 3, "which another joint carries too"),
+        (robot(LINKS + link("a"), ""), 2, "has the name of another"),
+        (robot(link("base") + link("a", -1), hinge("j", "base", "a", "0 0 0")), 2, "negative mass"),
+        (robot(LINKS, '<joint name="j" type="planar"><parent link="base"/><child link="a"/></joint>'), 3, "is of type planar"),
+        (robot(LINKS, hinge("j", "base", "a", "0 0 0", '<mimic joint="k"/>')), 3, "follows the joint 'k', which is not there"),
+        ("<robot name='r'>\n<link name='a'>\n</robot>", 3, "is no XML"),
+        ("<model/>", 1, "is no URDF"),
+        ('<!DOCTYPE robot [<!ENTITY a "x">]>\n<robot name="&a;"/>', 1, "document types and entities are not read"),
+        ("<robot>" + "<link>" * 100 + "</link>" * 100 + "</robot>", 1, "60 within each other"),
+    ],
+)
+def test_faults_have_their_line(tmp_path: Path, text: str, line: int, message: str) -> None:
+    path = tmp_path / "faulty.urdf"
+    path.write_text(text)
+    with pytest.raises(ModelError, match=message) as caught:
+        read_model(path)
+    assert caught.value.problems[0].span.line == line
+
+
+def test_a_loop_that_cannot_close_is_named(tmp_path: Path) -> None:
+    ends = '<predecessor link="a"><origin xyz="9 0 0"/></predecessor><successor link="b"><origin xyz="0 0 1"/></successor>'
+    joints = hinge("j", "base", "a", "0 0 0") + hinge("k", "base", "b", "1 0 0") + hinge("l", "b", "c", "0 1 0")
+    path = tmp_path / "far.urdf"
+    path.write_text(robot(LINKS, f'{joints}<loop name="far">{ends}</loop>'))
+    with pytest.raises(ModelError, match="loop 'far': does not close"):
+        read_model(path)
