@@ -70,8 +70,8 @@ def require_mechanics_alone(model: Model) -> None:
         for f in model.forces if f.by_load or isinstance(f, Contact) or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
     problems += [
-        Problem(span=g.span, element=f"gear '{g.name}'", message="only cutjoint has gears with a law", hint="give it a ratio")
-        for g in model.gears if g.law is not None
+        Problem(span=g.span, element=f"gear '{g.name}'", message=f"only cutjoint has gears {what}", hint="give it a ratio")
+        for g in model.gears if (what := "with a law" if g.law is not None else "of more than two joints" if g.others else "")
     ]  # fmt: skip
     problems += [
         Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Loop, Pose, Robot
+from cutjoint.importing.robot import Array, Coupling, Loop, Pose, Robot
 
 #: A loop that stays open by less is closed, m and rad: files are written with rounded numbers.
 CLOSED = 1e-5
@@ -43,13 +43,11 @@ def close(robot: Robot) -> Closed:
 
     values = _solve(residual, int(ends[-1]))
     left = residual(values)
-    for loop, gap in zip([*robot.loops, *robot.couplings], gaps(values), strict=True):
+    closing: list[Loop | Coupling] = [*robot.loops, *robot.couplings]
+    for one, gap in zip(closing, gaps(values), strict=True):
         if np.abs(gap).max() > CLOSED:
-            unit = "in its relation" if not isinstance(loop, Loop) else "m or rad"
-            loop.node.refuse(
-                f"does not close: in the position found it is open by {np.abs(gap).max():.2g} {unit}",
-                "correct the frames of its two ends, or the limits of what it can reach",
-            )
+            apart = f"{np.abs(gap).max():.2g} m or rad"
+            one.node.refuse(f"does not close: in the position found it is open by {apart}", "correct the frames of its two ends")
     values[np.abs(values) < 1e-12] = 0
     q = {name: _turned_back(each) if robot.joints[name].kind == "revolute" else each for name, each in unpacked(values).items()}
     return Closed(q, robot.poses(q), float(np.abs(left).max(initial=0.0)))

@@ -67,9 +67,9 @@ class Document:
 
     def _scenes(self) -> Iterator[str]:
         """The file's starts, by the coordinates that loops leave free or that motors drive."""
-        in_loops = self._in_loops()
+        in_loops, driven = self._in_loops(), {drive.joint for drive in self._robot.drives}
         for name, start in self._robot.starts.items():
-            able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or any(d.joint == j for d in self._robot.drives))}
+            able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or j in driven)}
             moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
             positions = {key: value for key, value in moved.items() if value}
             yield f"  {self._name(name, 'scene')}: {_flow({'end': 1, **({'positions': positions} if positions else {})})}"
@@ -106,7 +106,7 @@ class Document:
             yield f"loops close within {self._closed.gap:.1g} m or rad by the file's numbers; here they close wholly"
         if moved:
             values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in moved.items())
-            yield f"loops do not close where all coordinates of the file are zero; coordinates count from where they do: {values}"
+            yield f"loops do not close where all coordinates of the file are zero; they count from where they do: {values}"
         else:
             yield "loops close where all coordinates of the file are zero; the design position is that"
 
@@ -162,7 +162,7 @@ class Document:
             picture = {"mesh": file, "at": _vector(pose.place)}
             if link.scale != 1:
                 picture["scale"] = link.scale
-            if np.abs(pose.rotation - np.eye(3)).max() > 1e-9:
+            if np.abs(pose.rotation - np.eye(3)).max() > _NOISE:
                 picture["x"], picture["y"] = (_direction(axis) for axis in pose.rotation.T[:2])
         if link.colour:
             picture["colour"] = link.colour
@@ -210,7 +210,7 @@ class Document:
                     self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
             return
         if joint.kind not in _COORDINATE and (joint.stiffness or joint.damping or joint.friction):
-            joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or replace it by three hinges")
+            joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or write three hinges")
         if joint.stiffness or joint.damping:
             spring = {"stiffness": joint.stiffness, "damping": joint.damping}
             if joint.stiffness:
@@ -237,21 +237,23 @@ class Document:
         name = self._name(loop.name, "loop")
         self._sections["joints"][name] = element
         if loop.stiffness and any(q.any() for q in self._closed.q.values()):
-            loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put the spring on another joint of the loop")
+            loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put it on another joint of the loop")
         self._resist(name, element, loop, 0.0)
 
     def _add_gear(self, relation: Relation) -> None:
-        joints = [self._names[relation.follower], self._names[relation.leader]]
+        joints = [self._names[joint] for joint in (relation.follower, *relation.ratios)]
         self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
 
     def _law(self, relation: Relation) -> dict[str, Any]:
         """The ratio of a gear, or the law by which it bends, over coordinates that count from the design position."""
+        ratios = [_short(ratio, 15) for ratio in relation.ratios.values()]
         if not relation.bend:
-            return {"ratio": _short(relation.ratio)}
-        whole = np.polynomial.Polynomial([0.0, relation.ratio, *relation.bend])
-        here = whole(np.polynomial.Polynomial([float(self._closed.q[relation.leader][0]), 1.0]))
+            return {"ratio": ratios[0] if len(ratios) == 1 else ratios}
+        whole = np.polynomial.Polynomial([0.0, *ratios, *relation.bend])
+        (leader,) = relation.ratios
+        here = whole(np.polynomial.Polynomial([float(self._closed.q[leader][0]), 1.0]))
         coefficients = [0.0, *here.coef[1:]]
-        return {"law": {"polynomial": [_short(c) for c in coefficients], "of": "position"}}
+        return {"law": {"polynomial": [_short(c, 15) for c in coefficients], "of": "position"}}
 
     def _add_drive(self, drive: Drive) -> None:
         joint = self._robot.joints[drive.joint]
@@ -300,9 +302,9 @@ def _legal(name: str) -> str:
     return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE else plain
 
 
-def _short(value: float) -> float | int:
+def _short(value: float, digits: int = 12) -> float | int:
     """A number without the rounding of the file's frames, whole if it is."""
-    rounded = float(f"{value:.12g}")
+    rounded = float(f"{value:.{digits}g}")
     return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
 
 

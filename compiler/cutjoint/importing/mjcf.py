@@ -255,7 +255,8 @@ class _Reading:
         m, enums = self.m, self._mujoco
         name = self._name("ACTUATOR", i, f"motor_{i + 1}")
         of_joint = int(m.actuator_trntype[i]) == int(enums.mjtTrn.mjTRN_JOINT)
-        direct = (int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])) == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
+        kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
+        direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
         if not (of_joint and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
             self.robot.notes.append(f"the actuator {name} is left out: it has dynamics of its own, or does not act on a joint")

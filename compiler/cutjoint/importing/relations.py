@@ -1,59 +1,69 @@
-"""Linear relations between coordinates, solved into gears of two joints each."""
+"""Linear relations between coordinates, solved into gears, each with a follower of its own."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.importing.robot import Robot
+from cutjoint.importing.robot import Coupling, Robot
+
+_ZERO = 1e-12
 
 
 @dataclass(frozen=True)
 class Relation:
-    """The coordinate of ``follower`` is ``ratio`` times that of ``leader``, and a polynomial of it with coefficients ``bend`` from the square
-    up."""
+    """The coordinate of ``follower`` is the sum of ``ratios``, by joints, times theirs, and of one leader a polynomial with coefficients
+    ``bend`` from the square up."""
 
     name: str
     follower: str
-    leader: str
-    ratio: float
+    ratios: dict[str, float]
     bend: tuple[float, ...] = ()
 
 
 def solve_couplings(robot: Robot) -> list[Relation]:
-    """The couplings of a robot as relations of two joints.  Raises ModelError where more than two hang together, or one is held still."""
-    bent = [c for c in robot.couplings if c.bend]
-    if bent:
-        straight = solve_couplings(replace(robot, couplings=[c for c in robot.couplings if not c.bend]))
-        ends = [(c, next(j for j in c.terms if j != c.leader)) for c in bent]
-        return [*straight, *(Relation(c.name, joint, c.leader, -c.terms[c.leader], c.bend) for c, joint in ends)]
-    if not robot.couplings:
-        return []
-    joints = list(dict.fromkeys(name for coupling in robot.couplings for name in coupling.terms))
+    """The couplings of a robot, each solved for a joint that no other one is solved for.
+
+    Raises:
+        ModelError: couplings repeat each other, hold a joint still, or couple joints without a coordinate of their own.
+    """
     for coupling in robot.couplings:
         for name in coupling.terms:
             if robot.joints[name].freedom != 1:
                 coupling.node.refuse(f"couples '{name}', a joint without a coordinate of its own", "couple revolute and prismatic joints")
-    rows = np.array([[coupling.terms.get(name, 0.0) for name in joints] for coupling in robot.couplings])
+    bent = [Relation(c.name, *_apart(c), c.bend) for c in robot.couplings if c.bend]
     driven = {drive.joint for drive in robot.drives}
-    followers: list[int] = []
-    for i, coupling in enumerate(robot.couplings):
-        # the follower: the first of the coupling's own joints that no motor drives, the largest factor if all or none are driven
-        able = sorted(np.flatnonzero(np.abs(rows[i]) > 1e-12), key=lambda j: (joints[j] in driven, -abs(coupling.terms.get(joints[j], 0)), j))
+    order = {name: (name in driven, not joint.follows) for name, joint in robot.joints.items()}
+    return [*_solve([c for c in robot.couplings if not c.bend], order), *bent]
+
+
+def _apart(coupling: Coupling) -> tuple[str, dict[str, float]]:
+    follower = next(joint for joint in coupling.terms if joint != coupling.leader)
+    return follower, {coupling.leader: -coupling.terms[coupling.leader]}
+
+
+def _solve(couplings: list[Coupling], order: Mapping[str, tuple[bool, bool]]) -> list[Relation]:
+    """Gauss-Jordan elimination: of each coupling's joints the first in ``order`` follows, of several that whose factor is nearest to 1."""
+    joints = list(dict.fromkeys(name for coupling in couplings for name in coupling.terms))
+    rows = np.array([[coupling.terms.get(name, 0.0) for name in joints] for coupling in couplings])
+    found = []
+    for i, coupling in enumerate(couplings):
+        able = [int(j) for j in np.flatnonzero(np.abs(rows[i]) > _ZERO)]
         if not able:
             coupling.node.refuse("says nothing that other couplings do not say", "leave it out")
-        j = able[0]
+        rates = {j: abs(np.log(abs(rows[i, j]))) for j in able}
+        j = min(able, key=lambda j: (*order[joints[j]], rates[j], j))
         rows[i] /= rows[i, j]
         for k in range(len(rows)):
             if k != i:
                 rows[k] -= rows[k, j] * rows[i]
-        followers.append(j)
-    found = []
-    for coupling, row, j in zip(robot.couplings, rows, followers, strict=True):
-        others = [k for k in np.flatnonzero(np.abs(row) > 1e-12) if k != j]
-        if len(others) != 1:
-            which = ", ".join(joints[k] for k in (j, *others))
-            coupling.node.refuse(f"relates {len(others) + 1} coordinates ({which}), where a gear relates two", "write gears of two joints each")
-        found.append(Relation(coupling.name, joints[j], joints[others[0]], -float(row[others[0]])))
-    return found
+        found.append(j)
+    relations = []
+    for coupling, row, j in zip(couplings, rows, found, strict=True):
+        ratios = {joints[k]: -float(row[k]) for k in np.flatnonzero(np.abs(row) > _ZERO) if k != j}
+        if not ratios:
+            coupling.node.refuse(f"holds the joint '{joints[j]}' still", "make it a fixed joint")
+        relations.append(Relation(coupling.name, joints[j], ratios))
+    return relations

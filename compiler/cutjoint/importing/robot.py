@@ -60,7 +60,7 @@ class Joint:
     """A joint of ``kind`` from a ``parent`` link to a ``child``: its frame is ``origin`` in the parent's, the child's is ``inner`` in it.
 
     ``axis`` (3), a unit vector, is in the joint's frame.  ``stiffness`` (N m or N/m) acts from ``rest``, ``damping`` (N m s or N s/m) on
-    the rate, ``friction`` (N m or N) against it, ``armature`` (kg m2 or kg) on the acceleration.
+    the rate, ``friction`` (N m or N) against it, ``armature`` (kg m2 or kg) on the acceleration.  It ``follows`` others, says the file.
     """
 
     name: str
@@ -76,6 +76,7 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
+    follows: bool = False
 
     @property
     def freedom(self) -> int:

@@ -75,16 +75,16 @@ class _Assembly:
         axis = np.array([0.0, 0.0, 1.0])
         if axis_node and _KINDS[kind] in ("revolute", "prismatic"):
             axis = self._axis(axis_node, frame)
+        resisting: Joint | Loop
         if child == _WORLD or child in self._carrier or self._hangs_on(parent, child):
-            joint: Joint | Loop = Loop(name, node, _KINDS[kind], (parent, child), first, second, axis)
-            self._robot.loops.append(joint)
+            resisting = loop = Loop(name, node, _KINDS[kind], (parent, child), first, second, axis)
+            self._robot.loops.append(loop)
         else:
-            joint = self._robot.joints[name] = self._carrier[child] = Joint(
-                name, node, _KINDS[kind], parent, child, first, axis, second.inverse()
-            )
+            resisting = joint = Joint(name, node, _KINDS[kind], parent, child, first, axis, second.inverse())
+            self._robot.joints[name] = self._carrier[child] = joint
         dynamics = axis_node.find("dynamics") if axis_node else None
         if dynamics:
-            joint.damping, joint.friction, joint.stiffness, joint.rest = (
+            resisting.damping, resisting.friction, resisting.stiffness, resisting.rest = (
                 found.numbers(found.text, 1)[0] if (found := dynamics.find(tag)) else 0.0
                 for tag in ("damping", "friction", "spring_stiffness", "spring_reference")
             )

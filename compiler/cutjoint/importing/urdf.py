@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.robot import Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, roll_pitch_yaw
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, roll_pitch_yaw
 from cutjoint.importing.xml import Node, read_xml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
@@ -90,7 +90,7 @@ def _joint(node: Node, robot: Robot) -> Joint:
         joint.axis = _direction(axis, axis.get("xyz"))
     if dynamics := node.find("dynamics"):
         joint.damping, joint.friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
-    node.get("independent")
+    joint.follows = (node.get("independent") or "").lower() == "false" or node.find("mimic") is not None
     return joint
 
 
@@ -192,9 +192,10 @@ def _pose(node: Node | None) -> Pose:
     return Pose(roll_pitch_yaw(node.numbers(node.get("rpy"), 3, (0.0, 0.0, 0.0))), np.array(place))
 
 
-def _direction(node: Node, text: str | None) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _direction(node: Node, text: str | None) -> Array:
     axis = np.array(node.numbers(text, 3, (1.0, 0.0, 0.0)))
     length = np.linalg.norm(axis)
     if length < 1e-9:
         node.refuse("is an axis without length", "give it a direction")
-    return axis / length
+    unit: Array = axis / length
+    return unit

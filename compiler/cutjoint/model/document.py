@@ -23,7 +23,6 @@ from cutjoint.model.values import (
     Name,
     Number,
     OneOf,
-    Pair,
     ParameterName,
     Part,
     Point,
@@ -37,18 +36,39 @@ from cutjoint.model.values import (
     told_by,
 )
 
+#: The most joints of a gear.
+MAX_GEARED = 12
+
+
+def _joints(value: Any) -> Any:
+    if isinstance(value, tuple) and len(value) > 1:
+        return value
+    raise shape_error("needs two names", "write [one, other]")
+
+
+_Ratio: TypeAlias = Annotated[
+    Annotated[Number, Tag("<number>")] | Annotated[tuple[Number, ...], Tag("<list>")],
+    told_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"}, "needs a number, or one for each joint but the first"),
+]
+
 
 class Gear(Part):
-    """The first joint's coordinate is the ratio times the second one's, or a law of it; joint.coordinate where a joint has several."""
+    """The first joint's coordinate is the ratio times the second one's, or a law of it; joint.coordinate where a joint has several.
 
-    joints: Pair
-    ratio: Number | None = None
+    Of more joints ``ratio`` has a number for each but the first, and the products are added.
+    """
+
+    joints: Annotated[tuple[StrictStr, ...], Field(min_length=2, max_length=MAX_GEARED), BeforeValidator(_joints)]
+    ratio: _Ratio | None = None
     law: Law | None = None
 
     @model_validator(mode="after")
     def _has_one_relation(self) -> Gear:
         if (self.ratio is None) == (self.law is None):
             raise shape_error("needs 'ratio' or 'law', one of them", "write ratio: 2, or law: a function of position")
+        ratios = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
+        if len(ratios) != len(self.joints) - 1:
+            raise shape_error(f"has {len(ratios)} ratios of {len(self.joints)} joints", "write one for each joint but the first")
         return self
 
 

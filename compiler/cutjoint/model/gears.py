@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from cutjoint.elements.joints import JOINTS
 from cutjoint.model import document
@@ -12,7 +13,7 @@ from cutjoint.model.errors import nearest
 from cutjoint.model.expressions import POSITION
 from cutjoint.model.laws import LawKind, read_law
 from cutjoint.model.operations import Term
-from cutjoint.model.records import Gear, JointCoordinate
+from cutjoint.model.records import Gear, JointCoordinate, Scalar
 from cutjoint.model.scope import FAILED, Element
 from cutjoint.model.source import Path
 from cutjoint.model.units import ANGLE, LENGTH, NONE, Dimension
@@ -57,12 +58,14 @@ _DIMENSIONS: Mapping[str, Dimension] = {"rad": ANGLE, "m": LENGTH}
 
 def read_gear(element: Element, gear: document.Gear) -> Gear:
     """One of the elements under ``gears``."""
-    (first, a), (second, b) = (_end(element, index, text) for index, text in enumerate(gear.joints))
-    if a is not None and first.joint == second.joint:
-        element.fail(f"couples the joint '{first.joint}' to itself", "name two joints; a screw couples displacement and angle", ("joints",))
-    elif all(joint is not None and getattr(joint, "guide", None) is not None for joint in (a, b)):
-        element.fail("both its joints are guided", "leave one of them unguided, or remove the gear", ("joints",))
-    expected = _DIMENSIONS[first.unit] / _DIMENSIONS[second.unit] if first.unit and second.unit else None
+    ends = [_end(element, index, text) for index, text in enumerate(gear.joints)]
+    (first, second, *others), joints = ([end for end, _ in ends], [joint for _, joint in ends])
+    known = [end.joint for end, joint in ends if joint is not None]
+    if twice := next((name for name in known if known.count(name) > 1), ""):
+        element.fail(f"couples the joint '{twice}' to itself", "name two joints; a screw couples displacement and angle", ("joints",))
+    elif all(joint is not None and getattr(joint, "guide", None) is not None for joint in joints):
+        which = "all" if others else "both"
+        element.fail(f"{which} its joints are guided", "leave one of them unguided, or remove the gear", ("joints",))
     if gear.law is not None:
         kind = LawKind({POSITION.name: _DIMENSIONS.get(second.unit, NONE)}, _DIMENSIONS.get(first.unit))
         names = {**element.scope.constants(), POSITION.name: Term(POSITION)}
@@ -70,10 +73,22 @@ def read_gear(element: Element, gear: document.Gear) -> Gear:
         if not (law.has(FAILED) or law.has(POSITION)):
             element.fail("its law has no position", "write a function of position, the second joint's coordinate", ("law",))
         return Gear(name=element.name, first=first, second=second, ratio=None, law=law, span=element.span)
-    ratio = element.scalar(gear.ratio or 0, expected, ("ratio",))
-    if element.value(ratio) == 0:
-        element.fail("the ratio is zero", "a joint that does not move is of kind fixed, or has guide: 0", ("ratio",))
-    return Gear(name=element.name, first=first, second=second, ratio=ratio, span=element.span)
+    ratio, *more = _ratios(element, gear.ratio, first, [second, *others])
+    return Gear(
+        name=element.name, first=first, second=second, ratio=ratio, span=element.span, others=tuple(zip(others, more, strict=True))
+    )  # fmt: skip
+
+
+def _ratios(element: Element, given: Any, first: JointCoordinate, others: list[JointCoordinate]) -> list[Scalar]:
+    """The ratios of a gear, by its coordinates but the first."""
+    found = []
+    for index, other in enumerate(others):
+        keys: Path = ("ratio", index) if isinstance(given, tuple) else ("ratio",)
+        expected = _DIMENSIONS[first.unit] / _DIMENSIONS[other.unit] if first.unit and other.unit else None
+        found.append(element.scalar(given[index] if isinstance(given, tuple) else given or 0, expected, keys))
+        if element.value(found[-1]) == 0:
+            element.fail("the ratio is zero", "a joint that does not move is of kind fixed, or has guide: 0", keys)
+    return found
 
 
 def _end(element: Element, index: int, text: str) -> tuple[JointCoordinate, joint_parts.Joint | None]:

@@ -182,10 +182,11 @@ def _joint(mirror: Mirror, joint: Joint, signs: Mapping[str, int]) -> Joint:
 
 
 def _gear(gear: Gear, signs: Mapping[str, Mapping[str, int]]) -> Gear:
-    first, second = (signs.get(c.joint, {}).get(c.name, 1) for c in (gear.first, gear.second))
+    first, second, *others = (signs.get(c.joint, {}).get(c.name, 1) for c in gear.coordinates)
     if gear.law is not None:
         return replace(gear, law=first * gear.law.xreplace({POSITION: second * POSITION}))
-    return replace(gear, ratio=first * second * gear.ratio)
+    reflected = ((c, first * sign * ratio) for sign, (c, ratio) in zip(others, gear.others, strict=True))
+    return replace(gear, ratio=first * second * gear.ratio, others=tuple(reflected))
 
 
 def reflected_law(law: Scalar, sign: int) -> Scalar:

@@ -261,7 +261,8 @@ class JointCoordinate:
 class Gear:
     """A relation: the first coordinate is ``ratio`` times the second one, of another joint, or a ``law`` of it, its ``position``.
 
-    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law.
+    ``ratio`` is in the unit of the first coordinate by that of the second one, not zero, and None where there is a law.  ``others`` are
+    further coordinates with their ratios, whose products are added.
     """
 
     name: str
@@ -270,16 +271,24 @@ class Gear:
     ratio: Scalar
     span: Span
     law: Scalar = None
+    others: tuple[tuple[JointCoordinate, Scalar], ...] = ()
 
     @property
-    def joints(self) -> tuple[str, str]:
+    def coordinates(self) -> tuple[JointCoordinate, ...]:
+        """The coordinates that it relates."""
+        return (self.first, self.second, *(coordinate for coordinate, _ in self.others))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
         """The names of its joints."""
-        return self.first.joint, self.second.joint
+        return tuple(coordinate.joint for coordinate in self.coordinates)
 
     @property
     def terms(self) -> tuple[tuple[JointCoordinate, Scalar], ...]:
         """The coordinates with their factors in its equation without its law, if it has one: the sum of these is zero."""
-        return ((self.first, 1), (self.second, -self.ratio)) if self.law is None else ((self.first, 1),)
+        if self.law is not None:
+            return ((self.first, 1),)
+        return ((self.first, 1), (self.second, -self.ratio), *((coordinate, -ratio) for coordinate, ratio in self.others))
 
 
 @dataclass(frozen=True, kw_only=True)

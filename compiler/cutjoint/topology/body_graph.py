@@ -23,7 +23,7 @@ class BodyGraph:
     ``top`` is each body's innermost body of the same motion but for known ones; ``carrier`` is the top that carries a top, ``carried`` the
     reverse.  ``linked`` has by carrier the pairs of bodies next to it whose subtrees a cut joint or a gear connects.  ``meets`` counts the
     cut joints and gears whose loops end at a body, ``open`` are the bodies of loops that end further in than the body's own carrier.
-    The subtrees of ``tied`` bodies are connected with others beside them.  ``geared`` has by gear the two bodies that its joints carry.
+    The subtrees of ``tied`` bodies are connected with others beside them.  ``geared`` has by gear the bodies that its joints carry.
     """
 
     def __init__(self, tree: Sequence[TreeJoint], cuts: Sequence[Joint], gears: Sequence[Gear]) -> None:
@@ -42,10 +42,9 @@ class BodyGraph:
         self.tied: set[str] = set()
         self.meets: dict[str, int] = defaultdict(int)
         for cut in cuts:
-            self.meets[self._link(self.path(self.top[cut.base]), self.path(self.top[cut.follower]))] += 1
+            self.meets[self._link([self.path(self.top[cut.base]), self.path(self.top[cut.follower])])] += 1
         for ends in self.geared.values():
-            first, last = map(self.path, ends)
-            self.meets[self._link(first, last, below=1)] += 1
+            self.meets[self._link([self.path(end) for end in ends], below=1)] += 1
 
     def path(self, body: str) -> list[str]:
         """The bodies from one of unknown motion to the ground."""
@@ -54,15 +53,14 @@ class BodyGraph:
             path.append(self.carrier[path[-1]])
         return path
 
-    def _link(self, first: list[str], last: list[str], below: int = 0) -> str:
-        """The body where two paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
-        meet = _meet(first[below:], last[below:])
-        outside = [path[: path.index(meet)] for path in (first, last)]
+    def _link(self, paths: list[list[str]], below: int = 0) -> str:
+        """The body where paths to the ground meet, ``below`` or more bodies on; bodies further out than next to it are open."""
+        meet = _meet([path[below:] for path in paths])
+        outside = [path[: path.index(meet)] for path in paths]
         for path in outside:
             self.open.update(path[:-1])
         roots = [path[-1] for path in outside if path]
-        if roots:
-            self.linked[meet].append((roots[0], roots[-1]))
+        self.linked[meet] += [(roots[0], root) for root in roots[1:] or roots]
         if len(roots) > 1:
             self.tied.update(*outside)
         return meet
@@ -90,15 +88,15 @@ class BodyGraph:
         return inside
 
 
-def _meet(first: Sequence[str], last: Sequence[str]) -> str:
-    known = set(last)
-    return next(body for body in first if body in known)
+def _meet(paths: Sequence[Sequence[str]]) -> str:
+    known = set(paths[-1]).intersection(*paths[1:])
+    return next(body for body in paths[0] if body in known)
 
 
-def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, str]:
-    """The bodies that a gear's joints carry, twice the same where a guide moves the other one."""
-    bodies = [t.child for name in gear.joints for t in tree if t.joint.name == name and degrees(t.joint)]
-    return bodies[0], bodies[-1]
+def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, ...]:
+    """The bodies that a gear's joints carry, but for those that guides move; two at least, twice the same if there is one."""
+    bodies = tuple(t.child for name in gear.joints for t in tree if t.joint.name == name and degrees(t.joint))
+    return bodies if len(bodies) > 1 else 2 * bodies
 
 
 #: The most unknowns of a branch: the cost of a dense matrix grows with their cube, that of the recursion with their number.
@@ -119,7 +117,7 @@ class _Search:
         self._graph = graph
         self._unknowns = self._summed({t.child: degrees(t.joint) for t in graph.tree})
         self._closed = self._summed(graph.meets)
-        self._needed = {root for first, last in graph.geared.values() for root in self._closed_roots(graph.path(first), graph.path(last))}
+        self._needed = {root for ends in graph.geared.values() for root in self._closed_roots([graph.path(end) for end in ends])}
 
     def _summed(self, counts: Mapping[str, int]) -> dict[str, int]:
         """The sum of counts over each body and all that it carries."""
@@ -130,11 +128,11 @@ class _Search:
                 total[carrier[body]] += total[body]
         return total
 
-    def _closed_roots(self, first: list[str], last: list[str]) -> list[str]:
+    def _closed_roots(self, paths: list[list[str]]) -> list[str]:
         """The bodies of the innermost group with all of a gear that no joint opens: next to where the paths meet, or further in."""
-        meet = next(body for body in first[1:] if body in last[1:])
+        meet = _meet([path[1:] for path in paths])
         while True:
-            group = next(roots for roots in self._graph.groups(meet) if set(roots) & set(first))
+            group = next(roots for roots in self._graph.groups(meet) if set(roots) & set(paths[0]))
             if not self._graph.open & set(group):
                 return group
             meet = self._graph.carrier[meet]
@@ -155,5 +153,5 @@ class _Search:
         top, inside = self._graph.top, self._graph.inside(roots)
         bodies = tuple(t.child for t in self._graph.tree if top[t.child] in inside)
         cuts = tuple(c.name for c in self._graph.cuts if inside & {top[c.base], top[c.follower]})
-        gears = tuple(name for name, (first, _) in self._graph.geared.items() if first in inside)
+        gears = tuple(name for name, (first, *_) in self._graph.geared.items() if first in inside)
         return Branch(carrier=carrier, bodies=bodies, cuts=cuts, gears=gears)

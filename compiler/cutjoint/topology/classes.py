@@ -185,7 +185,7 @@ def _instance(bodies: Sequence[str]) -> str:
 
 
 def _gear(gear: Gear, where: Any) -> tuple[Any, ...]:
-    places = tuple((where(end.joint), end.name) for end in (gear.first, gear.second))
+    places = tuple((where(end.joint), end.name) for end in gear.coordinates)
     return places if gear.law is None else (*places, _shape(gear.law))
 
 

@@ -198,7 +198,7 @@ class _Layout:
     def _gear_links(self) -> Iterator[GraphLink]:
         joints = {joint.name: joint for joint in self.topology.model.joints}
         for i, gear in enumerate(self.topology.model.gears, len(self.topology.cuts)):
-            first, second = (joints[name] for name in gear.joints)
+            first, second = (joints[name] for name in gear.joints[:2])
             yield GraphLink(
                 name=gear.name, short=gear.name, kind="gear", base=first.follower, follower=second.follower, cut=True, lane=self._lane(i),
                 heights=self._heights(first.follower, second.follower, i), members=[first.name, second.name],

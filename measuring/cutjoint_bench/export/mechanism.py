@@ -137,7 +137,7 @@ class _Builder:
 
     def gear(self, gear: Gear) -> PeerGear:
         joints = {t.joint.name: t.joint for t in self.topology.tree}
-        first, second = ((c.joint, joints[c.joint].element.coordinates.index(c.name)) for c in (gear.first, gear.second))
+        first, second = ((c.joint, joints[c.joint].element.coordinates.index(c.name)) for c in gear.coordinates)
         return PeerGear(name=gear.name, first=first, second=second, ratio=self.numbers.number(gear.ratio), span=gear.span)
 
 

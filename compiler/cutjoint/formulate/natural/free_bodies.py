@@ -36,7 +36,7 @@ def require_force(model: Model, reaction: Reaction, joint: Joint, quantity: str)
     Raises:
         ModelError: a moment, or the force of a joint along whose displacement a gear acts.
     """
-    ends = {end.joint: end.name for gear in model.gears for end in (gear.first, gear.second)}
+    ends = {end.joint: end.name for gear in model.gears for end in gear.coordinates}
     coordinate = ends.get(joint.name)
     is_moment, _ = reaction_component(reaction, quantity)
     if is_moment or (coordinate is not None and coordinate not in joint.element.measures):

@@ -232,7 +232,7 @@ class _Builder:
             if is_active(force, scene):
                 collector.force(force)
         for gear in self._model.gears:
-            for end in (gear.first, gear.second):
+            for end in gear.coordinates:
                 collector.coordinate(end.joint, end.name)
         for output in outputs:
             collector.output(output)

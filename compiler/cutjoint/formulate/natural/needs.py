@@ -85,7 +85,7 @@ def asked_angles(model: Model, scene: Scene, outputs: Sequence[Output]) -> list[
     joints = {j.name: j for j in model.joints}
     wanted = {(o.element, o.quantity.removesuffix("_rate")) for o in outputs if o.element in joints}
     wanted |= {(f.joint_of, f.coordinate_of) for f in model.force_elements if f.joint_of and is_active(f, scene)}
-    wanted |= {(c.joint, c.name) for gear in model.gears for c in (gear.first, gear.second)}
+    wanted |= {(c.joint, c.name) for gear in model.gears for c in gear.coordinates}
     wanted |= {(j.name, name) for j in model.joints if j.element.advances for name in j.element.measures}
     return [
         (joint, name) for joint in model.joints for name in joint.element.measures

@@ -229,7 +229,7 @@ def explain_gears(model: Model) -> tuple[Entry, ...]:
 
 def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
     rows = [
-        (code(g.name), g.span.place, _coordinate(g.first), _coordinate(g.second), text(g.ratio if g.law is None else g.law, model))
+        (code(g.name), g.span.place, _coordinate(g.first), ", ".join(map(_coordinate, g.coordinates[1:])), _relation(g, model))
         for g in gears
     ]  # fmt: skip
     linear = r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b"
@@ -242,6 +242,13 @@ def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
         formulas=tuple(forms.values()),
         table=make_table(("gear", "line", "$q_a$", "$q_b$", " or ".join(forms)), rows),
     )
+
+
+def _relation(gear: Gear, model: Model) -> str:
+    """The law of a gear, or its ratios."""
+    if gear.law is not None:
+        return text(gear.law, model)
+    return ", ".join(text(ratio, model) for ratio in (gear.ratio, *(ratio for _, ratio in gear.others)))
 
 
 def _coordinate(end: JointCoordinate) -> str:
