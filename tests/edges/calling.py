@@ -18,7 +18,7 @@ from tests.fuzz.limits import HangError, at_most, at_most_bytes
 from tests.fuzz.press import press
 
 from .commands import good_calls
-from .values import FOLDER, LINK, MODEL, STUDY, TABLE, TWIN
+from .values import FOLDER, LINK, MODEL, ROBOT, STUDY, TABLE, TWIN
 
 #: Seconds that a call may take on an idle machine.
 LIMIT = 10.0
@@ -52,11 +52,12 @@ def set_up(folder: Path) -> dict[str, bytes]:
     Path(MODEL).write_text(press(), encoding="utf-8")
     Path(TABLE).write_text("stiffness\n1000\n3000\n", encoding="utf-8")
     Path(STUDY).write_text(_STUDY, encoding="utf-8")
+    Path(ROBOT).write_text('<robot name="robot"><link name="base"/></robot>', encoding="utf-8")
     Path(LINK).symlink_to(MODEL)
     Path(TWIN).hardlink_to(MODEL)
     Path("loop").symlink_to("loop")
     Path(FOLDER).mkdir()
-    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, LINK, TWIN)}
+    return {name: Path(name).read_bytes() for name in (MODEL, TABLE, STUDY, ROBOT, LINK, TWIN)}
 
 
 @cache

@@ -8,7 +8,7 @@ import click
 
 from cutjoint.cli import main
 
-from .values import MODEL, STUDY, TABLE
+from .values import MODEL, ROBOT, STUDY, TABLE
 
 #: A choice that suits the press, where the first does not.
 _CHOICES = {"peer": "exudyn"}
@@ -23,7 +23,7 @@ _ELSEWHERE = ("export", "--method")
 #: Options beside an option that is refused without them.
 _BESIDE = {"over": ["--view=out_view.html"], "beside": ["--plots=out_plots"]}
 #: Files other than models that options and arguments read.
-READ = {"cases": TABLE, "study": STUDY}
+READ = {"cases": TABLE, "study": STUDY, "file": ROBOT}
 #: Options and arguments that read a file of which users have none here.
 _UNREADY = ("over", "fmus", "beside", "functions")
 

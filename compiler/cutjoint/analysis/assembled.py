@@ -196,6 +196,8 @@ def _require_simple(model: Model, block: Block) -> None:
         raise NoAssemblyError(f"{len(block.drives)} guides move it")
     if any(not degrees(j) and {j.base, j.follower} & bodies for j in model.joints):
         raise NoAssemblyError("bodies in it are welded or guided")
+    if any(joint.armature != 0 for joint in block.joints):
+        raise NoAssemblyError("a joint in it has an armature")
     if any(names & set(gear.joints) for gear in model.gears):
         raise NoAssemblyError("a gear couples its joints")
     if all(body.is_massless for body in model.bodies if body.name in bodies):

@@ -74,6 +74,10 @@ def require_mechanics_alone(model: Model) -> None:
         for g in model.gears if (what := "with a law" if g.law is not None else "of more than two joints" if g.others else "")
     ]  # fmt: skip
     problems += [
+        Problem(span=j.span, element=f"joint '{j.name}'", message="only cutjoint has armatures here", hint="leave it out")
+        for j in model.joints if j.armature != 0
+    ]
+    problems += [
         Problem(span=f.span, element=f"function '{f.name}'", message="only cutjoint calls functions of users", hint="write an expression")
         for f in model.functions
     ]

@@ -54,7 +54,7 @@ def close(robot: Robot) -> Closed:
 
 
 def _solve(residual: Callable[[Array], Array], count: int) -> Array:
-    """Where the residual is least, from zero and then, where it does not vanish, from a few positions around."""
+    """Find where the residual is least, from zero and then, where it does not vanish, from a few positions around."""
     best = np.zeros(count)
     random = np.random.default_rng(1)
     for trial in range(_TRIALS):

@@ -18,8 +18,12 @@ from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_prob
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-13
+#: The square of a radius of gyration below which a body is a point, m2.
+_POINT = 1e-12
 #: The speed at which dry friction is nearly all there, rad/s or m/s.
 _CREEP = 0.01
+#: The most outputs of a file without drives.
+_OUTPUTS = 12
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
 _MESHES = (".stl", ".obj", ".glb")
 
@@ -38,6 +42,8 @@ class Document:
         self._carriers = {link.name: "ground" for link in robot.root()}
         if free:
             self._float()
+        for link, carrier in _lump(robot):
+            self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
         idle = set(_idle(robot))
         if idle:
             self._note("left out, since nothing resists their motion", *sorted(idle))
@@ -50,6 +56,9 @@ class Document:
             self._add_gear(relation)
         for drive in robot.drives:
             self._add_drive(drive)
+        if not self._sections["outputs"]:
+            able = [name for name, joint in robot.joints.items() if name in self._names and joint.kind in _COORDINATE]
+            self._sections["outputs"] = {self._coordinate(name): True for name in able[:_OUTPUTS]}
 
     def text(self, source: str, left_out: Mapping[str, int]) -> str:
         """The whole file; ``source`` is the name of the file read, ``left_out`` counts its tags and attributes that were not taken."""
@@ -139,11 +148,12 @@ class Document:
             body["centre_of_mass"] = _vector(pose.rotation @ link.centre + pose.place)
         inertia = pose.rotation @ link.inertia @ pose.rotation.T
         excess, about = _excess(link)
+        noise = _NOISE * np.abs(inertia).max()
         if excess:
             axis = pose.rotation @ about
             inertia = inertia - excess * np.outer(axis, axis)
-        if inertia.any():
-            body["inertia"] = _inertia(inertia)
+        if np.abs(inertia).max() > max(noise, _POINT * link.mass):
+            body["inertia"] = _inertia(inertia, noise)
         if picture := self._picture(link):
             body["visual"] = picture
         self._sections["bodies"][name] = body
@@ -222,7 +232,7 @@ class Document:
             self._note(f"dry friction made smooth: all of it is there from about {3 * _CREEP} rad/s or m/s", force)
 
     def _is_used(self, link: Link) -> bool:
-        """Whether anything hangs on a link but its parent."""
+        """Return whether anything hangs on a link but its parent."""
         ends = {name for loop in self._robot.loops for name in loop.links}
         return link.name in ends or any(joint.parent == link.name for joint in self._robot.joints.values())
 
@@ -285,11 +295,25 @@ def _idle(robot: Robot) -> Iterator[str]:
     # a fixed link on an idle one goes with it
 
 
+def _is_negative(link: Link) -> bool:
+    moments = np.linalg.eigvalsh(link.inertia)
+    return bool(link.mass < 0 or moments[0] < -max(TOLERANCE * abs(moments[2]), _POINT * link.mass))
+
+
+def _lump(robot: Robot) -> Iterator[tuple[str, str]]:
+    """Add links with a negative moment of inertia to those that they are welded to: such parts may be of a sound body."""
+    for joint in reversed(list(robot.outwards())):
+        link, carrier = robot.links[joint.child], robot.links[joint.parent]
+        if not joint.freedom and _is_negative(link) and link.mass >= 0:
+            yield link.name, carrier.name
+            carrier.add(link, joint.moved(np.zeros(0)))
+
+
 def _excess(link: Link) -> tuple[float, Array]:
     """By how much the largest principal moment of a link is larger than the sum of the others, kg m2, and its direction."""
-    moments, axes = np.linalg.eigh(link.inertia)
-    if moments[0] < -TOLERANCE * abs(moments[2]) or link.mass < 0:
+    if _is_negative(link):
         link.node.refuse("has a negative mass or principal moment of inertia", "correct its inertial")
+    moments, axes = np.linalg.eigh(link.inertia)
     excess = moments[2] - moments[1] - moments[0]
     return (float(excess), axes[:, 2]) if link.mass and excess > TOLERANCE * moments[2] else (0.0, axes[:, 2])
 
@@ -320,8 +344,7 @@ def _direction(axis: Array) -> str | list[float | int]:
     return _vector(axis)
 
 
-def _inertia(matrix: Array) -> list[float | int]:
-    noise = _NOISE * np.abs(matrix).max()
+def _inertia(matrix: Array, noise: float) -> list[float | int]:
     entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     short = [_short(x) if abs(x) > noise else 0 for x in entries]
     return short if any(short[3:]) else short[:3]

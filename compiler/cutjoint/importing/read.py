@@ -29,7 +29,7 @@ class Imported:
 
 
 def is_foreign(path: AnyPath) -> bool:
-    """Whether a file is one of another program, by its ending."""
+    """Return whether a file is one of another program, by its ending."""
     return Path(path).suffix.lower() in READERS
 
 

@@ -49,9 +49,21 @@ class Link:
     scale: float = 1.0
     colour: str = ""
 
+    def add(self, other: Link, pose: Pose) -> None:
+        """Take over the mass and the inertia of another link, whose frame is at a ``pose`` in this one's; the other one has none then."""
+        total = self.mass + other.mass
+        there = pose.rotation @ other.centre + pose.place
+        centre = (self.mass * self.centre + other.mass * there) / total if total else self.centre
+        inertia = self.inertia + pose.rotation @ other.inertia @ pose.rotation.T
+        for mass, place in ((self.mass, self.centre), (other.mass, there)):
+            arm = place - centre
+            inertia = inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        self.mass, self.centre, self.inertia = total, centre, inertia
+        other.mass, other.inertia = 0.0, np.zeros((3, 3))
+
     @property
     def massless(self) -> bool:
-        """Whether nothing resists its motion."""
+        """Return whether nothing resists its motion."""
         return self.mass == 0 and not self.inertia.any()
 
 

@@ -88,7 +88,8 @@ def _joint(node: Node, robot: Robot) -> Joint:
     axis = node.find("axis")
     if axis and axis.get("xyz") and joint.kind in ("revolute", "prismatic"):
         joint.axis = _direction(axis, axis.get("xyz"))
-    if dynamics := node.find("dynamics"):
+    dynamics = node.find("dynamics")
+    if dynamics and joint.freedom:
         joint.damping, joint.friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
     joint.follows = (node.get("independent") or "").lower() == "false" or node.find("mimic") is not None
     return joint
@@ -100,6 +101,11 @@ def _couple(node: Node, robot: Robot) -> None:
         if leader not in robot.joints:
             mimic.refuse(f"follows the joint '{leader[:60]}', which is not there", "correct the name")
         name, ratio = node.name(), mimic.number("multiplier", 1.0)
+        if not robot.joints[name].freedom:
+            robot.notes.append(f"{name} follows {leader} no more, since it is fixed")
+            return
+        if not robot.joints[leader].freedom:
+            mimic.refuse(f"follows the joint '{leader[:60]}', which is fixed", "fix both")
         robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, leader: -ratio}, mimic.number("offset", 0.0)))
 
 
@@ -111,6 +117,8 @@ def _require_tree(robot: Robot, root: Node) -> None:
         seen.add(joint.child)
     if left := [link for name, link in robot.links.items() if name not in seen]:
         left[0].node.refuse("hangs in a circle of joints", "a URDF is a tree: say loops by <loop>")
+    if not robot.links:
+        root.refuse("has no <link>", "expand it first, if it is a macro")
     if len(robot.root()) != 1:
         root.refuse(f"has {len(robot.root())} links without a parent, where one is needed", "connect them with joints")
 

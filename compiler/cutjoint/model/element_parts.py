@@ -73,6 +73,8 @@ def _joint_shape(element: JointElement) -> type[JointPart]:
         fields[field.name] = (_JOINT_TYPES[field.name] | None, None) if field.optional else (_JOINT_TYPES[field.name], ...)
     if element.can_be_guided:
         fields["guide"] = ((Law if len(element.coordinates) == 1 else Guides) | None, None)
+    if len(element.coordinates) == 1 and element.can_be_guided:
+        fields["armature"] = (Number | None, None)
     name = element.kind.title().replace("_", "")
     return create_model(f"{name}Joint", __base__=JointPart, __doc__=f"A joint that leaves free: {element.text}.", **fields)
 

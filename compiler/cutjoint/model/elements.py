@@ -38,7 +38,7 @@ from cutjoint.model.records import (
     Visual,
 )
 from cutjoint.model.scope import FAILED, Element, Scope, element, with_points
-from cutjoint.model.units import ANGLE, LENGTH, TIME
+from cutjoint.model.units import ANGLE, INERTIA, LENGTH, MASS, TIME
 from cutjoint.model.values import Table
 
 
@@ -138,7 +138,20 @@ def _read_joint(element: Element, joint: joint_parts.Joint) -> Joint:
         cut=joint.cut,
         guide=_guide(element, joint),
         span=element.span,
+        armature=_armature(element, kind, joint),
     )
+
+
+def _armature(element: Element, kind: JointElement, joint: joint_parts.Joint) -> Scalar:
+    given = getattr(joint, "armature", None)
+    if given is None:
+        return 0
+    if joint.cut:
+        element.fail("a cut joint has no armature", "leave out cut: true", ("cut",))
+    (coordinate,) = kind.coordinates
+    armature = element.scalar(given, INERTIA if kind.units[coordinate] == "rad" else MASS, ("armature",))
+    element.positive(element.value(armature), ("armature",))
+    return armature
 
 
 def _check_fields(element: Element, kind: JointElement, vectors: Mapping[str, Vector]) -> bool:

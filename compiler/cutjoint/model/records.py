@@ -227,7 +227,8 @@ class Joint:
     ``axes`` holds the joint's axis and second axis, as far as the kind has them.  ``to`` is the follower's point where it is another.
     ``pitch`` is an advance in metres a radian.  The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
     ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
-    compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.
+    compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.  ``armature`` is the inertia
+    of its coordinate beside that of the bodies, as of a geared rotor, kg m2 or kg.
     """
 
     name: str
@@ -241,6 +242,7 @@ class Joint:
     cut: bool | None
     guide: tuple[Scalar, ...] | None
     span: Span
+    armature: Scalar = 0
 
     @property
     def element(self) -> JointElement:

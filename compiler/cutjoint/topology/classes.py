@@ -135,7 +135,7 @@ class _Attached:
         named = tuple(name for name in self._named if instance and name.startswith(instance))
         signature = (
             tuple(self._massless[b] for b in bodies),
-            tuple((t.joint.kind, where(t.parent), t.reversed, t.joint.guide is not None) for t in joints),
+            tuple((t.joint.kind, where(t.parent), t.reversed, t.joint.guide is not None, t.joint.armature != 0) for t in joints),
             *(tuple(key for key, _ in found) for found in (cuts, gears, forces)),
             tuple(name.removeprefix(instance) for name in named),
         )

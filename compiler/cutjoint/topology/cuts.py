@@ -57,6 +57,8 @@ def reasons_to_stay(model: Model) -> Mapping[str, str]:
             reasons[joint.name] = f"a {joint.kind} joint closes no loop"
         elif joint.guide is not None:
             reasons[joint.name] = "it has a guide"
+        elif joint.armature != 0:
+            reasons[joint.name] = "it has an armature"
         elif joint.cut is False:
             reasons[joint.name] = "it has cut: false"
     return {name: reason for name, reason in reasons.items() if name in names}

@@ -198,6 +198,8 @@ class _System:
                         value = b.sub(value, self.system.joint_forces[body])
                     if body in geared:
                         value = b.add(value, geared[body])
+                    if (armature := k.armature(body)) is not None and motion.chart is not None:
+                        value = b.add(value, b.mul(armature, b.symbol(f"vdot:{joint.name}", 1, BindingTime.ITERATION)))
                     results[body] = value
         return results
 
@@ -274,6 +276,10 @@ class _System:
                         change = b.element(variations[key].of(force), j.index)
                         if key in keys or not is_zero(change):
                             yield j, together[key][0], b.neg(times(b, j.slope, change))
+        for body, own in motions.of_body.items():
+            if (armature := self.k.armature(body)) is not None:
+                with b.section("tangent", body, "the armature", ""):
+                    yield own[0], own[0], armature
         for j in motions.all():
             if j.bent is not None:
                 with b.section("tangent", j.body, "the bend of its functions (S^T F^c - tau)", ""):

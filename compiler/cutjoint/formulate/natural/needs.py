@@ -70,6 +70,9 @@ def require_coordinates(model: Model, scene: Scene, outputs: Sequence[Output]) -
     asked += [(kinds[f.joint_of], f.span, f"force '{f.name}'") for f in forces]
     asked += [(kinds[name], g.span, f"gear '{g.name}'") for g in model.gears for name in g.joints if name in kinds]
     asked += [(j.kind, j.span, f"joint '{j.name}'") for j in model.joints if j.guide is not None and j.name in kinds]
+    if rotors := [joint for joint in model.joints if joint.armature != 0]:
+        message, hint = "natural coordinates have no armatures of joints", "use --method recursive"
+        raise ModelError([Problem(span=j.span, element=f"joint '{j.name}'", message=message, hint=hint) for j in rotors])
     if asked:
         raise ModelError([
             Problem(

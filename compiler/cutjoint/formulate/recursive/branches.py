@@ -144,7 +144,8 @@ class BranchSystem:
     def _tree_part(self, i: str, j: str) -> Block:
         b = self.k.builder
         if i in self._carriers(j):
-            return b.mul(b.transpose(self.subspaces[i]), self._rows[j])
+            part, armature = b.mul(b.transpose(self.subspaces[i]), self._rows[j]), self.k.armature(i)
+            return b.add(part, armature) if i == j and armature is not None else part
         if j in self._carriers(i):
             return b.transpose(self._tree_part(j, i))
         return b.zero(self.subspaces[i].shape[1], self.subspaces[j].shape[1])

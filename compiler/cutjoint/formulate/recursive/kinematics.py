@@ -153,6 +153,11 @@ class Kinematics:
         v0, w = halves(b, twist)
         return b.stack([[b.add(v0, b.cross(w, step))], [w]])
 
+    def armature(self, body: str) -> Block | None:
+        """The inertia of a joint's only coordinate beside that of the bodies, None if there is none."""
+        armature = self.motions[body].tree_joint.joint.armature
+        return self.translator.scalar(armature) if armature != 0 else None
+
     def for_subspace(self, body: str, column: Block) -> Block:
         """A column of a joint's speeds, or of forces on them, as one that multiplies its motion subspace."""
         return self.twists_from_global(column) if self._is_free_root(body) else column

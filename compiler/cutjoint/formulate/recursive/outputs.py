@@ -154,10 +154,13 @@ def derive_energy(
     b = k.builder
     with b.section("energy", "", "T = 1/2 sum of Z^T M Z,  P = sum of Z . Q + tau . rate + W . (Z - Z_p) of guided joints", ""):
         twice = b.total([b.zero(1), *(b.dot(k.frames[body].Z, b.mul(reactions.M[body], k.frames[body].Z)) for body in k.motions)])
+        rotors = [(armature, k.motions[body]) for body in k.motions if (armature := k.armature(body)) is not None]
+        twice = b.total([twice, *(b.mul(armature, b.mul(motion.rate[0], motion.rate[0])) for armature, motion in rotors)])
         kinetic = b.mul(b.number(0.5), twice)
         pushed = [b.dot(k.frames[body].Z, reactions.Q[body]) for body in k.motions]
         driven = [b.dot(b.column(k.motions[body].rate), force) for body, force in joint_forces.items()]
-        power = b.total([b.zero(1), *pushed, *driven, *_guides(k, reactions), *_teeth(k, gears)])
+        wound = [b.mul(armature, b.mul(m.rate[0], m.acceleration[0])) for armature, m in rotors if m.acceleration]
+        power = b.total([b.zero(1), *pushed, *driven, *wound, *_guides(k, reactions), *_teeth(k, gears)])
     return energy_results(b, kinetic, power)
 
 

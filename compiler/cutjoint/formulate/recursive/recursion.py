@@ -206,6 +206,8 @@ def _eliminate(k: Kinematics, system: BodySystem, body: str, motion: JointMotion
     bT = b.transpose(subspace)
     force = b.sub(system.Q[body], b.mul(M, d))
     D = b.sandwich(bT, M)
+    if (armature := k.armature(body)) is not None:
+        D = b.add(D, armature)
     lower, inverse = b.ldl(D)
     generalised = b.mul(bT, force)
     if body in system.joint_forces:

@@ -1,0 +1,162 @@
+"""MJCF as MuJoCo compiles it: trees move as MuJoCo's, loops are rigid; files outside the folder are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.importing.read import import_file
+from cutjoint.model.errors import ModelError
+from cutjoint.tasks.runs import simulate
+from cutjoint.topology.reading import read_model, read_model_text
+from tests.conftest import needs_cpp
+
+mujoco = pytest.importorskip("mujoco")
+
+TREE = """
+<mujoco model="arm">
+  <default><joint damping="0.3" armature="0.02"/><geom density="800"/></default>
+  <worldbody>
+    <body name="base" pos="0 0 1" euler="10 20 30">
+      <joint name="pan" axis="0 0 1" pos="0.1 0 0"/>
+      <geom type="box" size="0.1 0.2 0.05" pos="0.05 0 0.1"/>
+      <body name="lift" pos="0.3 0 0.1" quat="0.9 0.1 0.3 0.2">
+        <joint name="slide" type="slide" axis="0 1 1" stiffness="40" springref="0.1" ref="0.05" damping="5"/>
+        <joint name="turn" axis="1 0 0" pos="0 0.1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.1 0 0.3" size="0.04"/>
+        <body name="tip" pos="0 0 0.3">
+          <joint name="ball" type="ball" damping="0" armature="0"/>
+          <geom type="ellipsoid" size="0.05 0.1 0.2" pos="0.02 0 0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="m" joint="pan" gear="3"/><position name="servo" joint="slide" kp="30"/></actuator>
+</mujoco>
+"""
+
+
+@needs_cpp
+def test_a_tree_moves_as_in_mujoco(tmp_path: Path) -> None:
+    """Accelerations of MuJoCo at the states of a run, by its own pose and velocities of bodies."""
+    path = tmp_path / "arm.xml"
+    path.write_text(TREE)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    columns = ["pan.angle", "pan.angle_rate", "slide.displacement", "slide.displacement_rate", "turn.angle", "turn.angle_rate"]
+    columns += [f"{body}.{q}" for body in ("base", "lift", "tip") for q in ("ax", "ay", "az", "wx", "wy", "wz", "roll", "pitch", "yaw")]
+    text = import_file(path).text
+    begin = text.index("outputs:")
+    start = "rates: {pan.angle_rate: 1, turn.angle_rate: -2, ball.wx: 1, ball.wz: 3}"
+    scene = f"{{end: 1, output_step: 0.1, {start}, inputs: {{m: 0.2, servo: 0.3}}}}"
+    read = read_model_text(f"{text[:begin]}outputs: [{', '.join(columns)}]\nscenes:\n  motion: {scene}\n", "arm.yaml")
+    run = simulate(compile_interpreted(read, read.scenes["motion"]), accuracy=1e-9)
+    mujoco.mj_forward(model, data)
+    design = {body: data.body(body).xmat.reshape(3, 3).copy() for body in ("base", "lift", "tip")}
+    for row in range(len(run["t"])):
+        at = {name: run[name][row] for name in run}
+        turned = {body: rotation(*[at[f"{body}.{a}"] for a in ("roll", "pitch", "yaw")]) @ design[body] for body in design}
+        data.qpos[:3] = at["pan.angle"], at["slide.displacement"] + 0.05, at["turn.angle"]
+        data.qvel[:3] = at["pan.angle_rate"], at["slide.displacement_rate"], at["turn.angle_rate"]
+        relative = turned["lift"].T @ turned["tip"]
+        mujoco.mju_mat2Quat(data.qpos[3:], relative.ravel())
+        spins = [np.array([at[f"{body}.w{c}"] for c in "xyz"]) for body in ("lift", "tip")]
+        data.qvel[3:] = turned["tip"].T @ (spins[1] - spins[0])
+        data.ctrl[:] = 0.2, 0.3
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        for body in design:
+            twist = np.zeros(6)
+            mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, data.body(body).id, twist, 0)
+            expected = twist[3:] + model.opt.gravity  # of the body's centre, without the gravity that MuJoCo adds
+            assert np.abs(np.array([at[f"{body}.a{c}"] for c in "xyz"]) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(x), np.sin(x)) for x in (roll, pitch, yaw))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    return np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ about_y @ about_x
+
+
+def wrapped(bodies: str, more: str) -> str:
+    return f'<mujoco model="m"><worldbody>{bodies}</worldbody>{more}</mujoco>'
+
+
+def hinged(name: str, place: str, inside: str = "") -> str:
+    geom = '<geom type="sphere" size="0.1" pos="0.2 0 0"/>'
+    return f'<body name="{name}" pos="{place}"><joint name="{name}_j" axis="0 1 0"/>{geom}{inside}</body>'
+
+
+def written(tmp_path: Path, bodies: str, more: str) -> Path:
+    path = tmp_path / "m.xml"
+    path.write_text(wrapped(bodies, more))
+    return path
+
+
+ARMS = hinged("a", "0 0 0", hinged("b", "1 0 0")) + hinged("c", "2 0 0")
+
+
+def test_two_points_on_a_line_are_a_hinge(tmp_path: Path) -> None:
+    ends = "".join(f'<connect name="c{i}" body1="b" body2="c" anchor="0.5 {y} 0"/>' for i, y in enumerate((-0.1, 0.1)))
+    (loop,) = (joint for joint in read_model(written(tmp_path, ARMS, f"<equality>{ends}</equality>")).joints if joint.name == "c0")
+    assert (loop.kind, [float(x) for x in loop.axes[0]]) == ("revolute", [0, 1, 0])
+    assert [float(x) for x in loop.at] == pytest.approx([1.5, -0.1, 0])
+
+
+def test_welds_points_and_relations(tmp_path: Path) -> None:
+    more = """<equality>
+      <weld name="w" body1="b" body2="c"/>
+      <joint name="g" joint1="a_j" joint2="c_j" polycoef="0 2 0 0 0"/>
+    </equality>"""
+    model = read_model(written(tmp_path, ARMS, more))
+    assert {joint.name: joint.kind for joint in model.joints}["w"] == "fixed"
+    (gear,) = model.gears
+    assert (gear.joints, float(gear.ratio)) == (("a_j", "c_j"), 2)
+    more = '<equality><joint name="g" joint1="a_j" joint2="c_j" polycoef="0 2 0.5 0 0"/></equality>'
+    (gear,) = read_model(written(tmp_path, ARMS, more)).gears
+    assert str(gear.law).replace(" ", "") in ("position**2/2+2*position", "0.5*position**2+2*position", "position*(0.5*position+2)",
+                                              "position*(position/2+2)")  # fmt: skip
+
+
+def test_fixed_tendons_relate_several_coordinates(tmp_path: Path) -> None:
+    parts = "".join(f'<joint joint="{name}_j" coef="{k}"/>' for name, k in (("a", 1), ("b", 2), ("c", -4)))
+    more = f'<tendon><fixed name="t">{parts}</fixed></tendon><equality><tendon name="e" tendon1="t"/></equality>'
+    (gear,) = read_model(written(tmp_path, ARMS, more)).gears
+    assert gear.joints == ("a_j", "b_j", "c_j")
+    assert [float(gear.ratio), float(gear.others[0][1])] == [-2, 4]
+
+
+def test_starts_and_what_is_left_out(tmp_path: Path) -> None:
+    key = '<keyframe><key name="home" qpos="0.1 0.2 0.3"/></keyframe><sensor><jointpos joint="a_j"/></sensor>'
+    imported = import_file(written(tmp_path, ARMS, key))
+    assert "home: {end: 1, positions: {a_j.angle: 0.1, b_j.angle: 0.2, c_j.angle: 0.3}}" in imported.text
+    assert any("sensors (1)" in note for note in imported.notes)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ('<include file="../../etc/passwd"/>', "outside the folder of the file"),
+        ('<asset><mesh name="x" file="/etc/passwd"/></asset>', "outside the folder of the file"),
+        ('<compiler meshdir=".."/>', "outside the folder of the file"),
+        ('<extension><plugin plugin="mujoco.pid"/></extension>', "a plugin, whose code is not run"),
+        ('<include file="m.xml"/>', "includes 'm.xml' again"),
+        ('<equality><joint joint1="a_j" polycoef="0.1 0 0 0 0"/></equality>', "holds the joint 'a_j' still"),
+        ("<nonsense/>", "is refused by MuJoCo"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, more: str, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        read_model(written(tmp_path, ARMS, more))
+
+
+def test_what_includes_bring(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "arm.xml").write_text(f"<mujoco>{ARMS}</mujoco>")
+    model = read_model(written(tmp_path, '<include file="parts/arm.xml"/>', ""))
+    assert [body.name for body in model.bodies] == ["a", "b", "c"]
