@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from cutjoint.stepping.values import StateSpace, StepDerivative
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate_batch
+    from cutjoint.tasks.inverse import find_drives
     from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.tasks.runs import simulate
@@ -45,9 +46,9 @@ __all__ = [
     "ConstantError", "CutjointError", "EquationsError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError",
     "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError",
     "OutputError", "RunError", "Simulation", "SimulationError", "SimulatorError", "StateSpace", "StepDerivative", "Sweep",
-    "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_compliance", "find_equilibrium",
-    "find_initial_state", "find_kinematics", "find_modes", "load", "read_model", "read_model_text", "rollout", "run_in_real_time",
-    "simulate", "simulate_batch", "sweep", "write_view",
+    "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model", "find_compliance", "find_drives",
+    "find_equilibrium", "find_initial_state", "find_kinematics", "find_modes", "load", "read_model", "read_model_text", "rollout",
+    "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -60,6 +61,7 @@ _HOMES = {
     "cutjoint.compile.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.tasks.kinematics.sweep": ("find_compliance", "find_kinematics"),
+    "cutjoint.tasks.inverse": ("find_drives",),
     "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),

@@ -14,8 +14,8 @@ from .values import MODEL, ROBOT, STUDY, TABLE
 _CHOICES = {"peer": "exudyn"}
 #: Commands that take minutes where nothing is wrong.
 LONG = ("bench",)
-#: Commands of models with wheels, which the press is not: they refuse any call with it.
-WHEELED = ("kinematics",)
+#: Commands that refuse any call with the press, which has no wheels, and no scene that prescribes a motion.
+UNSUITED = ("inverse", "kinematics")
 #: Options that keep a call short, where a command has them.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 #: The command for which such an option goes with another value of its choice alone.
@@ -37,7 +37,7 @@ def commands() -> dict[str, click.Command]:
 def good_calls() -> Iterator[list[str]]:
     """A call of every command with good values, and of each option that names a file to read, but for commands that take minutes."""
     for name, command in commands().items():
-        if name not in (*LONG, *WHEELED) and not any(o.name in _UNREADY and o.required for o in command.params):
+        if name not in (*LONG, *UNSUITED) and not any(o.name in _UNREADY and o.required for o in command.params):
             yield call_with(name, [])
             optional = [o for o in command.params if is_path(o, written=False) and not o.required and o.name not in _UNREADY]
             yield from (call_with(name, [(option, _good(option))]) for option in optional)

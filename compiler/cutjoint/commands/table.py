@@ -256,6 +256,11 @@ OPTIONS: Mapping[str, Row] = {
         "http://localhost:PORT/ shows the poses that come as datagrams at UDP port PORT."),
     "shared": click.option("--shared", is_flag=True, help="Let other machines send poses and see the page."),
     "kinematics.out": click.option("--out", type=_FILE, help="CSV file of all sweeps, in SI units; units go beside it."),
+    "inverse.scene": click.option("--scene", metavar="NAME", help="Scene that prescribes the motion by its drives; may be left "
+        "out if there is only one."),
+    "inverse.out": click.option("--out", type=_FILE, help="CSV file of the forces over the time; units go beside it."),
+    "drives": click.option("--drives", metavar="JOINTS", help="The joints that drive, as FIRST,SECOND; those that the scene "
+        "moves otherwise."),
     "axle": click.option("--axle", metavar="NAME", help="The axle, by the words that its wheels' names share, such as front, or the left "
         "and the right body that carries a wheel, as LEFT,RIGHT; may be left out if there is only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True, help="Travel of the wheels' centres up "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from io import BytesIO, StringIO
 from math import degrees
 from pathlib import Path
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from cutjoint.report.tables import facts
-from cutjoint.run.result_files import open_table, write_all, write_whole
+from cutjoint.run.result_files import write_table, write_whole
 from cutjoint.tasks.kinematics.axles import SIDES, Axle
 from cutjoint.tasks.kinematics.figures import MOTION_RATIO, STEERING_RATIO
 from cutjoint.tasks.kinematics.sweep import CHANGES, LEADING, LOADS, ROLL, STEERING, TRAVEL, AxleCompliance, AxleKinematics
@@ -111,7 +111,7 @@ def write_kinematics(found: AxleKinematics, path: Path) -> Path:
     for name, columns in found.sweeps.items():
         for row in zip(*(columns[c] for c in found.units), strict=True):
             print(name, *(f"{x + 0.0:.17g}" for x in row), sep=",", file=text)
-    return _write(path, found.units, text.getvalue())
+    return write_table(path, found.units, text.getvalue())
 
 
 def compliance_tables(found: AxleCompliance) -> Iterator[Table]:
@@ -136,17 +136,7 @@ def write_compliance(found: AxleCompliance, path: Path) -> Path:
         OutputError: it cannot be written.
     """
     rows = (",".join(found.units), ",".join(f"{found.figures[name] + 0.0:.17g}" for name in found.units))
-    return _write(path, found.units, "\n".join((*rows, "")))
-
-
-def _write(path: Path, units: Mapping[str, str], text: str) -> Path:
-    table = open_table(path, units)
-    try:
-        write_all(table.file, text.encode())
-        return table.finish()
-    except BaseException as error:
-        table.leave(str(error))
-        raise
+    return write_table(path, found.units, "\n".join((*rows, "")))
 
 
 def plot_kinematics(found: AxleKinematics, title: str, folder: Path) -> list[Path]:

@@ -6,6 +6,7 @@ import json
 from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
 from math import degrees, floor, inf, log10
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from cutjoint.model.records import Scene
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
+from cutjoint.run.result_files import write_table
 from cutjoint.run.results import MechanismState
 from cutjoint.run.settings import accuracy_of
+from cutjoint.tasks.inverse import Drives
 from cutjoint.tasks.realtime import StepTimes
 
 # Equilibria
@@ -51,6 +54,28 @@ def force_table(state: MechanismState) -> Table:
         if element not in bodies:
             table.add_row(element, quantity, f"{value + 0.0:.7g}", state.units[column])
     return table
+
+
+# Drives
+
+
+def drive_table(found: Drives) -> Table:
+    """The largest force of each drive, and its root mean square over the rows."""
+    table = Table(title="drives", title_justify="left", box=None)
+    for heading in ("joint", "largest", "at, s", "root mean square", "unit"):
+        table.add_column(heading, justify="left" if heading in ("joint", "unit") else "right")
+    for name, force in found.forces.items():
+        row = int(np.abs(force).argmax())
+        mean = float(np.sqrt(np.mean(force**2)))
+        table.add_row(name, f"{force[row] + 0.0:.6g}", f"{found.t[row]:g}", f"{mean:.6g}", found.units[name])
+    return table
+
+
+def write_drives(found: Drives, path: Path) -> Path:
+    """Write the forces over the time as a CSV file, units beside it; OutputError where it cannot be written."""
+    rows = zip(found.t, *found.forces.values(), strict=True)
+    lines = [",".join(found), *(",".join(f"{x + 0.0:.17g}" for x in row) for row in rows)]
+    return write_table(path, found.units, "\n".join([*lines, ""]))
 
 
 def _decimals(values: Sequence[float]) -> list[str]:

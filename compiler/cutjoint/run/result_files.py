@@ -100,6 +100,21 @@ def open_table(path: Path, units: Units | None = None) -> TableFile | Stream:
     return Stream(path) if is_stream(path) else TableFile(path, units)
 
 
+def write_table(path: Path, units: Units, text: str) -> Path:
+    """Write a table of which all is known, its units beside it.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    table = open_table(path, units)
+    try:
+        write_all(table.file, text.encode())
+        return table.finish()
+    except BaseException as error:
+        table.leave(str(error))
+        raise
+
+
 class RunTables:
     """The tables of one run, which its simulator writes.
 

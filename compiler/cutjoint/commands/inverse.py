@@ -1,0 +1,28 @@
+"""`cutjoint inverse`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cutjoint.commands import options, table
+from cutjoint.report.tasks import drive_table, write_drives
+from cutjoint.run.outputs import require_apart
+from cutjoint.tasks.inverse import find_drives
+from cutjoint.topology.reading import read_model
+
+
+@table.command("inverse")
+def command(model: Path, scene: str | None, drives: str | None, end: float | None, changes: tuple[str, ...], out: Path | None) -> None:
+    """Find the forces with which drives move MODEL as a scene prescribes, and print the largest."""
+    require_apart({"the model": model}, tables={"--out": out})
+    checked = read_model(model)
+    with options.progress_bar(f"driving {model.name}"):
+        found = find_drives(
+            checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end
+        )
+    console = options.console_beside(out)
+    console.print(drive_table(found))
+    if found.redundant:
+        console.print("more drives than freedoms: of all forces that do, these have the least norm", markup=False)
+    if out is not None:
+        console.print(f"results: {write_drives(found, out)}", markup=False)

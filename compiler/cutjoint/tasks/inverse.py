@@ -1,0 +1,185 @@
+"""Inverse dynamics: the forces of drives that a prescribed motion needs.
+
+A kinematic scene moves its driven joints as it says.  The generalised forces F of its guides follow from that run.  Drives at other
+coordinates q_a do the same if they have the same power in all motions, F = (dq_a/dq)^T tau: of several solutions tau is the one of least
+norm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy
+
+from cutjoint.analysis.closing import evaluate_closures
+from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.elements.gear import FORCE_UNITS
+from cutjoint.formulate.inputs import TIME, guide_rates, input_parameters
+from cutjoint.formulate.layout import Chart
+from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.methods import Loops
+from cutjoint.model.evaluate import evaluate
+from cutjoint.model.records import Joint, Model, Output, Reaction, Scene
+from cutjoint.package.errors import RunError
+from cutjoint.run.given import Given, take_model
+from cutjoint.run.results import Array, Columns, Trajectory
+from cutjoint.run.scenes import with_loops
+from cutjoint.run.simulation import simulate
+from cutjoint.topology.build import build_topology
+
+#: Singular values below this share of the largest are nothing.
+_RANK = 1e-9
+#: Drives that leave more than this share of the largest force of the guides do not drive the motion.
+_LEFT = 1e-8
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Drives(Columns[Array]):
+    """The forces of drives over the time, a mapping from "t" and the names of their joints to arrays (rows,), with ``units``.
+
+    ``redundant`` says that other forces would do too, of larger norm.  ``run`` is the prescribed motion.
+    """
+
+    t: Array
+    forces: Mapping[str, Array]
+    units: Mapping[str, str]
+    redundant: bool
+    run: Trajectory
+
+    def __post_init__(self) -> None:
+        self.update({"t": self.t, **self.forces})
+
+
+def find_drives(
+    model: Given, *, scene: str | None = None, drives: Sequence[str] = (), parameters: Mapping[str, float] | None = None,
+    end: float | None = None,
+) -> Drives:  # fmt: skip
+    """The forces (N, N m) with which ``drives``, names of joints with one coordinate, move a model as a kinematic scene prescribes; without
+    any those of the joints that the scene moves.  Friction, springs and loads count as the model has them; other drives have the values
+    of their inputs.
+
+    Raises:
+        RunError: the scene leaves some motion free, the drives cannot bring it about, or a joint has not just one coordinate.
+        ModelError, FailedRunError and others: as of `cutjoint.simulate`.
+    """
+    return _Inverse(*take_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
+
+
+class _Inverse:
+    """One search: ``moved`` are the joints whose guides follow the time or inputs; guides that stand still are locks, and stay."""
+
+    def __init__(self, model: Model, scene: Scene, parameters: Mapping[str, float], drives: tuple[str, ...]) -> None:
+        self._model, self._scene, self._parameters = model, with_loops(scene, Loops.EXACT), parameters
+        joints = {joint.name: joint for joint in model.joints}
+        self._numbers = {p.symbol: self._parameters.get(p.name, p.value) for p in model.parameters}
+        moving = {TIME, *(p.symbol for p in input_parameters(model))}
+        self.moved = [j for j in model.joints if any(sympy.sympify(guide).free_symbols & moving for guide in j.guide or ())]
+        if not self.moved:
+            raise RunError(f"scene '{scene.name}' prescribes no motion; give it drive: {{joint: law of t}}")
+        if unknown := next((name for name in drives if name not in joints), ""):
+            raise RunError(f"there is no joint '{unknown}'; drives are joints of the model")
+        self.drives = [joints[name] for name in drives] or self.moved
+        for joint in (*self.moved, *self.drives):
+            if len(joint.element.coordinates) != 1:
+                raise RunError(f"joint '{joint.name}' has {len(joint.element.coordinates)} coordinates, where a drive has one")
+        self._sensors = {j.name: f"drive_of_{j.name.replace('.', '_')}" for j in self.moved}
+
+    def find(self, end: float | None) -> Drives:
+        """The forces at the rows of the run."""
+        model = replace(self._model, reactions=(*self._model.reactions, *map(self._sensor, self.moved)))
+        artifact = compile_interpreted(model, self._scene, outputs=self._outputs())
+        assert isinstance(artifact.equations, RecursiveEquations)
+        run = simulate(artifact, parameters=self._parameters, end=end, coordinates=True, error=False)
+        guided = np.array([self._guide_force(joint, run) for joint in self.moved]).T
+        equations = self._released(artifact.equations)
+        forces = np.empty((len(run.t), len(self.drives)))
+        redundant = False
+        for row in range(len(run.t)):
+            slopes = self._slopes(equations, self._coordinates(equations, artifact.equations.charts, run, row), run.t[row])
+            u, s, v = np.linalg.svd(slopes.T, full_matrices=False)
+            able = s > _RANK * s.max(initial=0.0)
+            forces[row] = v[able].T @ ((u[:, able].T @ guided[row]) / s[able])
+            left = np.abs(slopes.T @ forces[row] - guided[row])
+            if left.max() > _LEFT * np.abs(guided).max():
+                joint = self.moved[int(left.argmax())].name
+                drives = ", ".join(j.name for j in self.drives)
+                said = f"the drives {drives} cannot move '{joint}' as scene '{self._scene.name}' does"
+                raise RunError(f"{said}, at {run.t[row]:g} s; add one")
+            redundant = redundant or int(able.sum()) < len(self.drives)
+        names = [joint.name for joint in self.drives]
+        units = {j.name: FORCE_UNITS[j.element.units[j.element.coordinates[0]]] for j in self.drives}
+        return Drives(t=run.t, forces=dict(zip(names, forces.T, strict=True)), units=units, redundant=redundant, run=run)
+
+    # the forces of the guides
+
+    def _sensor(self, joint: Joint) -> Reaction:
+        return Reaction(name=self._sensors[joint.name], joint=joint.name, body=joint.follower, direction=joint.axes[0], span=joint.span)
+
+    def _outputs(self) -> list[Output]:
+        span, outputs = self._model.span, list[Output]()
+        for joint in self.moved:
+            turns = joint.element.units[joint.element.coordinates[0]] == "rad"
+            asked = [(self._sensors[joint.name], "moment" if turns else "force"), (joint.name, joint.element.coordinates[0])]
+            asked += [(force.name, "force") for force in self._model.force_elements if force.joint_of == joint.name]
+            asked += [(gear.name, "force") for gear in self._model.gears if joint.name in gear.joints]
+            outputs += [Output(element=element, quantity=quantity, span=span) for element, quantity in asked]
+        return list({o.column: o for o in outputs}.values())
+
+    def _guide_force(self, joint: Joint, run: Trajectory) -> Array:
+        """The guide's own force: the reaction along the axis without other forces on the coordinate, and the armature's share."""
+        sensor = self._sensors[joint.name]
+        found: Array = run[next(c for c in run.columns if c.startswith(f"{sensor}."))].copy()
+        for force in self._model.force_elements:
+            if force.joint_of == joint.name:
+                found -= run[f"{force.name}.force"]
+        for gear in self._model.gears:
+            if gear.law is not None and joint.name in gear.joints:
+                raise RunError(f"joint '{joint.name}' has a gear with a law; prescribe the motion of another joint")
+            factor = sum(evaluate(factor, self._numbers) for end, factor in gear.terms if end.joint == joint.name)
+            if factor:
+                found -= factor * run[f"{gear.name}.force"]
+        if joint.armature != 0 and joint.guide is not None:
+            if any(joint.guide[0].has(p.symbol) for p in input_parameters(self._model)):
+                raise RunError(f"joint '{joint.name}' has an armature and follows an input; prescribe it as a law of t")
+            acceleration = guide_rates(joint.guide[0], self._model)[2]
+            rates = [evaluate(acceleration, {**self._numbers, TIME: t}) for t in run.t]
+            found += evaluate(joint.armature, self._numbers) * np.array(rates)
+        return found
+
+    # how drives follow the prescribed coordinates
+
+    def _released(self, guided: RecursiveEquations) -> RecursiveEquations:
+        """The equations of the same tree, in which the prescribed joints have unknowns."""
+        cut = {joint.name for joint in guided.topology.cuts} - {joint.name for joint in self.drives}
+        moved = {joint.name for joint in self.moved}
+        joints = tuple(
+            replace(j, cut=j.name in cut, guide=None if j.name in moved else j.guide) if j.element.closes else j for j in self._model.joints
+        )
+        return formulate_recursive(build_topology(replace(self._model, joints=joints)), self._scene, ())
+
+    def _coordinates(self, equations: RecursiveEquations, charts: Sequence[Chart], run: Trajectory, row: int) -> Array:
+        assert run.coordinates is not None
+        q = np.zeros(equations.coordinates)
+        known = {chart.joint: run.coordinates[row, chart.q : chart.q + len(chart.coordinate_names)] for chart in charts}
+        known |= {j.name: run[f"{j.name}.{j.element.coordinates[0]}"][row : row + 1] for j in self.moved}
+        for chart in equations.charts:
+            q[chart.q : chart.q + len(chart.coordinate_names)] = known[chart.joint]
+        return q
+
+    def _slopes(self, equations: RecursiveEquations, q: Array, t: float) -> Array:
+        """dq_a/dq of the drives by the prescribed coordinates, (drives, moved)."""
+        jacobian = evaluate_closures(equations, q, t)[1]
+        place = {chart.joint: chart.v for chart in equations.charts}
+        lead = [place[joint.name] for joint in self.moved]
+        rest = [i for i in range(equations.speeds) if i not in lead]
+        s = np.linalg.svd(jacobian[:, rest], compute_uv=False)
+        left = len(rest) - int((s > _RANK * s.max(initial=0.0)).sum())
+        if left:
+            raise RunError(f"scene '{self._scene.name}' prescribes the motion only in part: {left} freedoms are left; drive these too")
+        slopes = np.zeros((equations.speeds, len(lead)))
+        slopes[lead] = np.eye(len(lead))
+        slopes[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=None)[0] if rest else 0
+        return slopes[[place[joint.name] for joint in self.drives]]
