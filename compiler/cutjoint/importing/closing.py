@@ -12,6 +12,8 @@ from cutjoint.importing.robot import Array, Coupling, Loop, Pose, Robot
 #: A loop that stays open by less is closed, m and rad: files are written with rounded numbers.
 CLOSED = 1e-5
 _STEPS, _STEP = 200, 0.3
+#: So many steps that win less than a tenth each end the way.
+_PATIENCE = 25
 _TRIALS = 12
 
 
@@ -26,11 +28,12 @@ class Closed:
 
 def close(robot: Robot) -> Closed:
     """Find where loops and couplings close.  Raises ModelError at the loop that stays open by more than CLOSED."""
-    joints = [joint for joint in robot.outwards() if joint.freedom and joint.kind != "free"]
+    joints = [joint for joint in robot.outwards() if joint.name in robot.in_loops() and joint.freedom and joint.kind != "free"]
+    still = {joint.name: np.zeros(joint.freedom) for joint in robot.outwards() if joint.freedom}
     ends = np.cumsum([0] + [joint.freedom for joint in joints])
 
     def unpacked(values: Array) -> dict[str, Array]:
-        return {joint.name: values[ends[i] : ends[i + 1]] for i, joint in enumerate(joints)}
+        return still | {joint.name: values[ends[i] : ends[i + 1]] for i, joint in enumerate(joints)}
 
     def gaps(values: Array) -> list[Array]:
         q = unpacked(values)
@@ -69,9 +72,9 @@ def _solve(residual: Callable[[Array], Array], count: int) -> Array:
 
 def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
     """Steps of Levenberg and Marquardt, each of _STEP rad or m at most."""
-    left, damping = residual(values), 1e-6
+    left, damping, slow = residual(values), 1e-6, 0
     for _ in range(_STEPS):
-        if np.abs(left).max(initial=0.0) < 1e-14:
+        if np.abs(left).max(initial=0.0) < 1e-14 or slow > _PATIENCE:
             break
         h = 1e-6
         slopes = np.array([(residual(values + h * e) - residual(values - h * e)) / (2 * h) for e in np.eye(len(values))]).T
@@ -86,6 +89,7 @@ def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
             damping *= 10
         else:
             break
+        slow = slow + 1 if np.linalg.norm(there) > 0.9 * np.linalg.norm(left) else 0
         values, left, damping = values + step, there, max(damping / 10, 1e-16)
     return values
 

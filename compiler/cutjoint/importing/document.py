@@ -76,27 +76,12 @@ class Document:
 
     def _scenes(self) -> Iterator[str]:
         """The file's starts, by the coordinates that loops leave free or that motors drive."""
-        in_loops, driven = self._in_loops(), {drive.joint for drive in self._robot.drives}
+        in_loops, driven = self._robot.in_loops(), {drive.joint for drive in self._robot.drives}
         for name, start in self._robot.starts.items():
             able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or j in driven)}
             moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
             positions = {key: value for key, value in moved.items() if value}
             yield f"  {self._name(name, 'scene')}: {_flow({'end': 1, **({'positions': positions} if positions else {})})}"
-
-    def _in_loops(self) -> set[str]:
-        """The joints on the ways round loops."""
-        carried = {joint.child: joint for joint in self._robot.joints.values()}
-        found: set[str] = set()
-        for loop in self._robot.loops:
-            ways = []
-            for end in loop.links:
-                way = set()
-                while end in carried:
-                    way.add(carried[end].name)
-                    end = carried[end].parent
-                ways.append(way)
-            found |= ways[0] ^ ways[1]
-        return found | {name for coupling in self._robot.couplings for name in coupling.terms}
 
     @property
     def notes(self) -> list[str]:

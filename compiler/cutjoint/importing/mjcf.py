@@ -21,6 +21,10 @@ _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
 _LARGEST_FILE = 200_000_000
+#: Arrays of MuJoCo's model that are read.
+_NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "jnt_axis", "jnt_pos", "jnt_stiffness",
+            "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear", "actuator_gainprm",
+            "actuator_biasprm", "geom_pos", "geom_quat", "wrap_prm")  # fmt: skip
 
 
 def read_mjcf(path: Path) -> tuple[Robot, Node]:
@@ -38,10 +42,16 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
         import mujoco
     except ImportError:
         raise MissingPackageError("reading MJCF needs the package mujoco: pip install 'cutjoint[mjcf]'") from None
+    warnings: list[str] = []
+    mujoco.set_mju_user_warning(warnings.append)  # else they go to a file in the present folder
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         root.refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
+    finally:
+        mujoco.set_mju_user_warning(None)
+    if not all(np.isfinite(getattr(model, name)).all() for name in _NUMBERS):
+        root.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
     _heed(root)
     return _Reading(model, root, mujoco).robot, root
 

@@ -188,6 +188,21 @@ class Robot:
             yield joint
             waiting[:0] = below.get(joint.child, [])
 
+    def in_loops(self) -> set[str]:
+        """The joints on the ways round loops."""
+        carried = {joint.child: joint for joint in self.joints.values()}
+        found: set[str] = set()
+        for loop in self.loops:
+            ways = []
+            for end in loop.links:
+                way = set()
+                while end in carried:
+                    way.add(carried[end].name)
+                    end = carried[end].parent
+                ways.append(way)
+            found |= ways[0] ^ ways[1]
+        return found | {name for coupling in self.couplings for name in coupling.terms}
+
     def poses(self, q: dict[str, Array]) -> dict[str, Pose]:
         """The global poses of all links for coordinates by joints; those of joints that are not named are zero."""
         placed = {link.name: Pose() for link in self.root()}
