@@ -19,6 +19,7 @@ from . import (
     model_files,
     parts,
     poses,
+    robots,
     run_files,
     signals,
 )  # fmt: skip
@@ -54,6 +55,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="controllers", suffix=".controller.json", make=controllers.make, check=controllers.check, limit=240),
         Kind(name="poses", suffix=".pose.json", make=poses.make, check=poses.check, limit=120),
         Kind(name="massless", suffix=".massless.json", make=massless.make, check=massless.check, limit=240),
+        Kind(name="robots", suffix=".robot.json", make=robots.make, check=robots.check, limit=60, waits=False),
         Kind(name="friction", suffix=".friction.json", make=friction.make, check=friction.check, limit=240),
     )
 }

@@ -1,0 +1,68 @@
+"""Damaged URDF, SDF and MJCF: each becomes a model, or is refused with its place; nothing else comes out."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cutjoint.package.errors import CutjointError
+from cutjoint.topology.reading import read_model
+from tests.importing.test_sdf import FOUR_BAR
+
+_LEG = Path(__file__).parents[1] / "importing" / "leg.urdf"
+_TREE = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="j" axis="0 1 0" armature="0.1"/>
+<geom type="box" size="0.1 0.2 0.3"/><body name="b" pos="1 0 0"><joint name="k" type="slide"/><geom type="sphere" size="0.1"/></body></body>
+<body name="c"><freejoint/><geom type="capsule" fromto="0 0 0 0 0 1" size="0.1"/></body></worldbody>
+<equality><connect body1="b" body2="c" anchor="0 0 0.1"/><joint joint1="j" joint2="k" polycoef="0 1 0.5 0 0"/></equality>
+<actuator><position joint="j" kp="10"/></actuator></mujoco>"""
+_WORDS = (
+    "0", "-1", "1e308", "nan", "1e-300", "", "inf", "1 2 3", "0 0 0", "a", "rod", "thigh", "world", "-0", "1e12", "9" * 20, "fixed",
+    "prismatic", "ball", "<", "&", "'", '"', "\0", "\u00e9", "__model__", "../x", "/etc/passwd",
+)  # fmt: skip
+
+
+def make(rng: random.Random) -> str:
+    """A file's ending and content, as JSON."""
+    seeds = {".urdf": _LEG.read_text(encoding="utf-8"), ".sdf": FOUR_BAR, **({".xml": _TREE} if find_spec("mujoco") else {})}
+    ending = rng.choice(sorted(seeds))
+    text = seeds[ending]
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        text = _damaged(rng, text)
+    return json.dumps({"name": f"robot{ending}", "content": text})
+
+
+def _damaged(rng: random.Random, text: str) -> str:
+    """A value, a text or a tag is another one, goes, or stands twice."""
+    places = [found.span() for found in re.finditer(r'"[^"]*"|>[^<]+<|</?\w+', text)]
+    if not places:
+        return text
+    (start, end), (other, last) = rng.choice(places), rng.choice(places)
+    match rng.randrange(10):
+        case 0:
+            return text[:start] + text[end:]
+        case 1:
+            low, high = sorted((start, last))
+            return text[:high] + text[low:high] + text[high:]
+        case 2 | 3:
+            return text[:start] + text[other:last] + text[end:]
+    closing = text[end - 1] if text[end - 1] in '"<' else ""
+    return text[:start] + text[start] + rng.choice(_WORDS) + closing + text[end:]
+
+
+def check(text: str) -> tuple[str, ...]:
+    """The reason why a file was refused."""
+    case = json.loads(text)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / case["name"]
+        path.write_text(case["content"], encoding="utf-8", errors="replace")
+        try:
+            read_model(path)
+        except CutjointError as error:
+            first = str(error).splitlines()[0]
+            assert re.match(rf"{re.escape(str(path))}(\.yaml)?:\d+:\d+: ", first), first
+            return (first.removeprefix(str(path)),)
+    return ()
