@@ -17,9 +17,7 @@ from cutjoint.stepping.library import LIMITED, EffortRecord, Library
 from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, StepDerivative, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
-_WITHOUT_STEP_DERIVATIVES = (
-    "derivatives of steps are of method recursive with integrator trapezoidal or rk4; without loops of recursive-newton and trapezoidal too"
-)
+_WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
