@@ -134,7 +134,6 @@ class NewtonSteps {
   const Residuals& residuals(const StateOf<S>&) const { return newton_.residuals(); }
 
   const Newton& newton() const { return newton_; }
-  Newton& newton() { return newton_; }
   Solver& solver() { return solver_; }
   const Solver& solver() const { return solver_; }
   long iterations() const { return newton_.iterations(); }

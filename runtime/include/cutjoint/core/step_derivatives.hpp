@@ -21,8 +21,8 @@ namespace cutjoint {
 /// end.  What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
 ///
-/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there, and moves speeds along its factors until the rates of
-/// loops are closed.  The factors are taken as they are: they differ with the state by as much as that moves speeds, which is of the order of the rule's error.
+/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It closes the rates of loops at the smallest cost in the
+/// norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms>
 class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
  public:
@@ -82,6 +82,39 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     std::size_t width;
   };
 
+  /// What multipliers move, by columns, and the pull that closes gaps; where equations depend on each other some pull in vain.
+  struct Pulls {
+    Fixed<double, sought * n> moves;
+    Fixed<double, sought * sought> closed;
+    Fixed<double, sought> scales, left, right;
+    Fixed<std::size_t, sought> order;
+    std::optional<dense::LeastSquares<double>> squares;
+
+    /// Of what moves close, by columns.
+    void decompose(const Fixed<double, sought * n>& loops) {
+      for (std::size_t j = 0; j < sought; ++j) {
+        double most = 0.0;
+        for (std::size_t i = 0; i < sought; ++i) {
+          double& sum = closed[j * sought + i] = 0.0;
+          for (std::size_t l = 0; l < n; ++l) sum += loops[l * sought + i] * moves[j * n + l];
+          most = std::max(most, std::abs(sum));
+        }
+        scales[j] = most > 0.0 ? 1.0 / most : 1.0;
+        for (std::size_t i = 0; i < sought; ++i) closed[j * sought + i] *= scales[j];
+      }
+      squares.emplace(dense::Matrix<double>{closed.data(), sought, sought}, order.data(), left.data(), right.data());
+      squares->decompose(1e-9);
+    }
+
+    /// The pull for a gap, which is overwritten.
+    template <class Numbers>
+    void solve(Numbers& gap, Numbers& pull) const {
+      Numbers room;
+      squares->solve(gap.data(), pull.data(), room.data());
+      for (std::size_t j = 0; j < sought; ++j) pull[j] *= scales[j];
+    }
+  };
+
   /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
   long parts_taken(const Steps& steps) const {
     if constexpr (is_explicit) return steps.iterations();
@@ -128,11 +161,9 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
       if (const Fault fault = minimal_->decompose(starter, from)) return fault;
       if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
       if (!(is_explicit ? go_by_slopes(mechanism, from, h, number) : go_by_rule(mechanism, from, h, number))) return no_end;
-      if constexpr (seeks_multipliers) {
-        if (const Fault fault = close_rates(end, number)) return fault;
-      } else if (is_explicit || simulation.settings().fixed_point.proximal) {
+      if constexpr (seeks_multipliers) close_rates();
+      else if (is_explicit || simulation.settings().fixed_point.proximal)
         if (!close_loops()) return {.cause = Cause::pose_singular, .t = end.t};
-      }
       end_row(first, number);
     }
     mechanism.begin_step(end.t, 1.0);
@@ -192,7 +223,9 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     if constexpr (seeks_multipliers) {
       if (!go_to_end(mechanism)) return false;
       std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-      return decompose_rule(mechanism, h) && solve_rule(mechanism, h) && decompose_rule(mechanism, h);
+      if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
+      find_projection();
+      return true;
     } else {
       return iterate_rule(mechanism, h) && go_to_end(mechanism) && decompose_rule(mechanism, h);
     }
@@ -243,49 +276,54 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
       for (std::size_t k = 0; k < number; ++k) (first + k < n ? found_[first + k] : lambda_[first + k - n]).slope[k] = 1.0;
       if (!leave(mechanism, h, number)) return false;
       for (std::size_t k = 0, j = first; k < number; ++k, ++j) {
-        for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : pulls_[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
+        for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : rates_.moves[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
         for (std::size_t i = 0; i < sought && j < n; ++i) loops_[j * m + i] = phi_[i].slope[k];
       }
     }
     squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
     squares_->decompose(1e-14);
-    if constexpr (seeks_multipliers) decompose_pulls();
+    if constexpr (seeks_multipliers) {
+      for (std::size_t j = 0; j < m; ++j) {
+        std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
+        squares_->solve(place_.data(), values_.data(), still_.data());
+        for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
+      }
+      ends_.decompose(loops_);
+    }
     return squares_->rank() == n;
   }
 
-  /// What multipliers close of the loops: of equations that depend on each other some pull in vain.
-  void decompose_pulls() {
-    for (std::size_t j = 0; j < m; ++j) {
-      double largest = 0.0;
-      squares_->solve(pulls_.data() + j * n, values_.data(), place_.data());
-      for (std::size_t i = 0; i < n; ++i) pulls_[j * n + i] = -values_[i];
-      for (std::size_t i = 0; i < m; ++i) {
-        double& closed = closed_[j * m + i] = 0.0;
-        for (std::size_t l = 0; l < n; ++l) closed -= loops_[l * m + i] * values_[l];
-        largest = std::max(largest, std::abs(closed));
+  /// The projection of speeds at the end, by the masses there, and the pull that it takes.
+  void find_projection() {
+    Fixed<double, sought * n> by_speeds;
+    for (std::size_t i = 0; i < n; ++i) v_[i] = stage_.v[i];
+    for (std::size_t first = 0; first < n; first += directions) {
+      const std::size_t number = std::min(directions, n - first);
+      for (std::size_t k = 0; k < number; ++k) v_[first + k].slope[k] = 1.0;
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      for (std::size_t k = 0; k < number; ++k) {
+        for (std::size_t i = 0; i < m; ++i) by_speeds[(first + k) * m + i] = phid_[i].slope[k];
+        v_[first + k].slope = Slopes{};
       }
-      scales_[j] = largest > 0.0 ? 1.0 / largest : 1.0;
-      for (std::size_t i = 0; i < m; ++i) closed_[j * m + i] *= scales_[j];
     }
-    pull_squares_.emplace(dense::Matrix<double>{closed_.data(), m, m}, pull_order_.data(), pull_left_.data(), pull_right_.data());
-    pull_squares_->decompose(1e-9);
+    rates_.decompose(by_speeds);
+    Fixed<double, m> gap;
+    for (std::size_t i = 0; i < m; ++i) gap[i] = phid_[i].value;
+    rates_.solve(gap, pull_);
   }
 
   /// How accelerations and multipliers have to change so that nothing is left of both equations; what is left is overwritten.
   template <class Number>
   void solve(Fixed<Number, n>& left, Fixed<Number, m>& open, Fixed<Number, n>& change, Fixed<Number, m>& pull) {
     Fixed<Number, n> room;
-    Fixed<Number, m> beside;
     squares_->solve(left.data(), change.data(), room.data());
     for (std::size_t i = 0; i < m; ++i) {
       open[i] = -open[i];
       for (std::size_t j = 0; j < n; ++j) open[i] -= loops_[j * m + i] * change[j];
     }
-    pull_squares_->solve(open.data(), pull.data(), beside.data());
-    for (std::size_t j = 0; j < m; ++j) {
-      pull[j] *= scales_[j];
-      for (std::size_t i = 0; i < n; ++i) change[i] += pulls_[j * n + i] * pull[j];
-    }
+    ends_.solve(open, pull);
+    for (std::size_t j = 0; j < m; ++j)
+      for (std::size_t i = 0; i < n; ++i) change[i] += ends_.moves[j * n + i] * pull[j];
   }
 
   /// Its end along directions.
@@ -326,21 +364,19 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return true;
   }
 
-  /// Speeds whose loops' rates stay closed along directions, as the projection of the step closed them, by its factors.
-  Fault close_rates([[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] std::size_t number) {
+  /// Speeds that the projection of Newton's iteration leaves: v less what the masses let a pull move, by which the rates of loops stay closed.
+  void close_rates() {
     if constexpr (seeks_multipliers) {
-      for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i] + pull_[i];
+      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), found_.data(), correction_.data());
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
+      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+      for (std::size_t i = 0; i < n; ++i) v_[i] += found_[i] - vdot_[i];
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      Speeds<typename Simulation::Subject> rates;
-      Equations<typename Simulation::Subject> gap;
-      for (std::size_t k = 0; k < number; ++k) {
-        for (std::size_t i = 0; i < n; ++i) rates[i] = v_[i].slope[k];
-        for (std::size_t i = 0; i < m; ++i) gap[i] = phid_[i].slope[k];
-        if (const Fault fault = simulation_->steps().newton().close_rates(end, rates, gap)) return fault;
-        for (std::size_t i = 0; i < n; ++i) v_[i].slope[k] = rates[i];
-      }
+      rates_.solve(phid_, lambda_);
+      for (std::size_t j = 0; j < m; ++j)
+        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * lambda_[j].slope;
     }
-    return {};
   }
 
   bool go_to_end(M& mechanism) {
@@ -461,7 +497,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return share;
   }
 
-  using Base::place_, Base::values_;
+  using Base::place_, Base::still_, Base::values_;
 
   Simulation* simulation_ = nullptr;
   Minimal* minimal_ = nullptr;
@@ -474,11 +510,10 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   Fixed<double, n * n> matrix_;
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
-  std::optional<dense::LeastSquares<double>> squares_, pull_squares_;
-  Fixed<double, sought * n> pulls_, loops_;  ///< what accelerations follow from multipliers, by columns, and what closes loops of accelerations
-  Fixed<double, sought * sought> closed_;
-  Fixed<double, sought> scales_, pull_left_, pull_right_;
-  Fixed<std::size_t, sought> pull_order_;
+  std::optional<dense::LeastSquares<double>> squares_;
+  Fixed<double, sought * n> loops_;  ///< what accelerations at the end close of the loops, by columns
+  Pulls ends_, rates_;               ///< of the rule and of its projection
+  Fixed<double, sought> pull_;       ///< that of the projection
   StateOf<M> last_{M::sizes.coordinates, n, m};  ///< of an adaptive method, where its last step ended
   Fault followed_;                               ///< why one of its steps has no derivative
 };

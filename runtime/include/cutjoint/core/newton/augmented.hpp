@@ -23,14 +23,6 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   AugmentedBase(S& system, Solver& solver, const NewtonSettings& settings)
       : Base(system, solver, settings), alpha_(settings.penalty.value_or(0.0)), pose_(sizes_of(system).coordinates), closing_(system), way_(n_), from_(pose_) {}
 
-  /// Bring small changes of a state's rates to its loops, whose rates they open by a gap, along the factors of the last projection.
-  Fault close_rates(const StateOf<S>& state, Speeds<S>& changes, Equations<S>& gap) {
-    const auto follow = [&](const auto& w, auto way, auto closing) { return this->follow_weight(pose_, state, w, way, closing); };
-    const Real enough = this->rounding_like(1e-14) * largest(changes), open = largest(gap);
-    if (const Fault fault = closing_.close(changes, gap, k_ * alpha_, enough, follow)) return fault;
-    return largest(gap) <= Real(1e-9) * open || largest(gap) <= enough ? Fault{} : this->fault_in_equation(Cause::pose_singular, 0, largest(gap));
-  }
-
   /// Close the loops of another state, positions first, then speeds, with the factors of a step near it.
   Fault close_loops(StateOf<S>& state) {
     if (m_ == 0) return {};
