@@ -379,6 +379,20 @@ class Simulation:
         numbers.flags.writeable = False
         return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)
 
+    def set_states(self, states: Array, time: float | None = None) -> None:
+        """Go on from the numbers of ``states``, in SI units, at a time (s), by default the present one: dependent coordinates and speeds follow
+        from closed loops near the present ones.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            ValueError: there is another number of states.
+            SimulationError: loops do not close there, a number is not finite, or there was no `reset`.
+        """
+        x = np.ascontiguousarray(states, dtype=np.float64)
+        if x.shape != (count := 2 * self._require_freedoms() + self.library.states,):
+            raise ValueError(f"there are {count} states, not {x.shape}")
+        self._call(self.library.set_minimal, self.time if time is None else time, x.ctypes.data)
+
     def linearise(self) -> StateSpace:
         """The motion near the present state: x' = A x + B u, y = C x + D u.
 
