@@ -232,8 +232,9 @@ def test_states_are_gone_to() -> None:
     assert sim.time == 0.05
     assert sim.coordinates.array == pytest.approx(q, abs=1e-12)
     assert sim.speeds.array == pytest.approx(v, abs=1e-11)
-    sim.set_states(there + [0.01, 0, 0, 0])
-    assert sim.states.array == pytest.approx(there + [0.01, 0, 0, 0], abs=1e-13)
+    moved = there + 0.01 * np.eye(4)[0]
+    sim.set_states(moved)
+    assert sim.states.array == pytest.approx(moved, abs=1e-13)
     assert sim.gap[0] < 1e-12
     with pytest.raises(ValueError, match="there are 4 states"):
         sim.set_states(there[:3])

@@ -380,8 +380,8 @@ class Simulation:
         return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)
 
     def set_states(self, states: Array, time: float | None = None) -> None:
-        """Go on from the numbers of ``states``, in SI units, at a time (s), by default the present one: dependent coordinates and speeds follow
-        from closed loops near the present ones.
+        """Go on from the numbers of ``states`` (SI units) at a time (s), by default the present one; dependent coordinates and speeds
+        follow from closed loops.
 
         Raises:
             TypeError: the model was loaded without derivatives.

@@ -318,7 +318,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     Fixed<Number, n> room;
     squares_->solve(left.data(), change.data(), room.data());
     for (std::size_t i = 0; i < m; ++i) {
-      open[i] = -open[i];
+      open[i] *= -1.0;
       for (std::size_t j = 0; j < n; ++j) open[i] -= loops_[j * m + i] * change[j];
     }
     ends_.solve(open, pull);
@@ -339,14 +339,16 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     if (!go_to_end(mechanism)) return false;
     for (std::size_t i = 0; i < sought; ++i) lambda_[i] = stage_.lambda[i];
     if (!leave(mechanism, h, number)) return false;
+    Fixed<Along, n> left, step, room;
+    for (std::size_t i = 0; i < n; ++i) left[i].slope = vdot_[i].slope;
     if constexpr (seeks_multipliers) {
-      for (Dual& x : vdot_) x.value = 0.0;
-      for (Dual& x : phi_) x.value = 0.0;
-      solve(vdot_, phi_, step_, correction_);
+      Fixed<Along, m> open, pull;
+      for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
+      solve(left, open, step, pull);
     } else {
-      squares_->solve(vdot_.data(), step_.data(), this->room_.data());
+      squares_->solve(left.data(), step.data(), room.data());
     }
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step_[i].slope;
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step[i].slope;
     lead(h);
     return true;
   }
@@ -373,9 +375,11 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
       mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
       for (std::size_t i = 0; i < n; ++i) v_[i] += found_[i] - vdot_[i];
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      rates_.solve(phid_, lambda_);
+      Fixed<Along, m> open, pull;
+      for (std::size_t i = 0; i < m; ++i) open[i].slope = phid_[i].slope;
+      rates_.solve(open, pull);
       for (std::size_t j = 0; j < m; ++j)
-        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * lambda_[j].slope;
+        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * pull[j].slope;
     }
   }
 
