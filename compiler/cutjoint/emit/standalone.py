@@ -242,7 +242,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
     """Return whether the interface has derivatives of steps."""
-    return parts.freedoms is not None and steps.differentiable
+    return parts.freedoms is not None and parts.derives_steps and steps.differentiable
 
 
 def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
