@@ -78,7 +78,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
         "test_what_an_integrator_has_not_is_refused", "test_inputs_and_parameters_count_from_the_next_step_on",
         "test_the_code_calls_mathematics_and_nothing_else",
     ),
-    "tests/standalone/test_other_processors.py": ("test_a_run_is_the_same_to_the_last_bit",),
+    "tests/standalone/test_other_processors.py": ("test_a_run_has_the_numbers_of_this_machine",),
     "tests/standalone/test_steering.py": (
         "test_simulations_in_lanes_follow_as_one_alone", "test_a_law_that_is_held_step_by_step_is_followed[recursive-newton-*]",
     ),

@@ -95,6 +95,12 @@ def test_the_pole_stands() -> None:
     assert abs(pole) < 1e-3
 
 
+def test_the_pole_swings_up() -> None:
+    missed, most = (float(x) for x in re.findall(r"-?\d[\d.]*(?:e[-+]\d+)?", python(EXAMPLES / "swing_up.py")))
+    assert missed < 1e-3  # of half a turn: without exact derivatives Gauss-Newton steps do not get there
+    assert 5 < most < 30  # N
+
+
 def test_an_environment_of_gymnasium_balances_poles_and_starts_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "16 of 16 poles stand" in python(EXAMPLES / "cart_pole_env.py")
     monkeypatch.syspath_prepend(str(EXAMPLES))

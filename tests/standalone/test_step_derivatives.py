@@ -1,7 +1,8 @@
-"""Derivatives of steps: closed forms of linear motions, samples within steps, calls; differences are in `test_derivatives.py`."""
+"""Derivatives of steps: closed forms of linear motions, loops beside differences, samples within steps, calls."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -132,9 +133,118 @@ def test_a_step_that_ends_at_an_event_has_none() -> None:
     assert 1 < sum(crossed) < 20
 
 
+PUSHER = """
+cutjoint: 1
+name: pusher
+gravity: [0, 0, -9.81]
+parameters:
+  torque: {value: 0.3, unit: N*m, binding: input}
+  drag: {value: 0.2, unit: N*s/m, binding: param}
+bodies:
+  crank: {mass: 0.5, centre_of_mass: [0.05, 0, 0.05], inertia: [0.001, 0.001, 0.001]}
+  rod: {mass: 0.5, centre_of_mass: [0.2, 0, 0.05], inertia: [0.004, 0.004, 0.004]}
+  cart: {mass: 1, centre_of_mass: [0.3, 0, 0]}
+  pole: {mass: 0.2, centre_of_mass: [0.3, 0, 0.25], inertia: [0.004, 0.004, 0.0001]}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, 1, 0]}
+  wrist: {kind: revolute, bodies: [crank, rod], at: [0.0, 0, 0.1], axis: [0, 1, 0]}
+  end: {kind: revolute, bodies: [rod, cart], at: [0.3, 0, 0], axis: [0, 1, 0]}
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0.3, 0, 0], axis: [1, 0, 0]}
+  hinge: {kind: revolute, bodies: [cart, pole], at: [0.3, 0, 0], axis: [0, 1, 0]}
+forces:
+  drive: {kind: joint_force, joint: pin, law: torque}
+  air: {kind: joint_force, joint: rail, law: -drag*rate}
+outputs: [cart.x]
+scenes: {run: {end: 1, numerics: {NUMERICS}}}
+"""
+SHARP = "dt: 1 ms, tolerance: 1e-12, iterations: 200"
+
+
+def differences(sim: cutjoint.Simulation, change: Callable[[float], None], snapshot: bytes, by: float) -> np.ndarray:
+    """Of the states at the end of a step that begins where a snapshot is, by what changes there."""
+    ends = []
+    for share in (by, -by):
+        sim.restore(snapshot)
+        change(share)
+        sim.step()
+        ends.append(sim.states.array)
+    return (ends[0] - ends[1]) / (2 * by)
+
+
+def errors_of(sim: cutjoint.Simulation, h: float, *, settled: bool = True) -> list[float]:
+    """Those of columns by states, the torque and the drag of a step of length h, as shares of the largest entries; ``settled`` finds
+    accelerations anew for each difference."""
+    sim.reset(dt=h)
+    sim.advance(0.1)
+    sim.choose()
+    snapshot, start = sim.snapshot(), sim.states.array
+
+    def settle() -> None:
+        if settled:
+            sim.set_state(sim.time, sim.coordinates.array.copy(), sim.speeds.array.copy())
+
+    def push(by: float) -> None:
+        sim.inputs["torque"] = 0.3 + by
+        settle()
+
+    def slow(by: float) -> None:
+        sim.parameters["drag"] += by
+        settle()
+
+    settle()
+    found = sim.step_derivative()
+    known = [differences(sim, lambda by, i=i: sim.set_states(start + by * np.eye(4)[i]), snapshot, 1e-4) for i in range(4)]
+    pairs = [(np.array(known).T, found.by_state)]
+    pairs += [(differences(sim, change, snapshot, 1e-2), x[:, 0]) for change, x in ((push, found.by_input), (slow, found.by_parameter))]
+    return [np.abs(x - y).max() / np.abs(x).max() for x, y in pairs]
+
+
+def test_loops_by_the_fixed_point_and_what_a_jump_of_an_input_leaves() -> None:
+    """A held input that jumps begins the next step with accelerations by the multipliers before, which one evaluation corrects."""
+    sim = loaded(PUSHER.replace("NUMERICS", SHARP), "pusher")
+    assert max(errors_of(sim, 0.02)) < 1e-7  # of differences
+    traces = [errors_of(sim, h, settled=False)[1] for h in (0.02, 0.01)]
+    assert 1e-6 < traces[0] < 1e-4
+    assert traces[1] < traces[0] / 16
+
+
+def test_loops_by_newtons_iteration_come_nearer_with_shorter_steps() -> None:
+    """The norm in which it closes rates is taken for that of the masses."""
+    sim = loaded(PUSHER.replace("NUMERICS", SHARP), "pusher", "recursive-newton")
+    long, short = (max(errors_of(sim, h)) for h in (0.008, 0.002))
+    assert long < 1e-3
+    assert short < min(long / 4, 1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["dormand-prince", "dop853"])
+def test_adaptive_steps_have_the_derivatives_of_the_motion(integrator: str) -> None:
+    """Beside differences of steps that are chosen anew, and so off by what the tolerance lets steps err."""
+    sim = loaded(PUSHER.replace("NUMERICS", "tolerance: 1e-9"), "pusher", integrator=integrator)
+    assert max(errors_of(sim, 0.02)) < 1e-6
+
+
+def test_states_are_gone_to() -> None:
+    sim = loaded(PUSHER.replace("NUMERICS", SHARP), "pusher").reset(dt=0.002)
+    sim.advance(0.05)
+    there, q, v = sim.states.array, sim.coordinates.array.copy(), sim.speeds.array.copy()
+    sim.advance(0.1)
+    sim.set_states(there, time=0.05)
+    assert sim.time == 0.05
+    assert sim.coordinates.array == pytest.approx(q, abs=1e-12)
+    assert sim.speeds.array == pytest.approx(v, abs=1e-11)
+    moved = there + 0.01 * np.eye(4)[0]
+    sim.set_states(moved)
+    assert sim.states.array == pytest.approx(moved, abs=1e-13)
+    assert sim.gap[0] < 1e-12
+    with pytest.raises(ValueError, match="there are 4 states"):
+        sim.set_states(there[:3])
+    with pytest.raises(cutjoint.SimulationError):
+        sim.set_states(there * np.nan)
+
+
 def test_steps_without_derivatives_are_told() -> None:
     with pytest.raises(TypeError, match="load the model with linearise=True"):
         cutjoint.load(MODELS / "press.yaml").reset().step_derivative()
-    sim = cutjoint.load(MODELS / "press.yaml", method="recursive-newton", linearise=True).reset()
-    with pytest.raises(TypeError, match="derivatives of steps are of method recursive with integrator trapezoidal or rk4"):
+    sim = cutjoint.load(MODELS / "press.yaml", method="recursive-newton", integrator="radau5", linearise=True).reset()
+    with pytest.raises(TypeError, match="derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"):
         sim.step_derivative()

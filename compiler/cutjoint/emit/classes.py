@@ -73,14 +73,16 @@ class SimulationCode:
     itself.
 
     With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
-    that is stepped itself values that change their sign where its formulas change.  With a program without lanes of its own,
-    ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a namespace of that name.
+    that is stepped itself values that change their sign where its formulas change; derivatives of steps if it ``derives_steps`` and they
+    have some.  With a program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of
+    the mechanism, in a namespace of that name.
     """
 
     mechanism: RecursiveEquations
     program: Program
     system: System | None
     freedoms: int | None = None
+    derives_steps: bool = True
     side_by_side: Program | None = None
 
     @property

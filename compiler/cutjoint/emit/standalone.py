@@ -68,7 +68,7 @@ class Steps:
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
     steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``differentiable`` whether steps have derivatives: those of a system only where it has no loops to project.
+    ``differentiable`` whether steps have derivatives.
     """
 
     header: str
@@ -95,11 +95,11 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         ),
         "dormand-prince": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::DormandPrinceTable>", stages=7, finds_events=True,
-            adaptive=True,
+            adaptive=True, differentiable=True,
         ),
         "dop853": Steps(
             header=_EXPLICIT, name="ExplicitSteps<Mechanism, cutjoint::runge_kutta::Dop853Table>", stages=20, finds_events=True,
-            adaptive=True,
+            adaptive=True, differentiable=True,
         ),
     },
     "augmented": {
@@ -242,7 +242,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
     """Return whether the interface has derivatives of steps."""
-    return parts.freedoms is not None and steps.differentiable and (parts.system is None or not parts.stepped.equation_names)
+    return parts.freedoms is not None and parts.derives_steps and steps.differentiable
 
 
 def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
@@ -439,7 +439,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + equations.held + 64
-        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + n * n + 3 * n + state + 32  # of a step's derivatives
+        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + n * n + 3 * n + 2 * state + q + 64  # of a step's derivatives
+        stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted

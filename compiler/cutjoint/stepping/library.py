@@ -133,6 +133,7 @@ class Library:
             self.choose_speeds = self._function("choose_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
             self.state_name = self._function("state_name", text, sim, index)
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
+            self.set_minimal = self._function("set_minimal", index, sim, number, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")

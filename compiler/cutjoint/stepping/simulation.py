@@ -17,9 +17,7 @@ from cutjoint.stepping.library import LIMITED, EffortRecord, Library
 from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, StepDerivative, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
-_WITHOUT_STEP_DERIVATIVES = (
-    "derivatives of steps are of method recursive with integrator trapezoidal or rk4; without loops of recursive-newton and trapezoidal too"
-)
+_WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
 
@@ -380,6 +378,20 @@ class Simulation:
         self._call(self.library.get_minimal, numbers.ctypes.data)
         numbers.flags.writeable = False
         return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)
+
+    def set_states(self, states: Array, time: float | None = None) -> None:
+        """Go on from the numbers of ``states`` (SI units) at a time (s), by default the present one; dependent coordinates and speeds
+        follow from closed loops.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            ValueError: there is another number of states.
+            SimulationError: loops do not close there, a number is not finite, or there was no `reset`.
+        """
+        x = np.ascontiguousarray(states, dtype=np.float64)
+        if x.shape != (count := 2 * self._require_freedoms() + self.library.states,):
+            raise ValueError(f"there are {count} states, not {x.shape}")
+        self._call(self.library.set_minimal, self.time if time is None else time, x.ctypes.data)
 
     def linearise(self) -> StateSpace:
         """The motion near the present state: x' = A x + B u, y = C x + D u.

@@ -67,7 +67,7 @@ class LeastSquares {
   template <class Number>
   void solve(Number* b, Number* x, Number* room) const {
     for (std::size_t k = 0; k < rank_; ++k) apply(k, b);
-    for (std::size_t j = 0; j < A_.columns; ++j) room[j] = j < rank_ ? b[j] : Number(0);
+    for (std::size_t j = 0; j < A_.columns; ++j) room[j] = j < rank_ ? b[j] : Number{};
     for (std::size_t k = rank_; k-- > 0;) {
       for (std::size_t j = k + 1; j < rank_; ++j) room[k] -= A_(k, j) * room[j];
       room[k] /= A_(k, k);

@@ -277,9 +277,12 @@ class Derivatives {
   }
 
   /// Slopes of dependent ones that close gaps of the loops.
-  void follow_loops(Fixed<Dual, m>& gaps, Minimal& minimal, Fixed<Dual, n>& numbers) {
-    minimal.solve(gaps.data(), step_.data(), room_.data());
-    for (std::size_t i = 0; i < n; ++i) numbers[i].slope -= step_[i].slope;
+  void follow_loops(const Fixed<Dual, m>& gaps, Minimal& minimal, Fixed<Dual, n>& numbers) {
+    Fixed<Along, m> left;
+    Fixed<Along, n> step, room;
+    for (std::size_t i = 0; i < m; ++i) left[i].slope = gaps[i].slope;
+    minimal.solve(left.data(), step.data(), room.data());
+    for (std::size_t i = 0; i < n; ++i) numbers[i].slope -= step[i].slope;
   }
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers

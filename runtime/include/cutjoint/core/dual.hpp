@@ -42,6 +42,19 @@ struct Dual {
   friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
 };
 
+/// Derivatives without their value, which linear maps of numbers take to others.
+struct Along {
+  Slopes slope{};
+
+  [[gnu::always_inline]] Along& operator+=(const Along& b) { return slope += b.slope, *this; }
+  [[gnu::always_inline]] Along& operator-=(const Along& b) { return slope -= b.slope, *this; }
+  [[gnu::always_inline]] Along& operator*=(double b) { return slope *= b, *this; }
+  [[gnu::always_inline]] Along& operator/=(double b) { return slope /= b, *this; }
+
+  [[gnu::always_inline]] friend Along operator*(const Along& a, double b) { return {a.slope * b}; }
+  [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.slope}; }
+};
+
 /// A function's value, and its derivatives by an argument, of which it has that `steepness`.
 inline Dual follow(double value, double steepness, const Dual& a) { return {value, a.slope == 0.0 ? Slopes{} : steepness * a.slope}; }
 

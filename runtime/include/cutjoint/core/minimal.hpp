@@ -129,7 +129,7 @@ class MinimalCoordinates {
   /// How dependent ones have to change so that gaps of the loops close, one number for each speed; b and `room` are overwritten.
   template <class Number>
   void solve(Number* b, Number* step, Number* room) const {
-    squares_->solve(b, step, room);
+    solve(*squares_, b, step, room);
   }
 
   /// The speeds for a unit rate of each independent coordinate, others at rest: one column of all speeds for each, in the pose of a state.
@@ -218,21 +218,32 @@ class MinimalCoordinates {
     }
   }
 
-  /// That by dependent ones, decomposed.
+  /// That by dependent ones, decomposed: their columns side by side.
   dense::LeastSquares<Real> decomposed_by_dependent() {
-    for (std::size_t j = 0; j < n; ++j)
-      if (choice_.independent[j]) std::fill_n(matrix_.begin() + j * m, m, Real(0));
-    return decomposed();
+    std::size_t width = 0;
+    for (std::size_t j = 0; j < joints; ++j) {
+      if (choice_.independent[j]) continue;
+      if (width < j) std::copy_n(matrix_.begin() + j * m, m, matrix_.begin() + width * m);
+      ++width;
+    }
+    return decomposed(width);
   }
 
-  dense::LeastSquares<Real> decomposed() {
-    dense::LeastSquares<Real> squares({matrix_.data(), m, n}, order_.data(), left_.data(), beside_.data());
+  dense::LeastSquares<Real> decomposed(std::size_t width = joints) {
+    dense::LeastSquares<Real> squares({matrix_.data(), m, width}, order_.data(), left_.data(), beside_.data());
     squares.decompose(Real(1e-7));
     return squares;
   }
 
-  /// The dependent ones of a solution of J x = b with independent ones nought.
-  void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { squares.solve(b.data(), step_.data(), room_.data()); }
+  /// The solution of J x = b by dependent ones, with independent ones nought.
+  template <class Number>
+  void solve(const dense::LeastSquares<Real>& squares, Number* b, Number* step, Number* room) const {
+    squares.solve(b, step, room);
+    std::size_t left = joints - freedoms;
+    for (std::size_t j = n; j-- > 0;) step[j] = j < joints && !choice_.independent[j] ? step[--left] : Number{};
+  }
+
+  void solve(const dense::LeastSquares<Real>& squares, Equations<M>& b) { solve(squares, b.data(), step_.data(), room_.data()); }
 
   Fault find_gain(Starter<M>& starter, const StateOf<M>& state, Real& gain) {
     gain = Real(0);

@@ -20,7 +20,7 @@ template <class Number>
   using std::sqrt;
   const Number x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2;
   const Number square = (1 + x * x + y * y + z * z) * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]);
-  Number scale;
+  Number scale{};
   if constexpr (std::is_same_v<Number, Four>)
     for (int k = 0; k < 4; ++k) scale[k] = sqrt(square[k]);
   else

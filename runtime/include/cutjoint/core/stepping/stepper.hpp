@@ -63,7 +63,7 @@ struct Progress {
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
-/// - `pose` has the coordinates of the present state; `read_struck` is that state with the speeds that it had before its loops were closed, without
+/// - `pose` has the coordinates of the present state, of an explicit scheme with the speeds behind them; `read_struck` is that state with the speeds that it had before its loops were closed, without
 ///   accelerations, which `complete_struck` finds, and `take_speeds` gives it others,
 /// - `read_end` is the present state, with accelerations and multipliers where guides need them, `read_between` one at a time of the last step,
 /// - `read` is y at the time of a row, which `lies_between` the ends of the last step or is that of the present state,
