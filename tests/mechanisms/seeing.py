@@ -60,7 +60,7 @@ extern "C" void cutjoint_soft(const double* a, double* result, double* partials)
 }
 """
 
-#: The same for numbers of 113 bits, in the namespace of the folder's code.
+#: Its code for numbers of 113 bits, in the namespace of the folder.
 SOFT_IN_QUADS = """
 template <>
 quads::Quad supplied<quads::Quad>(Supplied, const quads::Quad (&a)[2]) {
