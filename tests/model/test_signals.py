@@ -130,7 +130,8 @@ WRONG = [
     # Form
     ([("start: 0 rad, rate", "rate")], [NO_START]),
     ([("start: 0 rad, rate: error/lag", "start: 0 rad")],
-     ["m.yaml:21:3: state 'integral': the field 'rate' is missing; write an expression for its rate of change, such as rate: speed - 2*level"]),
+     ["m.yaml:21:3: state 'integral': the field 'rate' is missing; write an expression for its rate of change, such as rate: "
+      "speed - 2*level"]),
     ([("start: 0 rad", "begin: 0 rad")],
      [NO_START,
       "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: nominal, rate, start"]),

@@ -266,7 +266,8 @@ def test_states_of_all_sizes_have_one_tolerance(method: str, integrator: str) ->
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
 def test_states_of_all_sizes_end_iterations_alike(method: str) -> None:
-    """A pressure whose rate is large does not let the motion go with less: iterates are those of states near 1, to the last bit but for the scale."""
+    """A pressure whose rate is large does not let the motion go with less: iterates are those of states near 1, to the last bit but for
+    the scale."""
     one, two, loose = (
         simulate(compile_scene(m, m.scenes["run"], CompileOptions(method=method)), integrator="trapezoidal", dt=2e-3, error=False)
         for m in (scaled(1.0, 1.0), scaled(2.0**17, 2.0**-20), scaled(2.0**17, 2.0**-20, nominals=False))
