@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
+from cutjoint.emit.source import code_file
 from cutjoint.model.functions import supply
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -84,6 +88,22 @@ void cutjoint_sink(const double* a, double* result, double* partials) {
 }
 """
 
+#: The same as templates over the number type.
+TEMPLATES = """\
+#include <cmath>
+
+template <class Real>
+void cutjoint_cubic(const Real* a, Real* result) {
+  *result = 100 * a[0] + 2000 * a[0] * a[0] * a[0] + 3 * a[1];
+}
+
+template <typename Number>
+void cutjoint_sink(const Number* a, Number* result) {
+  using std::sin;
+  *result = -3 * sin(a[0]);
+}
+"""
+
 
 def supplied(tmp_path: Path, code: str = CODE) -> Model:
     path = tmp_path / "functions.cpp"
@@ -113,6 +133,62 @@ def test_code_moves_as_the_expression_does(method: str, tmp_path: Path) -> None:
     assert np.ptp(one["a.knee.angle"]) > 0.1
 
 
+def test_templates_move_as_the_expression_does(tmp_path: Path) -> None:
+    """By their derivatives the iteration of Newton's method takes as many steps."""
+    one, other = run(supplied(tmp_path, TEMPLATES), "recursive-newton"), run(written(), "recursive-newton")
+    assert one.failure is None
+    assert one.evaluations == other.evaluations
+    np.testing.assert_allclose(one["a.knee.angle"], other["a.knee.angle"], rtol=1e-10, atol=1e-11)
+
+
+#: Ten arguments, more than directions go side by side; all functions of numbers with derivatives; a memory is no argument.
+FIRST = "sin(a)*cos(b) + tan(c)/(2 + d) - asin(e)*acos(f) + atan(g)*sinh(h) - cosh(i)*tanh(j)"
+SECOND = "exp(a)*log(2 + b) + sqrt(1 + c*c) + atan2(d, e) + pow(1 + f, g) + abs(h) - (i > j ? i : 2*j)"
+LETTERS = "abcdefghij"
+WIDE = f"""
+cutjoint: 1
+name: wide
+gravity: [0, 0, 0]
+functions:
+  wide: {{arguments: [{", ".join(LETTERS)}], results: [first, second], partials: true, memory: 8}}
+bodies: {{block: {{mass: 1, centre_of_mass: [0, 0, 0]}}}}
+joints: {{slide: {{kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}}}
+scenes: {{run: {{end: 1}}}}
+"""
+WIDE_CODE = f"""
+#include <cmath>
+template <class Real>
+void cutjoint_wide(const Real* x, const void* memory, Real* results) {{
+  using namespace std;
+  const Real {", ".join(f"{name} = x[{k}]" for k, name in enumerate(LETTERS))};
+  results[0] = {FIRST} + *static_cast<const double*>(memory);
+  results[1] = {SECOND};
+}}
+extern "C" void cutjoint_wide_update(const double*, const void*, void*) {{}}
+"""
+
+
+def test_partial_derivatives_of_a_template_are_those_of_sympy(tmp_path: Path) -> None:
+    path = tmp_path / "wide.cpp"
+    path.write_text(WIDE_CODE, encoding="utf-8")
+    files = code_file(supply(read_model_text(WIDE, "wide.yaml"), path))
+    (tmp_path / "supplied.cpp").write_text(files["supplied.cpp"], encoding="utf-8")
+    flags = ["-std=c++20", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-O1", "-shared", "-fPIC"]
+    subprocess.run(["g++", *flags, "supplied.cpp", "-o", "wide.so"], cwd=tmp_path, check=True)
+    call = ctypes.CDLL(str(tmp_path / "wide.so")).cutjoint_wide
+    x, memory = np.array([0.3, -0.4, 0.5, 0.7, -0.2, 0.6, 1.2, -0.8, 0.9, 0.1]), np.array([4.0])
+    results, partials = np.zeros(2), np.zeros((2, 10))
+    call(*(array.ctypes.data_as(ctypes.c_void_p) for array in (x, memory, results, partials)))
+    symbols = sympy.symbols(" ".join(LETTERS), real=True)
+    known = [sympy.sympify(text, {**dict(zip(LETTERS, symbols, strict=True)), "abs": sympy.Abs, "pow": sympy.Pow})
+             for text in (f"{FIRST} + 4", SECOND.replace("(i > j ? i : 2*j)", "i"))]  # fmt: skip
+    at = dict(zip(symbols, x, strict=True))
+    assert results == pytest.approx([float(value.subs(at)) for value in known], rel=1e-14)
+    for row, value in zip(partials, known, strict=True):
+        assert row == pytest.approx([float(value.diff(symbol).subs(at)) for symbol in symbols], rel=1e-13, abs=1e-13)
+    call(*(array.ctypes.data_as(ctypes.c_void_p) for array in (x, memory, results)), None)
+
+
 @pytest.mark.heavy
 def test_runs_side_by_side_call_it_once_each(tmp_path: Path) -> None:
     cases = [{"k": k} for k in np.linspace(0.5, 2.0, 11)]
@@ -123,9 +199,10 @@ def test_runs_side_by_side_call_it_once_each(tmp_path: Path) -> None:
 
 
 @pytest.mark.heavy
-def test_derivatives_and_snapshots_of_a_host(tmp_path: Path) -> None:
+@pytest.mark.parametrize("code", [CODE, TEMPLATES], ids=["plain", "templates"])
+def test_derivatives_and_snapshots_of_a_host(code: str, tmp_path: Path) -> None:
     """Derivatives to rounding, and steps after a snapshot to the last bit."""
-    pair = [load(model, linearise=True, flags=FLAGS) for model in (supplied(tmp_path), written())]
+    pair = [load(model, linearise=True, flags=FLAGS) for model in (supplied(tmp_path, code), written())]
     spaces = []
     for simulation in pair:
         simulation.reset()

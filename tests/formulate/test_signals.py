@@ -82,6 +82,19 @@ def test_natural_coordinates_have_the_tangent_of_all_that_laws_read(seed: int) -
         assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("angle", ["roll", "pitch", "yaw"])
+def test_natural_coordinates_have_the_slopes_of_angles(angle: str) -> None:
+    text = SLIDER.replace("LAW", f"3*rod.{angle} + 2*rod.{angle}**2")
+    pair = make_pair(read_model_text(text, "slider.yaml"), SCENE, (), "augmented")
+    rng = np.random.default_rng(1)
+    q, v, vdot = (rng.standard_normal(pair.n) for _ in range(3))
+    M, C, K, J = differences(pair, q, v, vdot)
+    A = M + 0.1 * C + 0.01 * K
+    expected = (A + A.T) / 2 + J.T @ J
+    assert np.abs(K).max() > 0.1
+    assert np.abs(pair.tangent(q, v, vdot, (0.1, 0.01, 1.0)) - expected).max() < 1e-7 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize("seed", [1, 3])
 def test_the_classical_tangent_has_states(seed: int) -> None:
     """With the change of Phi_q^T lambda left out, by multipliers that are zero."""
@@ -106,6 +119,20 @@ def test_the_classical_tangent_has_states(seed: int) -> None:
     tangent = dense(pattern, call(system, "linearise", {**now, **arrays}, {})["tangent"])[:n, :n]
     assert np.abs(tangent - expected).max() < 1e-7 * np.abs(expected).max()
 
+
+SLIDER = """
+cutjoint: 1
+name: slider
+gravity: [0, 0, -9.81]
+bodies:
+  shoe: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}
+  rod: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [1, 2, 3]}
+joints:
+  slide: {kind: prismatic, bodies: [ground, shoe], at: [0, 0, 0], axis: [1, 0, 0]}
+  ball: {kind: spherical, bodies: [shoe, rod], at: [0, 0, 0]}
+forces: {drive: {kind: joint_force, joint: slide, law: LAW}}
+scenes: {run: {end: 1}}
+"""
 
 RIG = """
 cutjoint: 1

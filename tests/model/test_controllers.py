@@ -120,8 +120,10 @@ WRONG = [
     ([("every: 10 ms", "every: 10 mm")], ["m.yaml:19:12: controller 'pd': every needs s, got m"]),
     ([("every: 10 ms", "every: gain")], ["m.yaml:19:12: controller 'pd': every: the parameter 'gain' cannot stand here; write a number"]),
     ([("offset: 5 ms", "offset: -5 ms")], ["m.yaml:20:13: controller 'pd': offset must not be negative"]),
-    ([("    every: 10 ms\n", "")], ["m.yaml:18:3: controller 'pd': the field 'every' is missing"]),
-    ([("start: gain, next", "next")], ["m.yaml:26:7: controller 'pd': memory.rest: the field 'start' is missing"]),
+    ([("    every: 10 ms\n", "")], ["m.yaml:18:3: controller 'pd': the field 'every' is missing; "
+                                    "write the time between two samples, such as every: 1 ms"]),
+    ([("start: gain, next", "next")], ["m.yaml:26:7: controller 'pd': memory.rest: the field 'start' is missing; "
+                                       "write its value before the first sample, such as start: 0"]),
     (
         [("delay: 60 ms", "delay: 65 ms")],
         ["m.yaml:27:31: controller 'drift': delay: 0.065 s is no multiple of every, 0.02 s; write 0.06 s or 0.08 s; there is no continuous "

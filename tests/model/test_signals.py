@@ -59,6 +59,7 @@ def test_names_are_those_of_outputs() -> None:
     }  # fmt: skip
 
 
+NO_START = "m.yaml:21:3: state 'integral': the field 'start' is missing; write its value where a run begins, such as start: 0 rad"
 LOOP = "a state breaks it: one whose rate reads"
 
 WRONG = [
@@ -66,17 +67,18 @@ WRONG = [
     (
         [("command: 30*error", "command: motor.force + 30*error")],
         ["m.yaml:15:3: force 'motor': an algebraic loop: it reads signal 'command' (line 25), which reads force 'motor' (line 15); "
-         f"{LOOP} 'motor', and which 'command' reads instead of 'motor'"],
+         f"{LOOP} 'motor', and which 'command' reads instead of 'motor'; so does a controller that samples 'motor'"],
     ),
     (
         [("height: tip.z", "height: 0.1*command + tip.z"), ("error: target", "error: height + target")],
         ["m.yaml:24:3: signal 'error': an algebraic loop: it reads signal 'height' (line 26), which reads signal 'command' (line 25), "
-         f"which reads signal 'error' (line 24); {LOOP} 'error', and which 'command' reads instead of 'error'"],
+         f"which reads signal 'error' (line 24); {LOOP} 'error', and which 'command' reads instead of 'error'; "
+         "so does a controller that samples 'error'"],
     ),
     (
         [("law: command", "law: command - motor.damping")],
         [f"m.yaml:15:3: force 'motor': an algebraic loop: it reads force 'motor' (line 15); {LOOP} 'motor', and which 'motor' reads "
-         "instead of 'motor'"],
+         "instead of 'motor'; so does a controller that samples 'motor'"],
     ),
     # Units
     ([("height: tip.z", "height: tip.z + tip.vz")], ["m.yaml:26:3: signal 'height': m and m/s cannot be added or compared"]),
@@ -126,10 +128,12 @@ WRONG = [
          "controllers may have it"],
     ),
     # Form
-    ([("start: 0 rad, rate", "rate")], ["m.yaml:21:3: state 'integral': the field 'start' is missing"]),
-    ([("start: 0 rad, rate: error/lag", "start: 0 rad")], ["m.yaml:21:3: state 'integral': the field 'rate' is missing"]),
+    ([("start: 0 rad, rate", "rate")], [NO_START]),
+    ([("start: 0 rad, rate: error/lag", "start: 0 rad")],
+     ["m.yaml:21:3: state 'integral': the field 'rate' is missing; write an expression for its rate of change, such as rate: "
+      "speed - 2*level"]),
     ([("start: 0 rad", "begin: 0 rad")],
-     ["m.yaml:21:3: state 'integral': the field 'start' is missing",
+     [NO_START,
       "m.yaml:21:14: state 'integral': unknown field 'begin'; fields: nominal, rate, start"]),
 ]  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
@@ -123,3 +124,18 @@ def test_a_law_without_a_value_in_any_of_them_is_refused() -> None:
     words = "falling.yaml:8: 'push': its law has no finite value or derivative in the design position and near it, where classical chooses"
     with pytest.raises(RunError, match=f"^{words} its pivots: the argument of sqrt leaves its domain there; give it one there"):
         generate(model, model.scenes["fall"], model.scenes["fall"].outputs, method="classical")
+
+
+@pytest.mark.parametrize("kind", ["state", "signal"])
+def test_a_rate_or_a_signal_without_a_value_is_named(kind: str) -> None:
+    """x' = -sqrt(x - 0.5) - 1 from 1: with u = sqrt(x - 0.5) the root ends after 2 (u - log(1 + u)), u from sqrt(0.5)."""
+    rate, signal = ("-sqrt(level - 0.5) - 1", "") if kind == "state" else ("-root - 1", "signals: {root: sqrt(level - 0.5)}\n")
+    states = f"states: {{level: {{start: 1, rate: {rate}}}}}\n{signal}"
+    text = FALLING.replace("forces:", f"{states}forces:").replace("0.1*sqrt(position - zero)", "0")
+    model = read_model_text(text, "falling.yaml")
+    failure = simulate(compile_scene(model, model.scenes["fall"]), check=False).failure
+    name, line = ("level", 7) if kind == "state" else ("root", 8)
+    assert failure is not None
+    assert failure.message == f"the law of '{name}' (falling.yaml:{line}) has no finite value: the argument of sqrt leaves its domain"
+    u = 0.5**0.5
+    assert failure.time == pytest.approx(2 * (u - np.log(1 + u)), abs=0.01)

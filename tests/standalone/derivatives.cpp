@@ -1,35 +1,14 @@
 // Derivatives of a folder's interface beside differences of its equations in 113 bits; prints the largest errors of A, B, C, D and of derivatives and
 // outputs along a direction, which has rates of inputs too, as shares of the largest entries; then those of a step's derivatives by states, inputs and parameters, beside
-// differences of the integrator in 113 bits.  Arguments: how many steps are taken first, then speeds that are independent, unless the folder chooses.
-// MODEL and TITLE are the name of the model, in capitals too, SOURCE is its file.
+// differences of the integrator in 113 bits.  Arguments: the difference, how many steps are taken first, then speeds that are independent, unless the folder chooses.
 #include <cstdio>
 #include <cstdlib>
 #include <cmath>
 
 #include <vector>
 
-#define JOIN_(a, b) a##b
-#define JOIN(a, b) JOIN_(a, b)
-#define OF(name) JOIN(MODEL, _##name)
-#define COUNT(name) JOIN(TITLE, _##name)
+#include "quads.hpp"
 
-#define cutjoint quads  // the folder has a namespace of that name in its own
-#include "cutjoint/quad.hpp"
-#undef cutjoint
-
-using quads::Quad;
-
-#include SOURCE
-
-namespace core = OF(code)::cutjoint;
-namespace code = OF(code);
-
-template <class Mechanism>
-struct InQuad;
-template <template <class> class Mechanism>
-struct InQuad<Mechanism<double>> {
-  using type = Mechanism<Quad>;
-};
 using Reference = InQuad<code::Mechanism>::type;
 
 /// A step by the trapezoidal rule, or by the explicit method of a folder.
@@ -50,18 +29,20 @@ struct StepInQuad<Steps<Mechanism, Method>> {
 using Numbers = std::vector<Quad>;
 
 constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(FREEDOMS), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
+constexpr int joints = n - (states - 2 * f);            ///< speeds of joints; first-order states are behind them
+constexpr int given = 3 * inputs + Reference::sizes.held;  ///< numbers of inputs, and what controllers hold
 
 struct Motion {
   Reference mechanism;
   Quad t, h = 1;  ///< the present time, and the length of a step
-  Numbers u = Numbers(3 * inputs + 1), later[2] = {u, u}, q, v = Numbers(n), vdot = Numbers(n), reference, delta = Numbers(n), lambda, guess;
+  Numbers u = Numbers(given + 1), later[2] = {u, u}, q, v = Numbers(n), vdot = Numbers(n), reference, delta = Numbers(n), lambda, guess;
   std::vector<int> independent, dependent;
 
   /// Inputs of the present time, or of the middle or the end of a step.
   static void fill(void* self, Quad time, Quad* input) {
     const Motion& x = *static_cast<Motion*>(self);
     const Quad share = (time - x.t) / x.h;
-    for (int i = 0; i < 3 * inputs; ++i) input[i] = share < Quad(0.25) ? x.u[i] : x.later[share > Quad(0.75)][i];
+    for (int i = 0; i < given; ++i) input[i] = share < Quad(0.25) ? x.u[i] : x.later[share > Quad(0.75)][i];
   }
 
   std::vector<Quad> residual(const Numbers& v, bool rates) {
@@ -132,12 +113,14 @@ struct Motion {
       for (std::size_t i = 0; i < step.size(); ++i) rate[dependent[i]] -= step[i];
     }
     v = speeds(rate);
-    for (int iteration = 0; iteration < 400; ++iteration) {
+    for (int i = 2 * f; i < states; ++i) v[joints - 2 * f + i] = x[i];
+    for (int iteration = 0; iteration < (m > 0 ? 400 : 1); ++iteration) {
       mechanism.evaluate(q.data(), v.data(), lambda.data(), vdot.data(), correction.data());
       for (int i = 0; i < m; ++i) lambda[i] += correction[i];
     }
     core::chart_accelerations<Quad>(Reference::charts, delta.data(), v.data(), vdot.data(), second.data());
     for (int i = 0; i < f; ++i) result[i] = rate[independent[i]], result[f + i] = second[independent[i]];
+    for (int i = 2 * f; i < states; ++i) result[i] = vdot[joints - 2 * f + i];
     mechanism.report(q.data(), v.data(), vdot.data(), lambda.data(), result.data() + states);
     return result;
   }
@@ -158,7 +141,7 @@ struct Motion {
     core::displacement<Quad>(Reference::charts, reference.data(), state.q.data(), end.data());
     core::chart_rates<Quad>(Reference::charts, end.data(), state.v.data(), rate.data());
     for (int i = 0; i < f; ++i) result[i] = end[independent[i]], result[f + i] = rate[independent[i]];
-    for (int i = 2 * f; i < states; ++i) result[i] = state.v[n - states + i];
+    for (int i = 2 * f; i < states; ++i) result[i] = state.v[joints - 2 * f + i];
     return result;
   }
 };
@@ -174,12 +157,32 @@ static void print_error(const std::vector<double>& found, const std::vector<doub
   std::printf("%g ", error > 0.0 ? error / std::fmax(size, 1e-300) : 0.0);
 }
 
+/// Inputs and what controllers hold, of the present time.
+template <class Sim, class Driven>
+void take_inputs(Sim& sim, Driven& motion) {
+  if constexpr (given > 0) {
+    sim.starter();
+    std::copy_n(sim.mechanism().last_inputs(), given, motion.u.begin());
+    motion.mechanism.drive_by({&Driven::fill, &motion});
+  }
+}
+
+/// The same of the middle and the end of a step.
+template <class Sim, class Driven>
+void take_later_inputs(Sim& sim, Driven& motion) {
+  if constexpr (given > 0)
+    for (int i = 0; i < 2; ++i) {
+      sim.mechanism().begin_step(sim.state().t + (i + 1) * sim.settings().dt / 2, 1.0);
+      std::copy_n(sim.mechanism().last_inputs(), given, motion.later[i].begin());
+    }
+}
+
 int main(int count, char** arguments) {
   auto* sim = OF(create)(memory, sizeof memory);
   int status = OF(start)(sim);
-  if (!status) status = OF(play)(sim, std::atol(arguments[1]), nullptr);
+  if (!status) status = OF(play)(sim, std::atol(arguments[2]), nullptr);
   std::vector<int> chosen;
-  for (int i = 2; i < count; ++i) chosen.push_back(std::atoi(arguments[i]));
+  for (int i = 3; i < count; ++i) chosen.push_back(std::atoi(arguments[i]));
   if (!status) status = chosen.empty() ? OF(choose)(sim) : OF(choose_speeds)(sim, chosen.data());
   std::vector<double> A(states * states), B(states * inputs), C(outputs * states), D(outputs * inputs), x(states + 1);
   if (!status) status = OF(linearise)(sim, A.data(), B.data(), C.data(), D.data());
@@ -193,11 +196,7 @@ int main(int count, char** arguments) {
   for (const double penalty : sim->sim.penalties()) penalties.push_back(penalty);
   static const core::Road<Quad> roads[Reference::sizes.roads + 1];
   core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties);
-#if JOIN(TITLE, _INPUTS) > 0
-  sim->sim.starter();
-  std::copy_n(sim->sim.mechanism().last_inputs(), 3 * inputs, motion.u.begin());
-  motion.mechanism.drive_by({&Motion::fill, &motion});
-#endif
+  take_inputs(sim->sim, motion);
   motion.t = sim->sim.state().t;
   motion.q.assign(sim->sim.state().q.begin(), sim->sim.state().q.end());
   motion.reference.assign(choice.reference.begin(), choice.reference.end());
@@ -205,9 +204,9 @@ int main(int count, char** arguments) {
   std::vector<double> delta(n + 1);
   core::displacement<double>(Reference::charts, choice.reference.data(), sim->sim.state().q.data(), delta.data());
   motion.guess.assign(delta.begin(), delta.begin() + n);
-  for (int i = 0; i < n; ++i) (choice.independent[static_cast<std::size_t>(i)] ? motion.independent : motion.dependent).push_back(i);
+  for (int i = 0; i < joints; ++i) (choice.independent[static_cast<std::size_t>(i)] ? motion.independent : motion.dependent).push_back(i);
 
-  const Quad h(1e-9);
+  const Quad h(std::atof(arguments[1]));
   std::vector<double> exact_A(A.size()), exact_B(B.size()), exact_C(C.size()), exact_D(D.size());
   for (int j = 0; j < states + inputs; ++j) {
     Numbers at(x.begin(), x.begin() + states), by[2];
@@ -244,12 +243,7 @@ int main(int count, char** arguments) {
 
   motion.u = u;
   motion.h = Quad(sim->sim.settings().dt);
-#if JOIN(TITLE, _INPUTS) > 0
-  for (int i = 0; i < 2; ++i) {
-    sim->sim.mechanism().begin_step(sim->sim.state().t + (i + 1) * sim->sim.settings().dt / 2, 1.0);
-    std::copy_n(sim->sim.mechanism().last_inputs(), 3 * inputs, motion.later[i].begin());
-  }
-#endif
+  take_later_inputs(sim->sim, motion);
   Numbers moved(x.begin(), x.begin() + states);
   const Numbers first = motion.step(moved, sim->sim.settings());
   const int p = COUNT(PARAMETERS);

@@ -11,7 +11,9 @@ from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.read import read_model_text
+from cutjoint.model.records import Model
 from cutjoint.run.scenes import find_scene
+from cutjoint_bench.driver import QUAD
 from tests.conftest import MODELS
 
 #: The flags of a folder's README, but for the level of optimisation.
@@ -41,7 +43,13 @@ def folder_of(
     text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False
 ) -> Standalone:
     """The folder of a model that is given as text."""
-    model = read_model_text(text, name)
+    return folder_of_model(read_model_text(text, name), scene, integrator, method, linearise=linearise)
+
+
+def folder_of_model(
+    model: Model, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False
+) -> Standalone:
+    """The folder of a model."""
     chosen = find_scene(model, scene)
     generated = generate(model, chosen, chosen.outputs, method=method)
     return make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
@@ -75,6 +83,19 @@ def link(place: Path, program: str, sources: Sequence[Path | str], *, compiler: 
 def run(program: Path, *arguments: str) -> str:
     """The output of a program."""
     return subprocess.run([program, *arguments], cwd=program.parent, check=True, capture_output=True, text=True).stdout
+
+
+def in_quads(place: Path, name: str, program: str, functions: str = "") -> Path:
+    """A program on a folder's code for numbers of 113 bits, with the model's functions for these."""
+    (place / "functions.hpp").write_text(functions, encoding="utf-8")
+    sources = [HERE / f"{program}.cpp", *(["supplied.cpp"] if functions else [])]
+    subprocess.run(
+        ["g++", "-std=c++20", "-O0", "-Wno-psabi", "-I.", f"-I{QUAD.folder / 'include'}", "-isystem", "/usr/include/eigen3",
+         f'-DSOURCE="{name}.cpp"', '-DFUNCTIONS="functions.hpp"', f"-DMODEL={name}", f"-DTITLE={name.upper()}",
+         *sources, "-o", program, *LIBRARIES],
+        cwd=place, check=True,
+    )  # fmt: skip
+    return place / program
 
 
 def foreign_symbols(made: Path, name: str) -> list[str]:

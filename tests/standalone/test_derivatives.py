@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -22,13 +21,13 @@ from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_scene
 from cutjoint.stepping.load import load_scene
-from cutjoint_bench.driver import QUAD
 from tests.conftest import MODELS, ROOT, needs_cpp, with_heavy
 from tests.fmu.slaves import text_of
 from tests.mechanisms.driven import pushed_text
+from tests.mechanisms.seeing import SOFT_IN_QUADS, seeing
 from tests.mechanisms.switching import MASS, RAMP, STIFFNESS, WHEEL
 
-from .folders import HERE, LIBRARIES, compile_object, folder_of, foreign_symbols, link, run, write
+from .folders import HERE, compile_object, folder_of, folder_of_model, foreign_symbols, in_quads, link, run, write
 
 pytestmark = needs_cpp
 
@@ -48,14 +47,21 @@ STATES = [
 def test_derivatives_are_those_of_differences_in_113_bits(
     name: str, scene: str | None, integrator: str | None, states: list[tuple[int, ...]], tmp_path: Path
 ) -> None:
-    place = write(folder_of(text_of(name), f"{name}.yaml", scene, integrator, linearise=True), tmp_path)
-    subprocess.run(
-        ["g++", "-std=c++20", "-O1", "-Wno-psabi", "-I.", f"-I{QUAD.folder / 'include'}", "-isystem", "/usr/include/eigen3",
-         f'-DSOURCE="{name}.cpp"', f"-DMODEL={name}", f"-DTITLE={name.upper()}", HERE / "derivatives.cpp", "-o", "beside", *LIBRARIES],
-        cwd=place, check=True,
-    )  # fmt: skip
+    compare(write(folder_of(text_of(name), f"{name}.yaml", scene, integrator, linearise=True), tmp_path), name, states)
+
+
+@pytest.mark.parametrize("closed", with_heavy([False, True], True))
+def test_derivatives_of_all_that_laws_see(closed: bool, tmp_path: Path) -> None:
+    """Signals, states, samples, a function and friction by loads, in a tree and in a loop; of a step too."""
+    folder = folder_of_model(seeing("recursive", closed=closed), linearise=True)
+    compare(write(folder, tmp_path), "seeing", [(50,)], SOFT_IN_QUADS, 1e-13)  # bristles are steep over 1e-7 m/s
+
+
+def compare(place: Path, name: str, states: list[tuple[int, ...]], functions: str = "", difference: float = 1e-9) -> None:
+    """Ten matrices and vectors of a folder beside differences in 113 bits."""
+    program = in_quads(place, name, "derivatives", functions)
     for state in states:
-        errors = [float(x) for x in run(place / "beside", *map(str, state)).split()]
+        errors = [float(x) for x in run(program, str(difference), *map(str, state)).split()]
         assert len(errors) == 10
         assert max(errors) < 1e-10  # rounding, times the conditions of penalties and of what dependent coordinates follow from
 

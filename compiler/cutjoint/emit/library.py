@@ -10,10 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
-from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, compiled
+from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 from cutjoint.formulate.records import CLOSE
-from cutjoint.model.functions import code_file
 
 #: The namespace of instances side by side.
 _SIDE = "side_by_side"

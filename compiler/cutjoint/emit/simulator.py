@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from cutjoint.emit.classes import CppClass, System, mechanism_class, pattern_view, system_class
 from cutjoint.emit.description import describe, emit_description
 from cutjoint.emit.factorisation import STRAIGHT_LINE
-from cutjoint.emit.source import FACTORISATION, Page, Source, compiled
+from cutjoint.emit.source import FACTORISATION, Page, Source, code_file, compiled
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.functions import SUPPLIED_FILE, code_file
+from cutjoint.model.functions import SUPPLIED_FILE
 from cutjoint.program.records import Program
 
 _DESCRIPTION = "description"

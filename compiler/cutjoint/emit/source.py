@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import jinja2
 
+from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.model.functions import SUPPLIED_FILE
+from cutjoint.model.functions import PREFIX, SUPPLIED_FILE, require_code, signatures_of, templates_of
+from cutjoint.model.records import Model, SuppliedFunction
 from cutjoint.package.locations import templates_folder
 from cutjoint.package.version import origin_of, without_mark
 from cutjoint.program.records import Program
@@ -141,6 +143,32 @@ def switches_of(equations: RecursiveEquations | SystemEquations) -> list[dict[st
          "across": s.across}
         for s in equations.switches
     ]  # fmt: skip
+
+
+def code_file(model: Model) -> Mapping[str, str]:
+    """The file of generated code that has the code of the functions, by its name; none of a model without."""
+    if not model.functions:
+        return {}
+    require_code(model)
+    declared = "".join(f"{text};  // ({', '.join(f.arguments)})\n" for f in model.functions for text in signatures_of(f).values())
+    head = "// The functions that the model calls, as its user supplies them.\n\n"
+    return {SUPPLIED_FILE: f'{head}{declared}\n#line 1 "functions"\n{model.code}{_of_templates(templates_of(model))}'}
+
+
+def _of_templates(functions: Sequence[SuppliedFunction]) -> str:
+    """The C functions of templates over the number type; their numbers with derivatives have a namespace of their own."""
+    if not functions:
+        return ""
+    own = amalgamate(["cutjoint/core/supplied_partials.hpp"])
+    includes = "".join(f"#include <{name}>\n" for name in own.standard)
+    calls = "".join(
+        f"{signatures_of(f)[PREFIX + f.name]} {{\n"
+        f"  const auto call = [&](const auto* x, auto* y) {{ {PREFIX}{f.name}(x, {'memory, ' * bool(f.words)}y); }};\n"
+        f"  cutjoint_numbers::cutjoint::find_partials<{len(f.arguments)}, {len(f.results)}>(call, arguments, "
+        f"{'result' if '' in f.results else 'results'}, partials);\n}}\n"
+        for f in functions
+    )
+    return f'\n#line 1 "partials"\n{includes}\nnamespace cutjoint_numbers {{\n\n{own.body}\n}}  // namespace cutjoint_numbers\n\n{calls}'
 
 
 def quotable(text: str) -> str:

@@ -16,14 +16,14 @@ import sympy
 from cutjoint.elements.joints import JOINTS
 from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
-from cutjoint.emit.source import SPACE, Page, name_of_system, quotable, switches_of
+from cutjoint.emit.source import SPACE, Page, code_file, name_of_system, quotable, switches_of
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.poses import digest_of_poses
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.functions import SUPPLIED_FILE, code_file, functions_of_host
+from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import runtime_folder

@@ -22,7 +22,11 @@ Entry = tuple[int, int, Block]
 
 def state_rates(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:
     """f of each state by its name."""
-    return {state.name: b.record(translator.scalar(state.rate), "state_rate", state.name) for state in model.states}
+    rates = {}
+    for state in model.states:
+        with b.section("state", state.name, "x' = f", state.span.place):
+            rates[state.name] = b.record(translator.scalar(state.rate), "state_rate", state.name)
+    return rates
 
 
 def state_residuals(b: Builder, translator: Translator, model: Model) -> dict[str, Block]:

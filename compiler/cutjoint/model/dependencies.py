@@ -108,7 +108,10 @@ def check_loops(forces: Sequence[Force], signals: Sequence[Signal], problems: Pr
         first, *others = (elements[name] for name in (*circle, circle[0]))
         way = ", which reads ".join(f"{_kind(element)} '{element.name}' ({element.span.seen_from(first.span)})" for element in others)
         label = f"{_kind(first)} '{first.name}'"
-        remedy = f"a state breaks it: one whose rate reads '{first.name}', and which '{circle[-1]}' reads instead of '{first.name}'"
+        remedy = (
+            f"a state breaks it: one whose rate reads '{first.name}', and which '{circle[-1]}' reads instead of '{first.name}'; "
+            f"so does a controller that samples '{first.name}'"
+        )
         problems.add(first.span, label, f"an algebraic loop: it reads {way}", remedy)
 
 

@@ -190,8 +190,12 @@ def _syntax_tree(text: str) -> ast.expr:
             warnings.simplefilter("ignore")
             return ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
-        units = "numbers in an expression have no units, write SI numbers: 20*pi/180"
-        hint = units if _MEASURE.search(text) else "write for example '2*pi*radius'"
+        if _MEASURE.search(text):
+            hint = "numbers in an expression have no units, write SI numbers: 20*pi/180"
+        elif text.count("(") > text.count(")"):
+            hint = "a parenthesis stays open; put an expression with commas in quotes, since a comma ends it within braces"
+        else:
+            hint = "write for example '2*pi*radius'"
         raise ExpressionError(f"'{_short(text)}' is not an expression", hint) from None
 
 

@@ -301,15 +301,11 @@ def signatures_of(function: SuppliedFunction) -> Mapping[str, str]:
     return {**own, **(update if function.words else {})}
 
 
-def code_file(model: Model) -> Mapping[str, str]:
-    """The file of generated code that has the code of the functions, by its name; none of a model without."""
-    if not model.functions:
-        return {}
-    require_code(model)
-    declared = "".join(f"{text};  // ({', '.join(f.arguments)})\n" for f in model.functions for text in signatures_of(f).values())
-    head = "// The functions that the model calls, as its user supplies them.\n\n"
-    return {SUPPLIED_FILE: f'{head}{declared}\n#line 1 "functions"\n{model.code}'}
+def templates_of(model: Model) -> tuple[SuppliedFunction, ...]:
+    """The functions whose code is a template over the number type, from which partial derivatives follow."""
+    pattern = r"\btemplate\s*<\s*(?:class|typename)\s+\w+\s*>\s*void\s+{}\s*\("
+    return tuple(f for f in model.functions if re.search(pattern.format(PREFIX + f.name), model.code))
 
 
-#: The name of that file.
+#: The name of the file of generated code that has the code of the functions.
 SUPPLIED_FILE = "supplied.cpp"

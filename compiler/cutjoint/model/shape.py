@@ -151,7 +151,7 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
         case "shape":
             return detail["msg"], str(context.get("hint", ""))
         case "missing":
-            return f"the field '{path[-1]}' is missing", ""
+            return f"the field '{path[-1]}' is missing", _MISSING.get((path[-3:-2], path[-1]), "")
         case "extra_forbidden":
             return _unknown_field(flaw)
         case "union_tag_not_found":
@@ -167,6 +167,15 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
             return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
     return _EXPECTATIONS.get(flaw.kind, detail["msg"]), ""
 
+
+#: Cures of fields that are missing, by the section and the field.
+_MISSING = {
+    (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
+    (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
+    (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
+    (("memory",), "start"): "write its value before the first sample, such as start: 0",
+    (("memory",), "next"): "write an expression for its value from a sample on, such as next: sum + error",
+}
 
 _EXPECTATIONS = {
     "dict_type": "needs a mapping",

@@ -74,8 +74,8 @@ class Differentiator:
         if a.binding is BindingTime.ITERATION:
             if a.shape == (1, 1):
                 terms.append((lambda d: b.mul(x, d), self.jacobian(a)))
-            elif a.op == "transpose" and a.shape[0] == 1:
-                terms.append((lambda d: b.mul(b.transpose(x), d), self.jacobian(a.args[0])))
+            elif a.shape[0] == 1:
+                terms.append((lambda d: b.mul(b.transpose(x), d), self.jacobian(b.transpose(a))))
             elif a.op == "skew":
                 terms.append((lambda d: b.neg(b.mul(b.skew(x), d)), self.jacobian(a.args[0])))
             else:
@@ -96,6 +96,14 @@ class Differentiator:
         rows, (first, last) = _ranges(block)
         column = _column(block.args[0], first) if last == first + 1 else block.args[0]
         return {leaf: self._b.take(d, rows, (0, d.shape[1])) for leaf, d in self.jacobian(column).items()}
+
+    def _transpose(self, block: Block) -> Jacobian:
+        """Of a row that is taken from a matrix."""
+        row = block.args[0]
+        if row.op != "take":
+            raise ValueError(f"{block!r} has no derivative")
+        (i, _), (first, last) = _ranges(row)
+        return self.jacobian(self._b.column([self._b.element(row.args[0], i, j) for j in range(first, last)]))
 
     def _call(self, block: Block) -> Jacobian:
         data: Any = block.data
@@ -142,6 +150,7 @@ def _vanishes(block: Block) -> bool:
 _RULES: Mapping[str, Callable[[Differentiator, Block], Jacobian]] = {
     "add": Differentiator._sum, "sub": Differentiator._sum, "neg": Differentiator._neg, "scale": Differentiator._scale,
     "mul": Differentiator._mul, "stack": Differentiator._stack, "take": Differentiator._take, "call": Differentiator._call,
+    "transpose": Differentiator._transpose,
 }  # fmt: skip
 
 

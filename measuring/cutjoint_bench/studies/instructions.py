@@ -20,10 +20,13 @@ from rich.console import Console
 from rich.table import Table
 
 from cutjoint.compile.folders import make_standalone
-from cutjoint.compile.pipeline import compile_model
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.emit.source import Generated
 from cutjoint.methods import METHODS, Formulation
+from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact, make_simulator_run
+from cutjoint.run.scenes import find_scene
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator_run import SimulatorRun
 from cutjoint_bench.studies.checkout import MODELS
@@ -33,11 +36,27 @@ FLAGS = ("-O3", "-mavx2", "-mfma")
 
 #: The generated function, not the one of the simulator that calls it.
 EVALUATE = "cutjoint::generated::*::evaluate*"
-#: Model, scene, methods, and the ends of the two runs, s.
+#: Name, scene, methods, and the ends of the two runs, s.
 CASES = (
-    ("iltis", "simul1", ("recursive", "recursive-newton", "augmented", "classical"), (2.4, 4.8)),
-    ("slider_crank", "turn", ("recursive", "recursive-newton", "augmented", "classical"), (0.5, 1.0)),
+    ("iltis", "simul1", tuple(METHODS), (2.4, 4.8)),
+    ("slider_crank", "turn", tuple(METHODS), (0.5, 1.0)),
+    ("slider_crank with a motor", "turn", tuple(METHODS), (0.5, 1.0)),
+    ("slider_crank with a motor, 20 signals and 8 states", "turn", tuple(METHODS), (0.5, 1.0)),
 )
+
+
+def text_of(name: str) -> str:
+    """The text of a model of the repository; of one with a motor that sees its pin, or signals and states of a product and a sum each."""
+    text = (MODELS / f"{name.split(' ')[0]}.yaml").read_text(encoding="utf-8")
+    if "motor" not in name:
+        return text
+    more = "forces: {motor: {kind: joint_force, joint: crank_pin, law: -0.05*rate}}\n"
+    if "signals" in name:
+        states = "".join(f"  s{i}: {{start: 0.1, rate: -2*s{i} + g{2 * i + 1}}}\n" for i in range(8))
+        signals = "".join(f"  g{k}: 0.5*g{k - 1} + s{k % 8}\n" for k in range(1, 20))
+        more = more.replace("-0.05*rate", "-0.05*rate + 0.001*g19")
+        more += f"states:\n{states}signals:\n  g0: 0.5*crank_pin.angle_rate + s0\n{signals}"
+    return text.replace("outputs: [", f"{more}outputs: [")
 
 
 def count(run: SimulatorRun, within: str = "") -> tuple[int, int]:
@@ -92,13 +111,14 @@ def main() -> None:
     if which("valgrind") is None:
         raise click.ClickException("install valgrind (Debian's package of that name) first")
     table = Table("scene", "method", "step, ms", "instructions a step", "of these in evaluate")
-    for model, scene, methods, ends in CASES:
+    for name, scene, methods, ends in CASES:
+        model = read_model_text(text_of(name), f"{name.split(' ')[0]}.yaml")
         for method in methods:
-            artifact = compile_model(MODELS / f"{model}.yaml", scene=scene, method=method, flags=FLAGS)
+            artifact = compile_scene(model, find_scene(model, scene), CompileOptions(method=method, flags=FLAGS))
             artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
             inside = f"{per_step(artifact, ends, EVALUATE):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).step
-            table.add_row(f"{model} {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
+            table.add_row(f"{name}: {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
             table.add_row("", f"{method}, folder that stands alone", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
     console = Console(highlight=False, width=140)
     console.print(provenance(FLAGS), markup=False)

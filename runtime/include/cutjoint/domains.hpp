@@ -41,7 +41,7 @@ class Domains {
   using Real = typename Subject::real_type;
 
   Domains(Subject& subject, const State<Real>& from)
-      : subject_(subject), domains_(subject.description().domains), from_(from), at_(from), delta_(from.v.size()), inside_(domains_.size()),
+      : subject_(subject), domains_(subject.description().domains), from_(from), at_(from), delta_(from.v.size()), inside_(domains_.size()), outside_(domains_.size(), 1),
         forces_(std::max(from.v.size(), from.q.size())), residual_(std::max(from.lambda.size(), forces_.size())) {}
 
   /// The failure that names the law, or the one given where all laws have values over a time h in which the accelerations stay.
@@ -75,12 +75,17 @@ class Domains {
     subject_.begin_step(at_.t, Real(1));
   }
 
-  /// The domain that is left here; a margin may be negative where the law has taken another branch, and then the forces have values.
+  /// The domain that is left here: one of those in which the motion was before, if there is one.  A margin may be negative where the law has taken
+  /// another branch, and then the forces have values.
   const Domain* find() {
+    outside_before_ = outside_;
     subject_.domains(at_.q.data(), at_.v.data(), inside_.data());
-    for (std::size_t i = 0; i < domains_.size(); ++i)
-      if ((inside_[i] < Real(0) || (domains_[i].strict && inside_[i] <= Real(0))) && !has_forces()) return &domains_[i];
-    return nullptr;
+    const Domain *first = nullptr, *left = nullptr;
+    for (std::size_t i = domains_.size(); i-- > 0;) {
+      outside_[i] = inside_[i] < Real(0) || (domains_[i].strict && inside_[i] <= Real(0));
+      if (outside_[i]) (outside_before_[i] ? first : left) = &domains_[i];
+    }
+    return (first || left) && !has_forces() ? (left ? left : first) : nullptr;
   }
 
   bool has_forces() {
@@ -95,7 +100,9 @@ class Domains {
   const std::vector<Domain>& domains_;
   const State<Real>& from_;
   State<Real> at_;
-  std::vector<Real> delta_, inside_, forces_, residual_;
+  std::vector<Real> delta_, inside_;
+  std::vector<unsigned char> outside_, outside_before_;
+  std::vector<Real> forces_, residual_;
 };
 
 /// The failure of a step of length h from a state by a law without a value, if there is one; else the failure given.  Called only after a failure.

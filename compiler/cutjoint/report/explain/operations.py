@@ -53,10 +53,10 @@ def operations_table(
     topology: Topology, counts: Mapping[tuple[str, str], int], order: Sequence[str] = STAGES, unnamed: str = "inputs"
 ) -> Table:
     """One row an element, one column a stage, known ones in their order; ``unnamed`` is what belongs to no element."""
-    joints = (*(t.joint for t in topology.tree), *topology.closing)
+    model, joints = topology.model, (*(t.joint for t in topology.tree), *topology.closing)
     known = {stage for stage, _ in counts}
     stages = [*(s for s in order if s in known), *sorted(known - set(order))]
-    lines = {e.name: e.span.place for e in (*topology.model.bodies, *joints, *topology.model.forces)}
+    lines = {e.name: e.span.place for e in (*model.bodies, *joints, *model.forces, *model.signals, *model.states)}
     elements = [name for name in ("", *lines) if any((stage, name) in counts for stage in stages)]
     rows = [
         (code(name) if name else unnamed, lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))

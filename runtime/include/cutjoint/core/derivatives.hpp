@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/dual.hpp"
+#include "cutjoint/core/dual_road.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include "cutjoint/core/road.hpp"
-
 namespace cutjoint {
 
 /// Derivatives along several directions side by side; a struct that has them needs no other alignment than that of doubles.
@@ -40,6 +38,8 @@ struct Dual {
   }
   friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
   friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
+  friend bool operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
+  friend bool operator>=(const Dual& a, const Dual& b) { return a.value >= b.value; }
 };
 
 /// Derivatives without their value, which linear maps of numbers take to others.
@@ -91,27 +91,5 @@ inline Dual pow(const Dual& a, const Dual& b) {
   const double power = std::pow(a.value, b.value);
   return follow(power, b.value * std::pow(a.value, b.value - 1.0), a) + follow(0.0, std::log(a.value) * power, b);
 }
-
-/// A road of plain numbers, which belongs to somebody else.
-template <>
-class Road<Dual> {
- public:
-  Road() = default;
-  explicit Road(const Road<double>& road) : road_(&road) {}
-
-  Dual height(const Dual& x, const Dual& y) const { return follow(road_->height(x.value, y.value), road_->height_dx(x.value, y.value), x); }
-  Dual slope(const Dual& x, const Dual& y) const { return follow(road_->slope(x.value, y.value), road_->slope_dx(x.value, y.value), x); }
-  Dual surface(const Dual& x, const Dual& y, int by_x, int by_y) const { return of_both<&Road<double>::surface>(x, y, by_x, by_y); }
-  Dual friction(const Dual& x, const Dual& y, int by_x, int by_y) const { return of_both<&Road<double>::friction>(x, y, by_x, by_y); }
-
- private:
-  template <auto answer>
-  Dual of_both(const Dual& x, const Dual& y, int by_x, int by_y) const {
-    const auto value = [&](int i, int j) { return (road_->*answer)(x.value, y.value, by_x + i, by_y + j); };
-    return follow(value(0, 0), value(1, 0), x) + follow(0.0, value(0, 1), y);
-  }
-
-  const Road<double>* road_ = nullptr;
-};
 
 }  // namespace cutjoint

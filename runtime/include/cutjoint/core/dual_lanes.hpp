@@ -3,7 +3,7 @@
 
 #include <type_traits>
 
-#include "cutjoint/core/dual.hpp"
+#include "cutjoint/core/dual_road.hpp"
 #include "cutjoint/core/lanes.hpp"
 
 namespace cutjoint {

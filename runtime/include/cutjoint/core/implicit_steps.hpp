@@ -32,7 +32,7 @@ class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages
   ImplicitSteps(S& system, const Settings& settings, const Road<Real>* roads)
       : stepping::SteppedIntegrator<ImplicitSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
         stages_(system, solver_, other_, switches_of(system, settings.events), roads),
-        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), stepping::nominals_of(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
+        stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <type_traits>
 
 namespace cutjoint {
 
@@ -52,6 +53,19 @@ template <class Numbers>
   requires requires(const Numbers& values) { values.data(); }
 [[gnu::always_inline]] inline auto largest(const Numbers& values) {
   return largest(std::span<const typename Numbers::value_type>(values.data(), values.size()));
+}
+
+/// The same of a row whose last values count as shares of `sizes`.
+template <class Numbers>
+auto largest(const Numbers& values, std::span<const double> sizes) {
+  using Real = std::remove_cvref_t<decltype(values[0])>;
+  const std::size_t first = values.size() - sizes.size();
+  Real result = largest(std::span<const Real>(values.data(), first));
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const Real both[2] = {result, values[first + i] / Real(sizes[i])};
+    result = largest(std::span<const Real>(both, 2));
+  }
+  return result;
 }
 
 }  // namespace cutjoint

@@ -77,6 +77,14 @@ bool may_jump([[maybe_unused]] const M& mechanism) {
   else return mechanism.description().guides_jump;
 }
 
+/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.
+template <class M>
+std::span<const double> nominals_of(const M& subject) {
+  if constexpr (requires { M::nominals; }) return M::nominals;
+  else if constexpr (requires { subject.description(); }) return subject.description().nominals;
+  else return {};
+}
+
 /// The first equation of each cut joint.
 template <class M>
 std::span<const int> cuts_of(const M& mechanism) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <span>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
@@ -18,7 +19,8 @@ namespace cutjoint {
 
 /// How the fixed point is sought.
 ///
-/// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them).  The multipliers are
+/// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them); rates of states count as shares of
+/// their `nominals`.  The multipliers are
 /// corrected in the first `multiplier_updates` iterations of a step and stay the same then: the penalty carries what is left.  Near a singular
 /// pose the multipliers of the vanishing direction have no limit, and correcting them further would never end.
 ///
@@ -152,8 +154,9 @@ class Trapezoidal {
   /// Which new accelerations are close to those of the state.
   Mask compare(const StateOf<M>& state) {
     for (std::size_t i = 0; i < vdot_.size(); ++i) difference_[i] = vdot_[i] - state.vdot[i];
-    change_ = largest(difference_);
-    size_ = Real(1) + largest(vdot_);
+    const std::span<const double> nominals = nominals_of(mechanism_);
+    change_ = largest(difference_, nominals);
+    size_ = Real(1) + largest(vdot_, nominals);
     return change_ <= Real(fixed_point_.tolerance) * size_;
   }
 

@@ -437,8 +437,11 @@ class Newton : public Workspace<S, Solver> {
     const Real tolerated = Real(settings_.tolerance) * size_;
     if (own().renews_always()) return tolerated;
     Real apart(0);
-    for (std::size_t i = 0; i < n_; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]));
-    const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(state.v)) / speed_;
+    const std::span<const double> nominals = nominals_of(this->system_);
+    const std::size_t first = n_ - nominals.size();
+    for (std::size_t i = 0; i < first; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]));
+    for (std::size_t i = first; i < n_; ++i) apart = std::max(apart, abs(state.vdot[i] - predicted_[i]) / Real(nominals[i - first]));
+    const Real rounding = 64 * std::numeric_limits<Real>::epsilon() * (Real(1) + largest(state.v, nominals)) / speed_;
     return std::min(tolerated, std::max(apart / Real(100), rounding));
   }
 
@@ -463,7 +466,7 @@ class Newton : public Workspace<S, Solver> {
   bool converged(const StateOf<S>& state, int iteration) {
     const Real last = change_, move = largest_move();
     change_ = move / k_;
-    size_ = Real(1) + largest(state.vdot);
+    size_ = Real(1) + largest(state.vdot, nominals_of(this->system_));
     growing_ = change_ > last ? growing_ + 1 : 0;
     idle_ = change_ < smallest_ / 2 ? 0 : idle_ + 1;
     smallest_ = std::min(smallest_, change_);
@@ -476,7 +479,7 @@ class Newton : public Workspace<S, Solver> {
     return idle_ > 0 && move <= digits * (Real(1) + largest(state.q));
   }
 
-  Real largest_move() const { return largest(std::span<const Real>(x_.data(), n_)); }
+  Real largest_move() const { return largest(std::span<const Real>(x_.data(), n_), nominals_of(this->system_)); }
 
   /// The unknown that the last solution changes most, or one without a number.
   std::size_t worst() const {
@@ -490,7 +493,7 @@ class Newton : public Workspace<S, Solver> {
   bool start_converged(const StateOf<S>& state, int iteration) {
     const Real last = change_;
     change_ = largest_move();
-    const Real size = Real(1) + largest(state.vdot);
+    const Real size = Real(1) + largest(state.vdot, nominals_of(this->system_));
     return iteration > 0 && (change_ <= rounding_like(1e-12) * size || (change_ <= rounding_like(1e-8) * size && change_ >= last / 2));
   }
 

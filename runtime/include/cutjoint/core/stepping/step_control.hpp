@@ -8,14 +8,6 @@
 
 namespace cutjoint::stepping {
 
-/// The usual sizes of the first-order states of a mechanism or system, none where all are 1.
-template <class M>
-std::span<const double> nominals_of(const M& subject) {
-  if constexpr (requires { M::nominals; }) return M::nominals;
-  else if constexpr (requires { subject.description(); }) return subject.description().nominals;
-  else return {};
-}
-
 /// The largest error of a value: `absolute` and a share `relative` of the value itself.  The last values of a row are states, which have `nominals`: usual sizes,
 /// by which `absolute` is multiplied.
 template <class Real>
