@@ -53,7 +53,7 @@ submodels:
         {kind: contact, bodies: [body, hand], at: root, axis: y, cylinder: 2, centre: tip, radius: 1, force: [-vx, turn - vy, deflection]}
       rub: {kind: joint_friction, joint: wrist, coefficient: 0.2, static: 0.3, stribeck_speed: 0.1, radius: 0.1}
     reactions:
-      pull: {joint: slide, body: body, direction: [1, 2, 2]}
+      pull: {joint: slide, axes_of: body, direction: [1, 2, 2]}
     markers: {end: {body: hand, at: tip}}
     outputs: [lift.Fy, end.z]
 instances:
