@@ -69,7 +69,8 @@ def test_without_a_compiler_that_of_pypi_is_called(tmp_path: Path, monkeypatch: 
         (tmp_path / name).chmod(0o755)
     monkeypatch.setenv("PATH", "/nowhere")
     monkeypatch.delenv("CXX", raising=False)
-    with pytest.raises(ToolchainError, match="missing: cmake, ninja, a C.. compiler"):
+    monkeypatch.setattr("sysconfig.get_path", lambda name: "/nowhere")
+    with pytest.raises(ToolchainError, match=r"missing: cmake, ninja, a C\+\+ compiler"):
         find_compiler()
     monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "programs"))
     monkeypatch.syspath_prepend(tmp_path)
@@ -145,6 +146,8 @@ def test_headers_of_the_package_come_before_those_of_the_system(tmp_path: Path, 
 
 def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr("cutjoint.toolchain.compiler.find_zig", lambda: None)
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path / "none")
     assert not must_interpret()
