@@ -206,6 +206,8 @@ PROBLEMS = [
      "@: instance 'left': unknown body 'trunc'; did you mean 'trunk'?"),
     (LEFT, LEFT.replace("span/2", "§2*spam"),
      "@: instance 'left': with.length_1: unknown symbol 'spam'; did you mean 'span'?"),
+    (LEFT, LEFT.replace("span/2", "§0.1*sin(t)"),
+     "@: instance 'left': with.length_1: unknown symbol 't'; give the name of an input (binding: input), whose law over t a scene has"),
     (LEFT, LEFT.replace("span/2", "§gust"),
      "17:18: point 'left.tip': the input 'length_1' cannot stand here, it may change with time; "
      "use binding: param, or give the submodel a value that does not change with time"),

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from cutjoint.analysis.redundancy import find_indeterminate
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.quantities import readings_of, unit_of
 from cutjoint.model.read import read_model_text
@@ -97,6 +98,12 @@ PROBLEMS = [
     ("{§my tilt: end.x}",
      "@: model: outputs.my tilt: 'my tilt' is not a name; use letters, digits and underscores, starting with a letter"),
 ]  # fmt: skip
+
+
+def test_a_signal_alone_has_a_quantity() -> None:
+    text = varied("scenes:", "signals: {seen: hinge.angle_rate}\nscenes:", varied("[end.x]", "[seen]"))
+    with pytest.raises(ModelError, match="unknown element 'seen'; write element.quantity, such as seen.value"):
+        read_model_text(text, "arm.yaml")
 
 
 def test_an_output_is_the_same_in_all_scenes() -> None:

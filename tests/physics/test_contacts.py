@@ -151,7 +151,7 @@ scenes: {run: {end: 20.95, output_step: 0.20943951023931953, positions: {free.z:
 
 
 def test_a_block_on_a_slope_that_shakes_does_not_creep(tmp_path: Path) -> None:
-    """Over 21 s of shaking with 0.7 and 1.1 m/s^2, read at whole periods of both motions: its feet carry up to 0.85 of their limit, and stay."""
+    """Over 21 s of shaking with 0.7 and 1.1 m/s^2, read at whole periods: its feet carry up to 0.85 of their limit, and stay."""
     run = run_of(tmp_path, BLOCK)
     way = run["way"][run.t > 2]
     assert np.abs(run["a.touch.Fx"]).max() > 1.0
