@@ -41,8 +41,8 @@ def picture() -> str:
         for i, (title, words, drawn) in enumerate(panels)
     )
     head = (
-        f'<defs><marker id="head" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto"><path d="M0 0 L6 3 L0 6 z" fill="{FORCE}"/>'
-        "</marker></defs>"
+        '<defs><marker id="head" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto"><path d="M0 0 L6 3 L0 6 z" '
+        f'fill="{FORCE}"/></marker></defs>'
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif" font-size="13" fill="{INK}">\n'
