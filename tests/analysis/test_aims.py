@@ -219,7 +219,7 @@ def test_a_simulation_that_python_holds_is_assembled_with_its_parameters() -> No
     """Those of the file have the start of the library; a pose is found for others, and also where a library of its own is opened."""
     text = CRANK.replace("assemble: {tip.x: away}", "assemble: {tip.x: away}, rates: {hinge.angle_rate: 10*heavy}")
     held = load_scene(found := read_model_text(text, "lift.yaml"), found.scenes["place"])
-    first = held.reset().snapshot()
+    first, usual = held.reset().snapshot(), held.parameters.array.copy()
     held.parameters["away"], held.parameters["heavy"] = 0.3, 2
     again = pickle.loads(pickle.dumps(held))
     for each in (held, again):
@@ -230,7 +230,7 @@ def test_a_simulation_that_python_holds_is_assembled_with_its_parameters() -> No
     held.parameters["away"] = 0.45
     with pytest.raises(RunError, match=r"the nearest has tip.x = 0\.4 in place of 0\.45 m"):
         held.reset()
-    held.parameters["away"], held.parameters["heavy"] = 0.35, 1
+    held.parameters.array[:] = usual
     assert held.reset().snapshot() == first
 
 
