@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from math import acos, asin, cos, pi, radians, sqrt
 from pathlib import Path
@@ -21,6 +22,7 @@ from cutjoint.reduce.sequence import reduction_sequence
 from cutjoint.run.run_file import make_run_file, parameter_values, placed
 from cutjoint.run.scenes import find_case
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.load import load_scene
 from cutjoint.sweeps.code import build_kernels
 from cutjoint.sweeps.reading import read_study
 from cutjoint.tasks.batch import simulate_batch
@@ -211,6 +213,25 @@ def test_a_study_varies_what_the_start_does_not_follow_from(tmp_path: Path, para
     else:
         with pytest.raises(RunError, match=fault):
             build_kernels(read)
+
+
+def test_a_simulation_that_python_holds_is_assembled_with_its_parameters() -> None:
+    """Those of the file have the start of the library; a pose is found for others, and also where a library of its own is opened."""
+    text = CRANK.replace("assemble: {tip.x: away}", "assemble: {tip.x: away}, rates: {hinge.angle_rate: 10*heavy}")
+    held = load_scene(found := read_model_text(text, "lift.yaml"), found.scenes["place"])
+    first, usual = held.reset().snapshot(), held.parameters.array.copy()
+    held.parameters["away"], held.parameters["heavy"] = 0.3, 2
+    again = pickle.loads(pickle.dumps(held))
+    for each in (held, again):
+        each.reset()
+        assert each.outputs["tip.x"] == pytest.approx(0.3, abs=1e-11)
+        assert abs(each.outputs["hinge.angle"]) == pytest.approx(crank_angle(0.3), abs=1e-10)
+        assert each.speeds["hinge.angle_rate"] == pytest.approx(20, rel=1e-12)
+    held.parameters["away"] = 0.45
+    with pytest.raises(RunError, match=r"the nearest has tip.x = 0\.4 in place of 0\.45 m"):
+        held.reset()
+    held.parameters.array[:] = usual
+    assert held.reset().snapshot() == first
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ SLIDER_CRANK = (MODELS / "slider_crank.yaml").read_text()
 
 def with_reactions(text: str, *joints: str) -> str:
     """A model that reports the reactions of some joints along global axes."""
-    return f"{text}\nreactions:\n" + "".join(f"  of_{joint}: {{joint: {joint}, body: ground}}\n" for joint in joints)
+    return f"{text}\nreactions:\n" + "".join(f"  of_{joint}: {{joint: {joint}, axes_of: ground}}\n" for joint in joints)
 
 
 def indeterminate(text: str) -> set[str]:

@@ -43,7 +43,7 @@ joints:
   elbow: {kind: revolute, bodies: [rod, crank], at: [0, 0, 0.1], axis: [0, -1, 0], spring: {stiffness: 1, damping: 0.2}}
   wrist: {kind: revolute, bodies: [rod, slider], at: [0.3, 0, 0], axis: [0, -1, 0], spring: {stiffness: 3, damping: 0.1}}
   rail: {kind: prismatic, bodies: [ground, slider], at: [0.3, 0, 0], axis: [1, 0, 0], spring: {stiffness: 40, damping: 1}}
-reactions: {guide: {joint: rail, body: ground}}
+reactions: {guide: {joint: rail, axes_of: ground}}
 outputs: [pin.angle, elbow.angle, wrist.angle_rate, rail.displacement, guide.Fx, guide.Fz]
 scenes: {turn: {end: 1}}
 """

@@ -31,9 +31,9 @@ bodies:
 joints:
   pin: {kind: revolute, bodies: [JOINED], at: [0, 0, 0], axis: [0, -1, 0]DRIVE}
 reactions:
-  along: {joint: pin, body: rod, direction: [1, 0, 0]}
-  across: {joint: pin, body: rod, direction: [0, 0, 1]}
-  about: {joint: pin, body: ground, direction: [0, -1, 0]}
+  along: {joint: pin, axes_of: rod, direction: [1, 0, 0]}
+  across: {joint: pin, axes_of: rod, direction: [0, 0, 1]}
+  about: {joint: pin, axes_of: ground, direction: [0, -1, 0]}
 outputs: [along.force, across.force, about.moment]
 scenes: {fall: {end: 1}}
 """
@@ -173,7 +173,7 @@ def refusal(model: Model, element: str, quantity: str) -> str:
 
 
 def test_what_natural_coordinates_refuse() -> None:
-    text = SPATIAL.replace("scenes:", "reactions:\n  pull: {joint: weld, body: ground, direction: [1, 0, 0]}\nscenes:")
+    text = SPATIAL.replace("scenes:", "reactions:\n  pull: {joint: weld, axes_of: ground, direction: [1, 0, 0]}\nscenes:")
     text = text.replace("forces:", "  weld: {kind: fixed, bodies: [crank, disc], at: [0, 0, 0]}\nforces:", 1)
     text = text.replace("joints:", "  disc: {mass: 1, centre_of_mass: [0, 0.1, 0], inertia: [0.1, 0.1, 0.1]}\njoints:", 1)
     model = read_model_text(text, "spatial.yaml")

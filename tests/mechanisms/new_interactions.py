@@ -106,9 +106,8 @@ class BeamForce(LawForce):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         return cls(
-            **reader.common(), base=base, follower=follower, body=reader.body("body"), start=reader.point("from"), at=reader.point("at"),
+            **reader.common(), body=reader.body("body"), start=reader.point("from"), at=reader.point("at"),
             end=reader.point("to"), law=reader.law("law", law=_LAW),
         )  # fmt: skip
 
@@ -142,9 +141,8 @@ class PointerForce(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         return cls(
-            **reader.common(), base=base, follower=follower, axis=reader.direction("axis"), towards=reader.direction("towards"),
+            **reader.common(), axis=reader.direction("axis"), towards=reader.direction("towards"),
             stiffness=reader.number("stiffness", unit="N*m"), damping=reader.number("damping", unit="N*m*s"),
         )  # fmt: skip
 

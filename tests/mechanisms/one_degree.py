@@ -68,7 +68,7 @@ forces:
   hold: {{kind: point_spring, bodies: [ground, base], from: [0.4, 0.1, 1], to: [0.4, 0, 0],
          law: {{stiffness: 600, damping: 5, free_length: 0.5}}}}
 reactions:
-  pin: {{joint: c, body: rocker}}
+  pin: {{joint: c, axes_of: rocker}}
 outputs: [base.x, base.z, base.roll, base.pitch, crank.x, rod.x, rod.z, rocker.z, bob.x, bob.z, bob.vx, rod.ax, inside.force,
           pin.Fx, pin.Fz]
 scenes:

@@ -55,14 +55,14 @@ submodels:
       twist: {kind: load, body: hand, torque: ["0.1 - wx", "0.2*wz", "0.1*wy"], axes: body}
       wind: {kind: load, body: arm, at: [0.2, 0.5, 0], force: [1, "2 - vy", "y"]}
     reactions:
-      stay_pull: {joint: stay, body: arm, direction: [0.2, 0.5, -0.8]}
+      stay_pull: {joint: stay, axes_of: arm, direction: [0.2, 0.5, -0.8]}
     markers:
       finger: {body: hand, at: [0.3, 0.9, 0]}
 instances:
   left: {use: side, connect: {frame: frame, mast: mast}}
   right: {use: side, connect: {frame: frame, mast: mast}, mirror: y}
 reactions:
-  brace_push: {joint: brace, body: pod, direction: [1, 0, 0]}
+  brace_push: {joint: brace, axes_of: pod, direction: [1, 0, 0]}
 scenes:
   run:
     end: 0.3

@@ -26,7 +26,7 @@ joints:
 forces:
   motor: {kind: joint_force, joint: pivot, law: pd.torque + drift.sum}
 reactions:
-  push: {joint: pivot, body: ground}
+  push: {joint: pivot, axes_of: ground}
 states:
   lag: {start: 0 m, rate: pd.height - 1*lag}
 controllers:

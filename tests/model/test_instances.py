@@ -53,7 +53,7 @@ submodels:
         {kind: contact, bodies: [body, hand], at: root, axis: y, cylinder: 2, centre: tip, radius: 1, force: [-vx, turn - vy, deflection]}
       rub: {kind: joint_friction, joint: wrist, coefficient: 0.2, static: 0.3, stribeck_speed: 0.1, radius: 0.1}
     reactions:
-      pull: {joint: slide, body: body, direction: [1, 2, 2]}
+      pull: {joint: slide, axes_of: body, direction: [1, 2, 2]}
     markers: {end: {body: hand, at: tip}}
     outputs: [lift.Fy, end.z]
 instances:
@@ -206,6 +206,8 @@ PROBLEMS = [
      "@: instance 'left': unknown body 'trunc'; did you mean 'trunk'?"),
     (LEFT, LEFT.replace("span/2", "§2*spam"),
      "@: instance 'left': with.length_1: unknown symbol 'spam'; did you mean 'span'?"),
+    (LEFT, LEFT.replace("span/2", "§0.1*sin(t)"),
+     "@: instance 'left': with.length_1: unknown symbol 't'; give the name of an input (binding: input), whose law over t a scene has"),
     (LEFT, LEFT.replace("span/2", "§gust"),
      "17:18: point 'left.tip': the input 'length_1' cannot stand here, it may change with time; "
      "use binding: param, or give the submodel a value that does not change with time"),

@@ -34,7 +34,7 @@ forces:
   push: {{kind: axial_force, bodies: [ground, arm], origin: [0, 0, 0], point: P, axis: {x}, law: 3}}
   mount: {{kind: bushing, bodies: [arm, hand], at: P, x: {y}, z: {z}, stiffness: [1, 2, 3, 1, 2, 3], damping: [0, 0, 0, 0, 0, 0]}}
 reactions:
-  felt: {{joint: hinge, body: arm, direction: {z}}}
+  felt: {{joint: hinge, axes_of: arm, direction: {z}}}
 scenes: {{run: {{end: 1}}}}
 """
 

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from cutjoint.analysis.redundancy import find_indeterminate
+from cutjoint.model.errors import ModelError
 from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.quantities import readings_of, unit_of
 from cutjoint.model.read import read_model_text
@@ -24,7 +25,7 @@ outputs:
   - push: {value: foot.Fz - arm_mass*arm.az, unit: kN}
   - share: hinge.angle/(1 rad)
 signals: {late: hinge.angle}
-reactions: {foot: {joint: hinge, body: ground}}
+reactions: {foot: {joint: hinge, axes_of: ground}}
 """
 TEXT = varied("outputs: [end.x]\n", OUTPUTS.replace("hinge.angle/(1 rad)", "2*hinge.angle"))
 
@@ -44,7 +45,7 @@ def test_images_have_what_the_original_would() -> None:
     """Forces and turns of reactions too: along the mirror's axis a force turns over, about it a turn does not."""
     outputs = "[{all: pull.force + 2*pull.moment + 3*spring.force}, {side: whole.Fy + 2*whole.My + 3*hand.ay}]"
     text = varied("    outputs: [lift.Fy, end.z]", f"    outputs: {outputs}", WING)
-    text = text.replace("      pull: {joint: slide,", "      whole: {joint: shoulder, body: body}\n      pull: {joint: slide,")
+    text = text.replace("      pull: {joint: slide,", "      whole: {joint: shoulder, axes_of: body}\n      pull: {joint: slide,")
     model = read_model_text(text, "m.yaml")
     assert [o.column for o in model.scenes["glide"].outputs] == ["left.all", "left.side", "right.all", "right.side"]
     value = {signal.name: signal.value for signal in model.signals}
@@ -71,7 +72,7 @@ def test_an_expression_is_indeterminate_with_the_reaction_that_it_reads() -> Non
     """Two hinges on one axis: which of them bears the push along it is not known."""
     text = varied("\nforces:", "\n  other: {kind: revolute, bodies: [ground, arm], at: [0, 1, 0], axis: [0, 1, 0], cut: true}\nforces:")
     text = varied("outputs: [end.x]", "outputs: [{along: foot.Fy}, {twice: 2*seen}, {lean: hinge.angle}]", text)
-    text = varied("scenes:", "reactions: {foot: {joint: hinge, body: ground}}\nsignals: {seen: hinge.angle_rate}\nscenes:", text)
+    text = varied("scenes:", "reactions: {foot: {joint: hinge, axes_of: ground}}\nsignals: {seen: hinge.angle_rate}\nscenes:", text)
     model = read_model_text(text, "m.yaml")
     assert find_indeterminate(build_topology(model), model.scenes["fall"], model.scenes["fall"].outputs) == ("along",)
 
@@ -97,6 +98,12 @@ PROBLEMS = [
     ("{§my tilt: end.x}",
      "@: model: outputs.my tilt: 'my tilt' is not a name; use letters, digits and underscores, starting with a letter"),
 ]  # fmt: skip
+
+
+def test_a_signal_alone_has_a_quantity() -> None:
+    text = varied("scenes:", "signals: {seen: hinge.angle_rate}\nscenes:", varied("[end.x]", "[seen]"))
+    with pytest.raises(ModelError, match=r"unknown element .seen.; write element.quantity, such as seen.value$"):
+        read_model_text(text, "arm.yaml")
 
 
 def test_an_output_is_the_same_in_all_scenes() -> None:

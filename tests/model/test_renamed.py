@@ -68,3 +68,21 @@ def test_a_study_says_it_too(tmp_path) -> None:  # type: ignore[no-untyped-def]
     assert study.model.notes == (f"{file}:3:1: 'tolerance' is now 'solver_tolerance'",)
     (scene,) = study.scenes
     assert scene.numerics.of_method("recursive").tolerance == 1e-8
+
+
+def test_the_body_of_a_reaction_is_whose_axes_also_in_submodels_of_submodels() -> None:
+    text = MODEL.replace("    tolerance", "    accuracy").replace("{tolerance", "{solver_tolerance") + (
+        "reactions: {hold: {joint: pin, body: bob}}\nmarkers: {end: {body: bob, at: [1, 0, 0]}}\n"
+        "submodels:\n  pair:\n    connectors: [arm]\n    submodels:\n      part:\n        connectors: [arm]\n"
+        "        bodies: {tip: {mass: 1, centre_of_mass: [2, 0, 0]}}\n"
+        "        joints: {eye: {kind: revolute, bodies: [arm, tip], at: [1, 0, 0], axis: y}}\n"
+        "        reactions: {bears: {joint: eye, body: arm, direction: z}}\n"
+        "    instances: {one: {use: part, connect: {arm: arm}}}\n"
+        "instances: {two: {use: pair, connect: {arm: bob}}}\n"
+    )
+    other = text.replace("pin, body:", "pin, axes_of:").replace("eye, body:", "eye, axes_of:")
+    old, new = (read_model_text(each, "arm.yaml") for each in (text, other))
+    assert [(r.name, r.body) for r in old.reactions] == [("hold", "bob"), ("two.one.bears", "bob")]
+    assert [(r.body, r.direction) for r in old.reactions] == [(r.body, r.direction) for r in new.reactions]
+    assert old.notes == ("arm.yaml:12:32: 'body' is now 'axes_of'", "arm.yaml:22:41: 'body' is now 'axes_of'")
+    assert new.notes == ()

@@ -33,8 +33,8 @@ joints:
   hinge: {kind: revolute, bodies: [ground, rod], at: [0, 0, 0], axis: [0, -1, 0]}
   slide: {kind: prismatic, bodies: [rod, block], at: [0.25, 0, 0], axis: [1, 0, 0], guide: 0.1*t}
 reactions:
-  drive: {joint: hinge, body: ground, direction: [0, -1, 0]}
-  rail: {joint: slide, body: rod, direction: [1, 0, 0]}
+  drive: {joint: hinge, axes_of: ground, direction: [0, -1, 0]}
+  rail: {joint: slide, axes_of: rod, direction: [1, 0, 0]}
 outputs: [hinge.angle, slide.displacement, drive.moment, rail.force, block.x]
 scenes:
   as_written: {end: 0.5, output_step: 0.05}

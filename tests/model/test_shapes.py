@@ -176,6 +176,16 @@ SHAPES = [
         "§push: {kind: load, body: arm, force: [1, 0, 0]}",
         "@: force 'push': a force needs 'at', a torque has no point",
     ),
+    (
+        DRAG,
+        "rope: {kind: point_spring, bodies: [ground, arm], from: [1, 0, 0], to: tip, law: 1, §preload: 3 kN}",
+        "@: force 'rope': unknown field 'preload'; it belongs to the law: write law: {preload: ...}",
+    ),
+    (
+        DRAG,
+        "rope: {kind: point_spring, bodies: [ground, arm], from: [1, 0, 0], to: tip, law: {table: §[[0, 1], [0, 2]]}}",
+        "@: force 'rope': law.table needs a mapping; write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t",
+    ),
 ]
 
 

@@ -30,7 +30,7 @@ forces:
   spring: {kind: joint_force, joint: elbow, law: -3*position}
   rod: {kind: point_spring, bodies: [ground, tip], from: [0, 0, 1], to: [0.5, 0, 0], law: 5*stretch}
 reactions:
-  push: {joint: pivot, body: arm}
+  push: {joint: pivot, axes_of: arm}
 states:
   integral: {start: 0 rad, rate: error/lag}
   filter: {start: 0 m, rate: (height - filter)/lag}

@@ -133,7 +133,7 @@ submodels:
         use: law
         with:
           {deflection: touch.deflection, deflection_rate: touch.deflection_rate, vx: touch.vx, vy: touch.vy, stiffness: 1e5, exponent: 1,
-           damping: 1, friction: 0.9, tangential: 1e5, settling: 0.005}
+           damping: 1, friction: 0.44, tangential: 1e5, settling: 0.005}
 bodies:
   table: {mass: 10, centre_of_mass: [0, 0, -0.1], inertia: [1, 1, 1]}
   block: {mass: 2, centre_of_mass: [0, 0, 0.05], inertia: [0.02, 0.02, 0.03]}
@@ -151,12 +151,12 @@ scenes: {run: {end: 20.95, output_step: 0.20943951023931953, positions: {free.z:
 
 
 def test_a_block_on_a_slope_that_shakes_does_not_creep(tmp_path: Path) -> None:
-    """Over 21 s of shaking with 0.7 and 1.1 m/s^2, read at whole periods of both motions: its feet give, then stay."""
+    """Over 21 s of shaking with 0.7 and 1.1 m/s^2, read at whole periods: its feet carry up to 0.85 of their limit, and stay."""
     run = run_of(tmp_path, BLOCK)
     way = run["way"][run.t > 2]
     assert np.abs(run["a.touch.Fx"]).max() > 1.0
-    assert np.ptp(way) < 2e-6
-    assert abs(np.polyfit(run.t[run.t > 2], way, 1)[0]) < 2e-9
+    assert np.ptp(way) < 2e-9
+    assert abs(np.polyfit(run.t[run.t > 2], way, 1)[0]) < 1e-10
 
 
 def test_a_mirrored_contact_moves_as_the_image() -> None:

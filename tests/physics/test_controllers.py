@@ -178,7 +178,7 @@ joints:
 forces:
   drive: {kind: joint_force, joint: slide, law: feel.push - 3*rate}
 reactions:
-  rail: {joint: slide, body: ground}
+  rail: {joint: slide, axes_of: ground}
 controllers:
   feel: {every: 10 ms, signals: {push: "4 + 0.5*block.ax + 0.1*rail.Fz"}}
 outputs: [block.ax, block.vx, feel.push]
@@ -213,7 +213,7 @@ joints:
 forces:
   motor: {kind: joint_force, joint: pin, law: drive.torque}
 reactions:
-  load: {joint: foot, body: ground}
+  load: {joint: foot, axes_of: ground}
 controllers:
   drive: {every: 10 ms, signals: {torque: "30*(1 + t - pin.angle) - 4*pin.angle_rate + 0.02*load.Fz"}}
 outputs: [pin.angle, drive.torque, load.Fz]

@@ -42,7 +42,7 @@ joints:
   top: {kind: revolute, bodies: [ground, upper], at: A, axis: [0, 1, 0]}
   middle: {kind: revolute, bodies: [upper, lower], at: B, axis: [0, 1, 0]}
 reactions:
-  holding: {joint: top, body: upper, direction: [0, 1, 0]}
+  holding: {joint: top, axes_of: upper, direction: [0, 1, 0]}
 outputs: [upper.pitch, lower.pitch, lower.x]
 scenes:
   start: {end: 0.01, output_step: 0.01, pose: equilibrium, positions: {top.angle: 30 deg}}

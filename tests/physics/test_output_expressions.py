@@ -26,7 +26,7 @@ parameters:
 bodies: {arm: {mass: 2, centre_of_mass: [0.75, 0, 0], inertia: [0.01, 0.4, 0.4]}}
 joints: {hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [0, 1, 0]}}
 forces: {push: {kind: load, body: arm, at: [1, 0, 0], force: [wind, 0, 0]}}
-reactions: {foot: {joint: hinge, body: ground}}
+reactions: {foot: {joint: hinge, axes_of: ground}}
 signals: {drop: -arm.z}
 scenes:
   fall:

@@ -68,7 +68,7 @@ _HANGING = (0.6, -0.8)
 def cranks_text(scene: str) -> str:
     """Four cranks, of which the last two say nothing new; penalties at a bound below all masses, so that all weigh the same."""
     return (
-        f"{parallel_cranks_text(4, _HANGING)}reactions: {{r: {{joint: closure_2, body: crank_2}}}}\n"
+        f"{parallel_cranks_text(4, _HANGING)}reactions: {{r: {{joint: closure_2, axes_of: crank_2}}}}\n"
         f"outputs: [pin_0.angle, pin_0.angle_rate, r.Fx, r.Fy]\n"
         f"scenes: {{run: {{{scene}, numerics: {{closure: solved, penalty: 1.0e+3}}}}}}\n"
     )

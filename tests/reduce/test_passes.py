@@ -49,8 +49,8 @@ joints:
 forces:
   spring: {kind: axial_force, bodies: [ground, link], origin: S, point: D, axis: [0, 0, -1], law: "300*(0.1 - travel)"}
 reactions:
-  pull: {joint: rod_start, body: rod, direction: {from: A, to: B}}
-  hold: {joint: link_pin, body: link, direction: {from: D, to: C}}
+  pull: {joint: rod_start, axes_of: rod, direction: {from: A, to: B}}
+  hold: {joint: link_pin, axes_of: link, direction: {from: D, to: C}}
 outputs: [carrier.x, carrier.y, carrier.z, crank.z, pull.force, hold.force, spring.force]
 scenes:
   fall: {end: 0.2, output_step: 0.02, numerics: {dt: 0.001, penalty: 1.0e+4, solver_tolerance: 1.0e-9}}
@@ -136,9 +136,9 @@ def test_distances_move_as_links_do_in_the_recursion() -> None:
     [
         ("[carrier.x,", "[link.x, carrier.x,", "stays: the output 'link.x' asks for it"),
         ("point: D, axis", "point: [1.03, 0.2, 0.3], axis", "stays: 'spring' is at a point between its joints"),
-        ("{joint: link_pin, body: link,", "{joint: link_pin, body: carrier,", "stays: the direction of 'hold' is fixed in 'carrier'"),
-        ("{joint: link_pin, body: link,", "{joint: link_ball, body: link,", "stays: 'hold' is the reaction of its joint 'link_ball'"),
-        ("reactions:", "reactions:\n  all: {joint: link_pin, body: link}", WITHOUT_DIRECTION),
+        ("{joint: link_pin, axes_of: link,", "{joint: link_pin, axes_of: carrier,", "stays: the direction of 'hold' is fixed in 'carrier'"),
+        ("{joint: link_pin, axes_of: link,", "{joint: link_ball, axes_of: link,", "stays: 'hold' is the reaction of its joint 'link_ball'"),
+        ("reactions:", "reactions:\n  all: {joint: link_pin, axes_of: link}", WITHOUT_DIRECTION),
         ("hold.force", "hold.moment", "stays: the output 'hold.moment' asks for a moment in its joint 'link_pin'"),
         (
             "link_ball: {kind: spherical", "link_ball: {kind: universal, axis: [1, 0, 0], axis_2: [0, 1, 0]",
@@ -218,7 +218,7 @@ def test_nothing_is_dropped_that_a_reaction_carries() -> None:
     base = "joints:\n  base: {kind: prismatic, bodies: [ground, foot], at: [0, 0, 0], axis: [1, 0, 0], guide: push}"
     text = WELDED.replace("joints:", f"  foot: {{mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}\n{base}")
     text = text.replace("bodies: [ground, other], at: [0, 2, 0]", "bodies: [foot, other], at: [0, 2, 0]")
-    asked = text.replace("outputs: [", "reactions:\n  hold: {joint: base, body: ground}\noutputs: [hold.Mx, ")
+    asked = text.replace("outputs: [", "reactions:\n  hold: {joint: base, axes_of: ground}\noutputs: [hold.Mx, ")
     assert list(words(drop_unreached(*read(text)))) == ["other"]
     assert drop_unreached(*read(asked)).done == ()
 

@@ -194,7 +194,7 @@ def test_natural_coordinates_are_not_linearised() -> None:
 
 @pytest.mark.heavy
 def test_methods_have_the_same_derivatives() -> None:
-    text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, body: ground}}\noutputs: [hold.Fx, hold.Fz, ")
+    text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, axes_of: ground}}\noutputs: [hold.Fx, hold.Fz, ")
     first, second = (loaded(text, "spinning", method=method).reset() for method in RELATIVE)
     for sim in (first, second):
         sim.choose()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from click.testing import CliRunner
 from cutjoint.cli import main
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import runtime_folder
-from cutjoint.toolchain.cmake import build_project
+from cutjoint.toolchain.cmake import build_project, zig_tools
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from tests.conftest import MODELS
 from tests.toolchain.test_locks import Site, output, pytestmark, site
@@ -58,6 +59,27 @@ def test_what_is_no_compiler(asked: str, message: str, tmp_path: Path, monkeypat
 def test_no_compiler_asked_for(asked: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CXX", asked)
     assert find_compiler().command == (shutil.which("g++") or shutil.which("clang++"),)
+
+
+def test_without_a_compiler_that_of_pypi_is_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package ziglang beside this one, with CMake and Ninja in the folder of this Python's programs: none is in the PATH."""
+    for name in ("ziglang/zig", "programs/cmake", "programs/ninja", "ziglang/__init__.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text('#!/bin/sh\necho "called with $*"\n', encoding="utf-8")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.delenv("CXX", raising=False)
+    monkeypatch.setattr("sysconfig.get_path", lambda name: "/nowhere")
+    with pytest.raises(ToolchainError, match=r"missing: cmake, ninja, a C\+\+ compiler"):
+        find_compiler()
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "programs"))
+    monkeypatch.syspath_prepend(tmp_path)
+    compiler = find_compiler()
+    assert compiler.command == (str(tmp_path / "ziglang" / "zig"), "c++")
+    assert (compiler.version, compiler.is_zig) == ("called with c++ --version", True)
+    tools = zig_tools(tmp_path, compiler.command[0], ("-target", "aarch64-linux-gnu.2.17"))
+    said = {name: subprocess.run([tools[name], "a b"], capture_output=True, text=True, check=True).stdout for name in ("c++", "ar")}
+    assert said == {"c++": "called with c++ -target aarch64-linux-gnu.2.17 a b\n", "ar": "called with ar a b\n"}
 
 
 @pytest.mark.parametrize(
@@ -124,6 +146,8 @@ def test_headers_of_the_package_come_before_those_of_the_system(tmp_path: Path, 
 
 def test_without_tools_a_package_with_simulators_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr("cutjoint.toolchain.compiler.find_zig", lambda: None)
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr("cutjoint.toolchain.compiler.binaries_folder", lambda: tmp_path / "none")
     assert not must_interpret()

@@ -27,8 +27,8 @@ forces:
   pull: {kind: load, body: mass, at: [0, 1, 0], force: [5, 0, 0]}
   unasked: {kind: load, body: arm, at: [1, 1.5, 0], force: [0, 0, 1]}
 reactions:
-  hold: {joint: rail, body: ground, direction: [1, 0, 0]}
-  hang: {joint: hinge, body: arm}
+  hold: {joint: rail, axes_of: ground, direction: [1, 0, 0]}
+  hang: {joint: hinge, axes_of: arm}
 outputs: [spring.force, pull.Fx, pull.Fy, pull.Fz, unasked.Fz, hold.force, hang.Fx, hang.Fy, hang.Fz, mass.y]
 scenes: {rest: {end: 0.1, output_step: 0.05, pose: equilibrium, numerics: {dt: 0.01}}}
 """

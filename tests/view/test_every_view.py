@@ -50,7 +50,7 @@ forces:
   wheel: {kind: wheel, body: hub, centre: W, axis: [0, 1, 0], radius: 0.3, force: [0, 0, 1e3*deflection]}
   foot: {kind: contact, bodies: [ground, hub], at: O, normal: z, centre: W, radius: 0.4, force: [0, 0, 10*deflection]}
 reactions:
-  side: {joint: slide, body: block, direction: [1, 0, 0]}
+  side: {joint: slide, axes_of: block, direction: [1, 0, 0]}
 outputs: [axial.force, point.force, pad.Fx, pad.Fy, pad.Fz, motor.force, pull.Fx, pull.Fy, pull.Fz, tyre.Fz, wheel.Fz, side.force, block.y]
 scenes: {rest: {end: 0.1, output_step: 0.05}}
 """

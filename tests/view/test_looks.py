@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from tests.conftest import needs_cpp
+from tests.conftest import MODELS, needs_cpp
 from tests.view.browser import Page
-from tests.view.conftest import Shown
+from tests.view.conftest import Shown, show
 from tests.view.files import read_csv
 from tests.view.pages import PICTURES, projected, require_silence
 
@@ -62,6 +65,27 @@ def test_a_curve_over_another_column_goes_from_row_to_row(press: Shown, browser:
     browser.picture(PICTURES / "press-over.png")
     change(browser, "abscissa", "")
     assert len(browser.run("cutjoint.plotted().map((values) => [...values])")[0]) == table["t"].size
+    require_silence(browser)
+
+
+def test_plots_of_the_scene_are_chosen_by_their_names(tmp_path: Path, browser: Page) -> None:
+    text = (MODELS / "press.yaml").read_text(encoding="utf-8")
+    plots = "plots: {way: {x: slider.x, y: [slider.vx]}, both: {y: [slider.x, slider.vx]}}"
+    shown = show(tmp_path, re.sub(r"(\n  turn: *\{)", rf"\1{plots}, ", text))
+    browser.open(shown.page)
+    table = read_csv(shown.table)
+
+    def is_plotted(columns: list[str], values: object) -> None:
+        for name, of in zip(columns, values, strict=True):  # type: ignore[call-overload]
+            assert of == pytest.approx(table[name], rel=1e-6, abs=1e-6)
+
+    is_plotted(["slider.x", "slider.vx"], browser.run("cutjoint.plotted()[1].map((values) => [...values])"))
+    assert browser.run("document.getElementById('abscissa').value") == "slider.x"
+    change(browser, "column", "#1")
+    is_plotted(["t", "slider.x", "slider.vx"], browser.run("cutjoint.plotted().map((values) => [...values])"))
+    assert browser.run("document.getElementById('column').selectedOptions[0].textContent") == "both"
+    change(browser, "column", "slider.x")
+    is_plotted(["t", "slider.x"], browser.run("cutjoint.plotted().map((values) => [...values])"))
     require_silence(browser)
 
 

@@ -35,9 +35,8 @@ class Strut(LawForce):
 
     @classmethod
     def read(cls, reader):
-        base, follower = reader.bodies("bodies")
         return cls(
-            **reader.common(), base=base, follower=follower, foot=reader.point("foot"), head=reader.point("head"),
+            **reader.common(), foot=reader.point("foot"), head=reader.point("head"),
             law=reader.law("law", law=LAW),
         )
 

@@ -54,8 +54,9 @@ def _describe(motion: IdleMotion) -> str:
     bodies = ", ".join(f"'{t.child}'" for t in motion.joints)
     return (
         f"{joint.span}: joint '{joint.name}': nothing resists the motion of {'body' if len(motion.joints) == 1 else 'bodies'} {bodies} "
-        f"({', '.join(motion.speeds)}), so that its acceleration would be a division by zero; give it mass and inertia, or take a "
-        "joint that does not leave it free (a massless link between two spherical joints: make one of them universal)"
+        f"({', '.join(motion.speeds)}), so that its acceleration would be a division by zero; give it mass and inertia (a slender rod has "
+        "none about itself), or take a joint that does not leave it free (a massless link between two spherical joints: make one of them "
+        "universal)"
     )
 
 

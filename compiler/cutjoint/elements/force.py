@@ -95,16 +95,13 @@ class Reader(Protocol):
     """Makes expressions of a force's fields and notes what is wrong with them; fields are given by their names in the file."""
 
     def common(self) -> Mapping[str, Any]:
-        """The fields of all forces: ``name``, ``active`` and ``span``."""
+        """The fields of all forces: ``name``, ``active`` and ``span``; between two ``bodies`` the full names ``base`` and ``follower``."""
 
     def given(self, name: str) -> Any:
         """The value of a field in the file, None if there is none."""
 
     def body(self, name: str) -> str:
         """The full name of a body."""
-
-    def bodies(self, name: str) -> tuple[str, str]:
-        """The full names of base and follower."""
 
     def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
         """The full name of a joint, its coordinate, the only one if none is given, and its unit; "" for both if that is wrong."""

@@ -76,7 +76,7 @@ class Reaction(Part):
     """The force and moment of a joint on its follower: along a direction of a body, or along all axes of the body."""
 
     joint: StrictStr
-    body: StrictStr
+    axes_of: StrictStr
     direction: Direction | None = None
 
 

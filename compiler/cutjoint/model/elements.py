@@ -235,7 +235,8 @@ GUIDES = {"rad": LawKind({"t": TIME}, ANGLE), "m": LawKind({"t": TIME}, LENGTH)}
 def _read_reaction(element: Element, reaction: document.Reaction) -> Reaction:
     name, _ = element.joint(reaction.joint, ("joint",))
     direction = None if reaction.direction is None else read_direction(element, reaction.direction, ("direction",))
-    return Reaction(name=element.name, joint=name, body=element.body(reaction.body, ("body",)), direction=direction, span=element.span)
+    body = element.body(reaction.axes_of, ("axes_of",))
+    return Reaction(name=element.name, joint=name, body=body, direction=direction, span=element.span)
 
 
 def _read_marker(element: Element, marker: document.Marker) -> Marker:

@@ -47,16 +47,16 @@ class _Reader:
     part: force_parts.Force
 
     def common(self) -> Mapping[str, Any]:
-        return {"name": self.element.name, "active": self.part.active, "span": self.element.span}
+        fields = {"name": self.element.name, "active": self.part.active, "span": self.element.span}
+        if hasattr(self.part, "bodies"):
+            fields["base"], fields["follower"] = self.element.two_bodies(self.part.bodies)
+        return fields
 
     def given(self, name: str) -> Any:
         return getattr(self.part, force_parts.attribute(name))
 
     def body(self, name: str) -> str:
         return self.element.body(self.given(name), (name,))
-
-    def bodies(self, name: str) -> tuple[str, str]:
-        return self.element.two_bodies(self.given(name))
 
     def coordinate(self, joint: str, coordinate: str) -> tuple[str, str, str]:
         name, part = self.element.joint(self.given(joint), (joint,))

@@ -102,7 +102,7 @@ def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str],
     if element not in known:
         options = [other.removeprefix(prefix) for other in known if other.startswith(prefix)]
         whole = f", such as {name}.{next(iter(quantities(known[full(name)])), '')}" if full(name) in known else ""
-        hint = nearest(local, options, "elements") if local else f"write element.quantity{whole}"
+        hint = nearest(local, options, "elements") if local and not whole else f"write element.quantity{whole}"
         raise QuantityError(element, f"unknown element '{local or name}'", hint)
     allowed = quantities(known[element])
     if quantity not in allowed:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from cutjoint.model.errors import Problems
 from cutjoint.model.source import Path, Source
 
-#: The new names of fields by the path to each; "*" stands for any key.
+#: The new names of fields by the path to each; "*" stands for any key, "**" for no, one or more submodels.
 Renamed: TypeAlias = Mapping[tuple[str, ...], str]
 
 #: The fields of model files that were called otherwise.
@@ -16,6 +16,7 @@ MODEL: Renamed = {
     ("scenes", "*", "tolerance"): "accuracy",
     ("scenes", "*", "numerics", "tolerance"): "solver_tolerance",
     ("scenes", "*", "numerics", "methods", "*", "tolerance"): "solver_tolerance",
+    ("**", "reactions", "*", "body"): "axes_of",
 }
 
 #: Fields of study files.
@@ -40,6 +41,9 @@ def _matches(data: Any, pattern: tuple[str, ...], path: Path = ()) -> Iterator[P
     """The paths in some data that a pattern stands for."""
     if not pattern:
         yield path
+    elif pattern[0] == "**":
+        yield from _matches(data, pattern[1:], path)
+        yield from _matches(data, ("submodels", "*", *pattern), path)
     elif isinstance(data, dict):
         for key in data if pattern[0] == "*" else [k for k in data if k == pattern[0]]:
             yield from _matches(data[key], pattern[1:], (*path, key))

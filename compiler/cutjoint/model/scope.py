@@ -142,6 +142,8 @@ class Element:
             return read_term(value, names)
         except ExpressionError as error:
             message, hint = self._explained(error, names)
+            if keys[:1] == ("with",) and message == "unknown symbol 't'":
+                hint = "give the name of an input (binding: input), whose law over t a scene has"
             self.fail(worded(field_name(keys), message), hint, keys)
             return FAILED_TERM
 

@@ -18,6 +18,7 @@ from cutjoint.model.errors import Problems, nearest, worded
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.instances import find_uses
 from cutjoint.model.source import Path, Source, field_name
+from cutjoint.model.values import SpringDamper
 
 _P = TypeVar("_P", bound=BaseModel)
 
@@ -165,7 +166,8 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
             return f"needs at least {least} item{'s' * (least > 1)}, got {context['actual_length']}", ""
         case "too_long":
             return f"needs at most {context['max_length']} items, got {context['actual_length']}", ""
-    return _EXPECTATIONS.get(flaw.kind, detail["msg"]), ""
+    hint = "write table: {t: [0, 1], value: [0, 2]}, with the law's variable in place of t" if "table" in path[-2:] else ""
+    return _EXPECTATIONS.get(flaw.kind, detail["msg"]), hint
 
 
 #: Cures of fields that are missing, by the section and the field.
@@ -196,8 +198,9 @@ def _unknown_kind(what: str, kind: str, expected: str) -> tuple[str, str]:
 
 
 def _unknown_field(flaw: _Flaw) -> tuple[str, str]:
-    path = flaw.path
-    return f"unknown field '{path[-1]}'", nearest(str(path[-1]), _fields_at(flaw.document, flaw.detail["loc"][:-1]), "fields")
+    name, fields = str(flaw.path[-1]), _fields_at(flaw.document, flaw.detail["loc"][:-1])
+    belongs = f"it belongs to the law: write law: {{{name}: ...}}" if "law" in fields and name in SpringDamper.model_fields else ""
+    return f"unknown field '{name}'", belongs or nearest(name, fields, "fields")
 
 
 def _fields_at(document: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:

@@ -12,7 +12,7 @@ from cutjoint.model.ranges import count_steps
 from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import SHIPPED
-from cutjoint.toolchain.compiler import TOOLS
+from cutjoint.toolchain.compiler import ADVICE
 
 if TYPE_CHECKING:
     from cutjoint.analysis.conditioning import RatedChoice, RatedOption
@@ -211,7 +211,7 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 _TOLD = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
 
 #: The words about a run that is interpreted since there is no compiler.
-_GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: apt-get install {TOOLS}"
+_GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
 
 
 def told_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -74,13 +74,18 @@ class HostFunction:
         return _CALL(call)
 
 
+#: From open parameters to coordinates and speeds by name, SI units.
+Begin: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Mapping[str, float]]]
+
+
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
     first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
     ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.  ``functions`` are those
-    that simulations call, by their names.
+    that simulations call, by their names.  ``begin`` finds the coordinates and speeds of the scene's start from parameters that a host has
+    changed, where they follow from any.
 
     Raises:
         OSError: the file is no library.
@@ -89,14 +94,15 @@ class Library:
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
         steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
+        begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions,
+            "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions, "begin": begin,
         }  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
-        self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
+        self.settings, self.lanes, self.has_poses, self.begin = settings, lanes, has_poses, begin
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double

@@ -15,6 +15,7 @@ from cutjoint.model.opening import with_pushes
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.given import Given, take_model
+from cutjoint.run.run_file import changing, following, parameter_values
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
@@ -74,7 +75,16 @@ def load_scene(
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
         states=len(mechanism.state.states), has_poses=bool(standalone.poses),
         steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
+        begin=partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None,
     ))  # fmt: skip
+
+
+def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """The coordinates and speeds of a scene's start with ``parameters``; none with those of its file, with which it was compiled."""
+    usual = parameter_values(model, {})
+    given = {**usual, **{name: value for name, value in parameters.items() if name in usual}}
+    found = following(model, scene, given, ("positions", "rates")) if given != usual else {}
+    return found.get("positions", {}), found.get("rates", {})
 
 
 def _functions_of(model: Model, given: Mapping[str, Callable[..., object]]) -> dict[str, HostFunction]:

@@ -72,8 +72,8 @@ class Simulation:
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
-        """Start at time 0, and return the simulation: from the scene's start, with other ``coordinates`` and ``speeds`` (SI units) of
-        joints of the spanning tree for this start alone.
+        """Start at time 0, and return the simulation: from the scene's start, which follows from ``parameters`` as its file says, with
+        other ``coordinates`` and ``speeds`` (SI units) of joints of the spanning tree for this start alone.
 
         ``dt`` is the length of steps (s), by adaptive integrators how far `step` goes on.  ``iterations``, of the trapezoidal rule of
         method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of adaptive integrators, is what the
@@ -83,6 +83,7 @@ class Simulation:
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.
             KeyError: there is no such coordinate or speed.
+            RunError: no pose has what the scene assembles.
             SimulationError: a setting is out of its range, or no consistent state was found.
         """
         call, library = self._call, self.library
@@ -99,6 +100,9 @@ class Simulation:
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
         call(library.give_scene)
+        if library.begin is not None:
+            begun = library.begin(dict(self.parameters))
+            coordinates, speeds = ({**found, **(given or {})} for found, given in zip(begun, (coordinates, speeds), strict=True))
         for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
             places = {name: i for i, name in enumerate(library.names[f"start_{kind}"])}
             for name, value in (given or {}).items():

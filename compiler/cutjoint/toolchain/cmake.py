@@ -11,7 +11,7 @@ from pathlib import Path
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder, runtime_folder
 from cutjoint.toolchain.children import tool
-from cutjoint.toolchain.compiler import PACKAGES, Compiler
+from cutjoint.toolchain.compiler import PACKAGES, Compiler, tools_path
 from cutjoint.toolchain.flags import are_known, require_flags
 from cutjoint.toolchain.temporary import is_plain
 from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
@@ -44,7 +44,10 @@ def build_project(
     """
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
-    environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch)}
+    environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch), "PATH": tools_path()}
+    if compiler.is_zig:
+        zig = zig_tools(scratch, compiler.command[0])
+        environment["CC"], definitions = str(zig["cc"]), (*(f"-DCMAKE_{n.upper()}={zig[n]}" for n in ("ar", "ranlib")), *definitions)
     require_flags(compiler, flags, scratch, environment, runs=runs, shared=shared)
     command = [
         "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
@@ -65,10 +68,20 @@ def _one_word(compiler: Compiler, folder: Path) -> str:
     """A compiler as a path that CMake takes as it is: its own, or a script, since CMake hands the words of $CXX to the shell unquoted."""
     if len(compiler.command) == 1 and is_plain(Path(compiler.command[0])):
         return compiler.command[0]
-    script = folder / "c++"
-    script.write_bytes(b'#!/bin/sh\nexec ' + os.fsencode(shlex.join(compiler.command)) + b' "$@"\n')
-    script.chmod(0o700)
-    return str(script)
+    return str(_script(folder / "c++", compiler.command))
+
+
+def zig_tools(folder: Path, zig: str, target: Sequence[str] = ()) -> dict[str, Path]:
+    """Zig's tools, compilers with the words of a target, as programs in a folder under the names that others have."""
+    words = {"cc": ("cc", *target), "c++": ("c++", *target), "ar": ("ar",), "ranlib": ("ranlib",)}
+    return {name: _script(folder / name, (zig, *each)) for name, each in words.items()}
+
+
+def _script(file: Path, command: Sequence[str]) -> Path:
+    """A program that calls a command with its own words behind it."""
+    file.write_bytes(b"#!/bin/sh\nexec " + os.fsencode(shlex.join(command)) + b' "$@"\n')
+    file.chmod(0o700)
+    return file
 
 
 def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: Compiler, flags: Sequence[str]) -> None:

@@ -7,10 +7,12 @@ import platform
 import shlex
 import shutil
 import subprocess
+import sysconfig
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from cutjoint.package.errors import MissingToolsError, ToolchainError
@@ -19,6 +21,9 @@ from cutjoint.package.locations import binaries_folder
 #: Debian's packages of the tools, and of all that generated code needs; wheels for a platform have the rest of it.
 TOOLS = "g++ cmake ninja-build"
 PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
+
+#: The way to the tools: Debian's packages, or those of PyPI, which need no rights.
+ADVICE = f"apt-get install {TOOLS}, or pip install 'cutjoint[compiler]'"
 
 #: Variables besides $CXX that compilers and CMake read, and that change what is built.
 _VARIABLES = (
@@ -42,6 +47,11 @@ class Compiler:
         return f"{self.version}, called by {shlex.join(self.command)}" if len(self.command) > 1 else self.version
 
     @property
+    def is_zig(self) -> bool:
+        """Return whether it is Zig's, which is a compiler of C, an archiver and more by its first word."""
+        return self.command[1:2] == ("c++",)
+
+    @property
     def key(self) -> tuple[str, ...]:
         """The properties of the compiler and its environment on which built files depend."""
         variables = (f"{name}={os.environ[name]}" for name in _VARIABLES if os.environ.get(name))
@@ -49,7 +59,8 @@ class Compiler:
 
 
 def find_compiler() -> Compiler:
-    """The C++ compiler: $CXX, which may have flags or a launcher such as ccache as `make` takes them, else g++, else clang++.
+    """The C++ compiler: $CXX, which may have flags or a launcher such as ccache as `make` takes them, else g++, clang++, or that
+    of the package ziglang beside this one.
 
     Raises:
         MissingToolsError: a tool is missing.
@@ -81,12 +92,17 @@ def require_tools(*missing: str) -> None:
     Raises:
         MissingToolsError: a tool is missing.
     """
-    absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool) is None), *missing]
+    absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool, path=tools_path()) is None), *missing]
     if absent:
-        fault = f"missing: {', '.join(absent)}; apt-get install"
+        fault = f"missing: {', '.join(absent)};"
         if binaries_folder().is_dir():
-            raise MissingToolsError(f"this takes generated code; {fault} {TOOLS}")
-        raise MissingToolsError(f"{fault} {PACKAGES}")
+            raise MissingToolsError(f"this takes generated code; {fault} {ADVICE}")
+        raise MissingToolsError(f"{fault} apt-get install {PACKAGES}")
+
+
+def tools_path() -> str:
+    """The folders of tools: those of $PATH, then that of this Python's packages."""
+    return os.pathsep.join((os.environ.get("PATH", os.defpath), sysconfig.get_path("scripts")))
 
 
 def _command_of_environment() -> tuple[str, ...]:
@@ -106,7 +122,15 @@ def _command_of_environment() -> tuple[str, ...]:
 
 def _usual_command() -> tuple[str, ...]:
     """The first compiler that is installed; nothing if none is."""
-    return tuple(found for name in ("g++", "clang++") if (found := shutil.which(name)))[:1]
+    if found := shutil.which("g++") or shutil.which("clang++"):
+        return (found,)
+    return (found, "c++") if (found := find_zig()) else ()
+
+
+def find_zig() -> str | None:
+    """The program of the package ziglang; None where there is none."""
+    package = find_spec("ziglang")
+    return shutil.which("zig", path=os.path.dirname(package.origin)) if package and package.origin else None
 
 
 @cache

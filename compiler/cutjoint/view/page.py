@@ -14,6 +14,7 @@ from zlib import crc32
 import jinja2
 import numpy as np
 
+from cutjoint.model.records import Plot
 from cutjoint.package.locations import templates_folder
 from cutjoint.view.failure import Failure
 from cutjoint.view.ghost import GhostRun
@@ -62,10 +63,10 @@ LAST_ROWS = 40
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
     failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
-    graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False,
+    graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are.  One that is live asks where it comes
-    from for poses."""
+    from for poses.  Named ``plots`` are chosen as columns are."""
     folder = templates_folder() / "view"
     about = {
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
@@ -75,6 +76,7 @@ def make_page(
         "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
         "over": None if over is None else {"name": over.name, "rows": int(over.drawing.t.size), "columns": list(over.columns)},
+        "plots": [asdict(plot) for plot in plots if {plot.x, *plot.y} <= {"t", *(c.name for c in columns)}],
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
     moving = [] if sliders is None else [sliders.script]

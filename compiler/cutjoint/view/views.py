@@ -188,7 +188,7 @@ def _content(kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool
     return make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
         columns=shown.columns, camera=find_camera(placed, drawing), failure=shown.failure, motions=shown.motions,
-        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live,
+        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=shown.scene.plots,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ by('title').textContent = about.title;
 by('subtitle').textContent = [about.scene, about.note].filter(Boolean).join(', ');
 fill(by('body'), [['', 'all'], ...about.bodies.map((b) => [b, b])], '');
 fill(by('follow'), [['', 'nothing'], ...about.bodies.map((b) => [b, b])], state.follow);
-fill(by('column'), columns.map((c) => [c.name, c.name]), state.chosen[0]);
+fill(by('column'), [...about.plots.map((plot, i) => [`#${i}`, plot.name]), ...columns.map((c) => [c.name, c.name])], state.chosen[0]);
 fill(by('abscissa'), [['', 't'], ...columns.map((c) => [c.name, c.name])], '');
 fill(by('speed'), [0.05, 0.1, 0.25, 0.5, 1, 2, 5].map((s) => [String(s), `${s} x`]), '1');
 document.body.classList.toggle('still', !(last > first));
@@ -15,7 +15,7 @@ document.body.classList.toggle('bare', !columns.length && !motions.length && !sl
 by('choice').hidden = columns.length === 0 || t.length < 2;
 by('body').addEventListener('change', (e) => choose(e.target.value));
 by('follow').addEventListener('change', (e) => { state.follow = e.target.value; });
-by('column').addEventListener('change', (e) => chooseColumns([e.target.value]));
+by('column').addEventListener('change', (e) => choosePlot(e.target.value));
 by('abscissa').addEventListener('change', (e) => { state.over = e.target.value; drawPlot(); });
 by('names').addEventListener('change', redraw);
 by('forces').addEventListener('change', (e) => showArrows(e.target.checked));
@@ -69,7 +69,8 @@ async function begin() {
   load(await read('glb'));
   if (over) loadGhost(await read('over-glb'));
   listValues();
-  drawPlot();
+  if (about.plots.length) choosePlot('#0');
+  else drawPlot();
   showFailure();
   showMotions();
   showGraph();

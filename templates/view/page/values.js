@@ -47,6 +47,14 @@ function chooseColumns(names) {
   drawPlot();
 }
 
+/** A column, or by `#` and its number a plot that the scene names. */
+function choosePlot(value) {
+  const named = value.startsWith('#') ? about.plots[Number(value.slice(1))] : undefined;
+  if (named) by('abscissa').value = state.over = named.x === 't' ? '' : named.x;
+  chooseColumns(named ? named.y : [value]);
+  by('column').value = value;
+}
+
 function toggleColumn(name) {
   chooseColumns(state.chosen.includes(name) ? state.chosen.filter((other) => other !== name) : [...state.chosen, name]);
 }

@@ -45,8 +45,7 @@ class AxialForce(LawForce):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         return cls(
-            **reader.common(), base=base, follower=follower, origin=reader.point("origin"), point=reader.point("point"),
+            **reader.common(), origin=reader.point("origin"), point=reader.point("point"),
             axis=reader.direction("axis"), law=reader.law("law", law=_LAW),
         )  # fmt: skip

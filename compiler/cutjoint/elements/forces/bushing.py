@@ -64,10 +64,9 @@ class Bushing(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         axes = reader.frame()
         return cls(
-            **reader.common(), base=base, follower=follower, point=reader.point("at"), axes=axes,
+            **reader.common(), point=reader.point("at"), axes=axes,
             laws=tuple(_read_law(reader, index) for index in range(6)),
         )  # fmt: skip
 

@@ -72,11 +72,10 @@ class Contact(Force):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         is_plane = reader.given("normal") is not None
         normal = reader.direction("normal") if is_plane else None
         return cls(
-            **reader.common(), base=base, follower=follower, start=reader.point("at"), centre=reader.point("centre"), normal=normal,
+            **reader.common(), start=reader.point("at"), centre=reader.point("centre"), normal=normal,
             along=reader.direction("axis") if normal is None else reader.across(normal, "along"), inside=reader.given("inside"),
             ball=reader.number("radius", unit="m"), cylinder=None if is_plane else reader.number("cylinder", unit="m"),
             force=reader.triple("force", _FORCE, let="let"),

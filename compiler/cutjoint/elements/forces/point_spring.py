@@ -39,8 +39,7 @@ class PointSpring(LawForce):
     @classmethod
     def read(cls, reader: Reader) -> Self:
         """The record of what a reader reads."""
-        base, follower = reader.bodies("bodies")
         start, end = reader.point("from"), reader.point("to")
         reader.distinct(start, end, names=("from", "to"), hint="the line between them gives the direction")
         law = reader.law("law", law=_LAW, drawn=reader.distance(start, end))
-        return cls(**reader.common(), base=base, follower=follower, start=start, end=end, law=law)
+        return cls(**reader.common(), start=start, end=end, law=law)
