@@ -21,7 +21,7 @@ _WITHOUT_STEP_DERIVATIVES = (
     "derivatives of steps are of method recursive with integrator trapezoidal or rk4; without loops of recursive-newton and trapezoidal too"
 )
 _WITHOUT_POSES = "load the model with poses=True"
-_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
+_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
 
 #: Characters of what a library says of a failure.
 _TEXT = 600

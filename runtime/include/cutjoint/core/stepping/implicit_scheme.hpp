@@ -14,7 +14,7 @@
 
 namespace cutjoint::stepping {
 
-/// The scheme of stepper.hpp over stages, such as those of sdirk/stages.hpp; steps are as long as the tolerance allows, where these
+/// The scheme of stepper.hpp over stages, such as those of radau/stages.hpp; steps are as long as the tolerance allows, where these
 /// estimate an error, or one a row.
 template <class Stages>
 class ImplicitScheme {
