@@ -43,7 +43,7 @@ def errors_of(error: Callable[..., float], integrator: str, steps: Sequence[floa
 def check_orders(errors: Sequence[float], integrator: str) -> None:
     """Check the order of each halving of the step; with rk4 it depends more on where in their steps the events lie."""
     orders = [float(np.log2(a / b)) for a, b in pairwise(errors)]
-    least, most = {"rk4": (3.5, 5.3), "radau5-fixed": (3.8, 4.6)}[integrator]
+    least, most = {"rk4": (3.5, 5.3), "radau5-fixed": (4.5, 5.4)}[integrator]
     assert all(least < order < most for order in orders), (orders, errors)
 
 
@@ -159,9 +159,9 @@ def test_order_across_the_knots_of_a_table(integrator: str, tmp_path: Path) -> N
 
     if integrator == "rk4":
         check_orders(errors_of(error, integrator, (1e-2, 5e-3, 2.5e-3)), integrator)
-    elif integrator == "radau5-fixed":  # where in their steps 25 knots lie, moves the errors by a third: the order over four halvings
-        first, last = errors_of(error, integrator, (5e-3, 5e-3 / 16))
-        assert np.log2(first / last) / 4 == pytest.approx(4, abs=0.2)
+    elif integrator == "radau5-fixed":  # where in their steps 25 knots lie, moves the errors by a third: the order over three halvings
+        first, last = errors_of(error, integrator, (1e-2, 1.25e-3))
+        assert np.log2(first / last) / 3 == pytest.approx(5, abs=0.2)
     else:
         check_proportional(error, integrator, (1e-5, 1e-6, 1e-7, 1e-8) if integrator == "radau5" else (1e-7, 1e-8, 1e-9, 1e-10), 6.0)
 
@@ -188,7 +188,6 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
     [
         ("recursive", {"integrator": "rk4", "dt": 0.1}), ("recursive", {"integrator": "dormand-prince"}),
         ("recursive-newton", {"integrator": "radau5-fixed", "dt": 0.1, "tolerance": 1e-10}), ("recursive-newton", {"integrator": "radau5"}),
-        ("recursive-newton", {"integrator": "radau5"}),
         *((method, {"integrator": integrator, "dt": 0.1, "tolerance": 1e-12, "events": "located"}) for integrator, method in RULES),
     ],
     ids=lambda x: x if isinstance(x, str) else x["integrator"],

@@ -88,20 +88,23 @@ def test_dormand_prince_loses_its_branch_at_a_coarse_tolerance(tolerance: float,
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.004, 0.001, FIRST / 71])
-def test_fourth_order_implicit_steps_stop_at_a_singular_pose(dt: float) -> None:
+def test_implicit_steps_of_equal_length_stop_at_a_singular_pose(dt: float) -> None:
     """No step of radau5-fixed goes over the first pose; up to it the motion is right."""
     run = simulate(two_windows("recursive-newton"), integrator="radau5-fixed", dt=dt, check=False)
     assert run.failure is not None
     assert FIRST - 2 * dt < run.failure.time < FIRST
-    assert largest_error(run, 2) < 1e-7
+    assert largest_error(run, 2) < 1e-9
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
-def test_radau5_stops_at_a_singular_pose(tolerance: float) -> None:
-    run = simulate(two_windows("recursive-newton"), integrator="radau5", tolerance=tolerance, check=False)
-    assert run.failure is not None
-    assert run.failure.time == pytest.approx(FIRST, abs=1e-3)
-    assert largest_error(run, 2) < tolerance
+def test_radau5_stops_at_a_singular_pose_or_crosses_it() -> None:
+    """By a coarse tolerance its steps go over the poses."""
+    stops, crosses = (
+        simulate(two_windows("recursive-newton"), integrator="radau5", tolerance=tolerance, check=False) for tolerance in (1e-8, 1e-4)
+    )
+    assert stops.failure is not None
+    assert stops.failure.time == pytest.approx(FIRST, abs=1e-6)
+    assert largest_error(stops, 2) < 1e-9
+    assert largest_error(completed(crosses), 2) < 1e-2
 
 
 def test_agrees_with_the_published_reference(tmp_path: Path) -> None:

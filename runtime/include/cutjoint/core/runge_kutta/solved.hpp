@@ -100,22 +100,22 @@ class Solved : public Relative<M, Solved<M>> {
     experience_.age = 0;
     if (!experience_.weak) return;
     for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] -= correction_[i];
-    Real last = std::numeric_limits<Real>::infinity();
+    Real rest = largest(correction_), share(1e-6);
     for (int round = 0; round < 4; ++round) {
-      const Real rest = largest(correction_);
-      if (!(rest < last / Real(2))) break;
-      last = rest;
-      if (solve_left() <= enough()) break;
+      const Real moved = solve_left(share), next = largest(correction_), owed = moved * (next / rest);
+      if (owed <= enough() || !(next < rest / Real(2))) break;
+      share = std::max(Real(1e-6), Real(0.3) * enough() / owed);
+      rest = next;
     }
   }
 
-  /// A correction of the multipliers that leaves none; how far it has moved the accelerations.
-  Real solve_left() {
+  /// A correction of the multipliers that leaves a share of what they lack; how far it has moved the accelerations.
+  Real solve_left(Real share) {
     using std::abs;
     keep();
     left_ = correction_;
     auto& solver = projection_.solver();
-    solver.solve(left_, Real(1e-4), Real(1e-6), true, [this](const Equations<M>& w, Speeds<M>& step, Equations<M>& closed) {
+    solver.solve(left_, Real(1e-4), share, true, [this](const Equations<M>& w, Speeds<M>& step, Equations<M>& closed) {
       for (std::size_t i = 0; i < w.size(); ++i) trial_[i] = first_lambda_[i] + w[i];
       evaluate(trial_);
       for (std::size_t i = 0; i < w.size(); ++i) closed[i] = left_[i] - correction_[i];

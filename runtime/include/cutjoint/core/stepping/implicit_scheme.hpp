@@ -26,7 +26,7 @@ class ImplicitScheme {
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Stages::order;
-  static constexpr bool reaches_beyond = true;
+  static constexpr bool reaches_beyond = true, divides = Stages::estimates;
 
   ImplicitScheme(Stages& stages, const Tolerances<Real>& tolerances, bool adaptive)
       : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), unsettled_(trial_.v), between_(stages.size()),
