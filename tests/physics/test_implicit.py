@@ -127,7 +127,7 @@ def test_rows_do_not_limit_steps() -> None:
 
 
 def test_stiff_modes_of_the_governor_do_not_limit_steps() -> None:
-    """Its fastest eigenvalue is -8075/s: errors follow the tolerance, with the power 5/4, at a hundred times longer steps than explicit ones."""
+    """Its fastest eigenvalue is -8075/s: errors follow the tolerance with the power 5/4, at steps a hundred times longer."""
     errors = [error_of("A05", integrator="radau5", tolerance=tolerance) for tolerance in (1e-3, 1e-4, 1e-5)]
     assert orders(errors) == pytest.approx([1.25 * np.log2(10)] * 2, abs=0.5), errors
     assert errors[-1] < 3e-6
