@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 
 #: Rules of steps that have code of their own: explicit ones, Newton's iteration of a tree, and with impacts natural coordinates.
-_WAYS = ("recursive-trapezoidal-", "recursive-newton-sdirk4-")
-_IMPACTS = ("*recursive-trapezoidal-crossed", "*recursive-newton-sdirk4-located", "*augmented-trapezoidal-crossed")
-_EVENTS = ("recursive-dormand-prince", "recursive-newton-sdirk4-fixed")
+_WAYS = ("recursive-trapezoidal-", "recursive-newton-radau5-")
+_IMPACTS = ("*recursive-trapezoidal-crossed", "*recursive-newton-radau5-located", "*augmented-trapezoidal-crossed")
+_EVENTS = ("recursive-dormand-prince", "recursive-newton-radau5-fixed")
 _METHODS = ("recursive", "augmented")
 
 #: Tests, or cases of them, that are for `make full` alone, by file: they compile for long what a test beside them compiles in another way,
@@ -223,7 +223,7 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "test_forty_windows_pass_as_one_does": ("0.001",),
     },
     "tests/physics/test_signals.py": {
-        "test_methods_and_integrators": ("motor-*-trapezoidal", "carts-*-dormand-prince", "carts-*-sdirk4"),
+        "test_methods_and_integrators": ("motor-*-trapezoidal", "carts-*-dormand-prince", "carts-*-radau5"),
         "test_generated_code_has_the_motion_of_the_interpreter": ("recursive", "augmented"),
         "test_a_simulation_that_a_host_holds": ("recursive",),
     },

@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 from jsonschema import Draft202012Validator
 
 from cutjoint.cli import main
+from cutjoint.commands.renamed import in_new_words
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.mechanisms.gears import TEXT as GEARED
 
@@ -50,6 +51,14 @@ def test_earlier_words_of_options_work_and_the_new_ones_are_told(tmp_path: Path)
     assert "simulate --tolerance is now --solver-tolerance" in old.output
     assert call(*words, tmp_path / "new.csv", "--solver-tolerance", "1e-3").exit_code == 0
     assert (tmp_path / "old.csv").read_bytes() == (tmp_path / "new.csv").read_bytes()
+
+
+@pytest.mark.parametrize("words", [("--integrator", "sdirk4"), ("--integrator=sdirk4",)])
+def test_integrators_of_earlier_versions_are_told(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert in_new_words(["simulate", "a.yaml", *words, "--out", "sdirk4"]) == [
+        "simulate", "a.yaml", *(word.replace("sdirk4", "radau5") for word in words), "--out", "sdirk4",
+    ]  # fmt: skip
+    assert capsys.readouterr().err == "simulate --integrator sdirk4 is now radau5\n"
 
 
 def test_check_names_gears_that_follow_from_others(tmp_path: Path) -> None:

@@ -231,7 +231,7 @@ METHODS: Mapping[str, Method] = _catalogue(
 _EXPLICIT_PENALTY = 1e6
 
 #: The trapezoidal rule; explicit Runge-Kutta methods with steps of equal length and with steps as long as the tolerance allows; implicit
-#: ones of order 5, of order 4, adaptive and with equal steps, and one of order 2 that damps what is fast.
+#: ones of order 5, adaptive and with equal steps, and one of order 2 that damps what is fast.
 INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="trapezoidal", methods=tuple(METHODS), closures=("penalty", "proximal", "solved"), twin=True, events=Events.CROSSED,
@@ -252,15 +252,15 @@ INTEGRATORS: Catalogue[Integrator] = Catalogue(
     Integrator(
         name="radau5", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
     ),
-    Integrator(
-        name="sdirk4", methods=("recursive-newton",), adaptive=True, uses_solver=True, settings=("absolute_tolerance",)
-    ),
-    Integrator(name="sdirk4-fixed", methods=("recursive-newton",), uses_solver=True, settings=("absolute_tolerance",)),
+    Integrator(name="radau5-fixed", methods=("recursive-newton",), uses_solver=True, settings=("absolute_tolerance",)),
     Integrator(
         name="generalised-alpha", methods=("recursive-newton",), events=Events.CROSSED, uses_solver=True, settings=("spectral_radius",)
     ),
     added=extensions.INTEGRATORS,
 )  # fmt: skip
+
+#: Integrators of earlier versions, and those that have taken their places.
+FORMER_INTEGRATORS: Mapping[str, str] = {"sdirk4": "radau5", "sdirk4-fixed": "radau5-fixed"}
 
 #: The ways to hold cut joints.
 CLOSURES: Mapping[str, Closure] = _catalogue(

@@ -26,6 +26,8 @@ CUTJOINT_INSTANTIATE class Projection<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Trapezoidal<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class stepping::SwitchCells<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class Relative<CompiledMechanism, runge_kutta::Solved<CompiledMechanism>>;
+CUTJOINT_INSTANTIATE class runge_kutta::Solved<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::ClassicalTable>;
 CUTJOINT_INSTANTIATE class runge_kutta::Formula<CompiledDynamics, runge_kutta::DormandPrinceTable>;

@@ -112,7 +112,7 @@ def test_equal_steps_go_on(method: str, tmp_path: Path) -> None:
 
 
 def test_newtons_method_goes_on() -> None:
-    exact, gone_on = both(CONTROLLED.replace("end: 3", "end: 0.9"), "fall", {"integrator": "sdirk4", "tolerance": 1e-9, "error": False},
+    exact, gone_on = both(CONTROLLED.replace("end: 3", "end: 0.9"), "fall", {"integrator": "radau5", "tolerance": 1e-9, "error": False},
                           method="recursive-newton")  # fmt: skip
     assert max(apart(exact, gone_on).values()) < 1e-6
 

@@ -87,9 +87,9 @@ def test_what_leads_its_group_is_drawn() -> None:
     lines = [
         line("recursive", "generated", point(0.01, 9.0, 1e-4)), line("augmented", "generated", point(0.01, 10.0, 1e-4)),
         line("recursive/rk4", "integrators", point(0.01, 2.0, 1e-6)), line("recursive/events", "integrators", point(0.01, 3.0, 1e-6)),
-        line("recursive/sdirk4", "integrators", point(0.01, 1.0, 1e-3)), line("mujoco/rk4", "peer", point(0.01, 3.0, 1e-6)),
+        line("recursive/radau5", "integrators", point(0.01, 1.0, 1e-3)), line("mujoco/rk4", "peer", point(0.01, 3.0, 1e-6)),
         line("mujoco/euler", "peer", point(0.01, 4.0, 1e-4)), line("exudyn/index2", "peer", point(0.01, 99.0, 1e-3)),
         line("classical", "solvers", point(0.01, 1.0, 1.0)),
     ]  # fmt: skip
     drawn = [found["contender"] for found in leading(lines)]
-    assert drawn == ["recursive", "augmented", "recursive/rk4", "recursive/sdirk4", "mujoco/rk4", "exudyn/index2"]
+    assert drawn == ["recursive", "augmented", "recursive/rk4", "recursive/radau5", "mujoco/rk4", "exudyn/index2"]

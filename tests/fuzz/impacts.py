@@ -45,9 +45,7 @@ _CROSSED, _LOCATED = ({"integrator": "trapezoidal", "events": events} for events
 _DAMPED = {"integrator": "generalised-alpha", "events": "crossed"}
 _INTEGRATORS: Node = {
     "recursive": ({"integrator": "dormand-prince", **_EXACT}, {"integrator": "rk4"}, _CROSSED, _LOCATED),
-    "recursive-newton": (
-        {"integrator": "sdirk4", **_EXACT}, {"integrator": "sdirk4-fixed"}, {"integrator": "radau5", **_EXACT}, _CROSSED, _LOCATED, _DAMPED,
-    ),
+    "recursive-newton": ({"integrator": "radau5-fixed"}, {"integrator": "radau5", **_EXACT}, _CROSSED, _LOCATED, _DAMPED),
     "augmented": ({},),
     "classical": ({},),
 }

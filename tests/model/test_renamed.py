@@ -43,6 +43,14 @@ def test_the_tolerance_of_a_scene_is_its_accuracy_and_that_of_numerics_the_solve
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(("old", "new"), [("sdirk4", "radau5"), ("sdirk4-fixed", "radau5-fixed")])
+def test_integrators_of_earlier_versions_are_those_that_took_their_places(old: str, new: str) -> None:
+    scene, notes = the_scene(NEW.replace("{solver", f"{{integrator: {old}, solver", 1))
+    assert scene.numerics.integrator == new
+    assert notes == (f"arm.yaml:11:28: '{old}' is now '{new}'",)
+    assert the_scene(NEW.replace("{solver", f"{{integrator: {new}, solver", 1)) == (scene, ())
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -99,7 +99,7 @@ def test_the_package_is_that_of_the_wheel(bare: Bare) -> None:
 @pytest.mark.parametrize(
     ("method", "integrator"),
     [
-        ("recursive", "trapezoidal"), ("recursive", "dop853"), ("recursive-newton", "sdirk4"), ("augmented", "trapezoidal"),
+        ("recursive", "trapezoidal"), ("recursive", "dop853"), ("recursive-newton", "radau5"), ("augmented", "trapezoidal"),
         ("classical", "trapezoidal"),
     ],
 )  # fmt: skip

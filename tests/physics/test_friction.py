@@ -123,7 +123,7 @@ scenes:
 """
 
 #: Methods that have friction, with integrators whose steps are as long as errors allow.
-RULES = {"recursive": "dormand-prince", "recursive-newton": "sdirk4"}
+RULES = {"recursive": "dormand-prince", "recursive-newton": "radau5"}
 
 
 def run(folder: Path, text: str, method: str = "recursive", **settings: float) -> Trajectory:

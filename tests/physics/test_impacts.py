@@ -34,8 +34,7 @@ RUNS: dict[str, tuple[dict[str, Any], ...]] = {
         {"integrator": "trapezoidal", "events": "located"}, {"integrator": "trapezoidal", "events": "crossed", "iterations": 8},
     ),
     "recursive-newton": (
-        {"integrator": "sdirk4", "tolerance": 1e-10}, {"integrator": "sdirk4-fixed"},
-        {"integrator": "radau5", "tolerance": 1e-10}, {"integrator": "trapezoidal", "events": "crossed"},
+        {"integrator": "radau5", "tolerance": 1e-10}, {"integrator": "radau5-fixed"}, {"integrator": "trapezoidal", "events": "crossed"},
         {"integrator": "trapezoidal", "events": "located"}, {"integrator": "generalised-alpha", "events": "crossed"},
         {"integrator": "generalised-alpha", "events": "located"},
     ),

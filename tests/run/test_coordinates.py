@@ -42,7 +42,7 @@ def simulate(method: str, integrator: str, *, wanted: bool = True) -> Trajectory
 
 @needs_cpp
 @pytest.mark.parametrize(("method", "integrator"), [
-    ("recursive", "trapezoidal"), ("recursive", "dormand-prince"), ("recursive-newton", "trapezoidal"), ("recursive-newton", "sdirk4"),
+    ("recursive", "trapezoidal"), ("recursive", "dormand-prince"), ("recursive-newton", "trapezoidal"), ("recursive-newton", "radau5"),
 ])  # fmt: skip
 def test_they_are_those_of_the_rows(method: str, integrator: str) -> None:
     run = simulate(method, integrator)

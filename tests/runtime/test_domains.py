@@ -64,7 +64,7 @@ def check(failure: FailureReport | None, message: str, time: float) -> None:
     [
         ("recursive", {}), ("recursive", {"integrator": "rk4"}), ("recursive", {"integrator": "dormand-prince"}),
         ("recursive", {"events": "located"}), ("augmented", {}), ("classical", {}), ("recursive-newton", {}),
-        ("recursive-newton", {"integrator": "sdirk4"}), ("recursive-newton", {"integrator": "radau5"}),
+        ("recursive-newton", {"integrator": "radau5"}),
         ("recursive-newton", {"integrator": "generalised-alpha"}),
     ],
 )  # fmt: skip

@@ -35,7 +35,7 @@ scenes:
     [
         ("recursive", "trapezoidal"), ("recursive", "rk4"), ("recursive", "dormand-prince"), ("augmented", "trapezoidal"),
         ("classical", "trapezoidal"), ("recursive-newton", "trapezoidal"), ("recursive-newton", "generalised-alpha"),
-        ("recursive-newton", "sdirk4"), ("recursive-newton", "sdirk4-fixed"), ("recursive-newton", "radau5"),
+        ("recursive-newton", "radau5-fixed"), ("recursive-newton", "radau5"),
     ],
 )  # fmt: skip
 def test_the_last_row_of_a_failed_run_is_of_one_time(method: str, integrator: str, tmp_path: Path) -> None:

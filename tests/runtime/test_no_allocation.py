@@ -106,8 +106,7 @@ VEHICLE = [
     ("recursive", "proximal", {"dt": 2.5e-3}),
     ("recursive-newton", "penalty", {"dt": 5e-3}),
     ("recursive-newton", "penalty", {"integrator": "generalised-alpha", "dt": 5e-3, "events": "located"}),
-    ("recursive-newton", "penalty", {"integrator": "sdirk4-fixed", "dt": 5e-3}),
-    ("recursive-newton", "penalty", {"integrator": "sdirk4", "tolerance": 1e-6}),
+    ("recursive-newton", "penalty", {"integrator": "radau5-fixed", "dt": 5e-3}),
     ("recursive-newton", "penalty", {"integrator": "radau5", "tolerance": 1e-6}),
     *LAGRANGIAN,
 ]

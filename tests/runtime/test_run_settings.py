@@ -127,10 +127,10 @@ def test_no_setting_has_a_default(key: str, tmp_path: Path) -> None:
          "'closure' is \"proximal\", which trapezoidal"),
         ("recursive", {"integrator": "rk4", "task": "evaluate", "numerics.absolute_tolerance": 1e-6},
          "'task' needs steps of the integrator trapezoidal"),
-        ("recursive-newton", {"integrator": "sdirk4"}, "'absolute_tolerance' is null"),
+        ("recursive-newton", {"integrator": "radau5"}, "'absolute_tolerance' is null"),
         ("recursive-newton", {"integrator": "generalised-alpha"}, "'spectral_radius' is null"),
         ("recursive-newton", {"solver": None}, "'solver' is null"),
-        ("recursive-newton", {"integrator": "rk4"}, "'integrator' is \"rk4\" and not one of trapezoidal, sdirk4"),
+        ("recursive-newton", {"integrator": "rk4"}, "'integrator' is \"rk4\" and not one of trapezoidal, radau5"),
     ],
 )  # fmt: skip
 def test_settings_that_do_not_go_together(method: str, changes: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ pytestmark = needs_cpp
 #: All ways to take steps, and settings of the scene.
 WAYS = [
     *((method, "trapezoidal", "") for method in ALONE), ("recursive", "trapezoidal", ", closure: proximal"), ("recursive", "rk4", ""),
-    ("recursive", "dormand-prince", ""), ("recursive-newton", "sdirk4", ""),
+    ("recursive", "dormand-prince", ""), ("recursive-newton", "radau5", ""),
 ]  # fmt: skip
 
 ways = pytest.mark.parametrize(("method", "integrator", "more"), WAYS)

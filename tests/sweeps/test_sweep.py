@@ -66,7 +66,7 @@ def test_rows_are_those_of_single_runs(tmp_path: Path) -> None:
 WAYS: list[dict[str, Any]] = [
     {"integrator": "rk4"}, {"method": "augmented"}, {"method": "recursive-newton"}, {"integrator": "dormand-prince", "tolerance": 1e-8},
     {"integrator": "dop853", "tolerance": 1e-8},
-    {"method": "recursive-newton", "integrator": "sdirk4", "tolerance": 1e-8},
+    {"method": "recursive-newton", "integrator": "radau5", "tolerance": 1e-8},
 ]  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import shlex
 from itertools import pairwise
 
 from cutjoint.commands import options
-from cutjoint.methods import AUTO
+from cutjoint.methods import AUTO, FORMER_INTEGRATORS
 
 #: The command that an option of another one has become: what were its files are the arguments behind the first there.
 _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
@@ -19,7 +19,7 @@ _OF_AUTO = {"--tolerance": "--accuracy"}
 
 def in_new_words(words: list[str]) -> list[str]:
     """The words of a call in those of this version; where they differ, a message has them."""
-    words = _with_options(words)
+    words = _with_integrator(_with_options(words))
     for (command, option), new in _COMMANDS.items():
         files = []
         while words[:1] == [command] and (file := _value_of(option, words)) is not None:
@@ -39,6 +39,17 @@ def _with_options(words: list[str]) -> list[str]:
             if word == old or word.startswith(f"{old}="):
                 words = [*words[:i], new + word.removeprefix(old), *words[i + 1 :]]
                 options.err.print(f"{command} {old} is now {new}", markup=False)
+    return words
+
+
+def _with_integrator(words: list[str]) -> list[str]:
+    """The words with integrators by their names of this version; a message has those that differ."""
+    option = "--integrator"
+    for i, word in enumerate(words):
+        name = word.removeprefix(f"{option}=")
+        if (new := FORMER_INTEGRATORS.get(name)) is not None and (word != name or words[i - 1] == option):
+            words = [*words[:i], word.removesuffix(name) + new, *words[i + 1 :]]
+            options.err.print(f"{words[0]} {option} {name} is now {new}", markup=False)
     return words
 
 

@@ -163,7 +163,7 @@ OPTIONS: Mapping[str, Row] = {
     "accuracy": click.option("--accuracy", type=Setting("accuracy"), help="Largest error of places and angles, m and rad, from which steps "
         "follow; the scene's otherwise, else 1e-4."),
     "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince, dop853, "
-        "radau5 and sdirk4 relative and absolute, else of the iteration in a step; the scene's otherwise."),
+        "and radau5 relative and absolute, else of the iteration in a step; the scene's otherwise."),
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
         show_default=True, envvar="CUTJOINT_IMPLEMENTATION", help="Code made for the model; the same program interpreted, for which "
         "nothing is compiled; or a generic simulator of cutjoint-bench, whose equations are written by hand. auto is generated, but on "
@@ -172,7 +172,7 @@ OPTIONS: Mapping[str, Row] = {
     "solver": _one_of("--solver", names=SOLVERS.names, help="Linear solver of the Lagrangian methods, by default emitted, of the generic "
         f"twin a library's{_packages(SOLVERS.added)}."),
     "integrator": click.option("--integrator", type=click.Choice(list(INTEGRATORS)), help="rk4, "
-        "dormand-prince and dop853 take the method recursive, radau5, sdirk4 and generalised-alpha recursive-newton; by default the "
+        "dormand-prince and dop853 take the method recursive, radau5, radau5-fixed and generalised-alpha recursive-newton; by default the "
         "scene's, else trapezoidal where dt is given, and otherwise the method's own with steps that follow from the accuracy."),
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
         "runs side by side, where the scene has another rule, or none and no step."),

@@ -111,9 +111,8 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive-newton": {
         "trapezoidal": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>", differentiable=True),
         "generalised-alpha": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>"),
-        "sdirk4": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
-        "sdirk4-fixed": Steps(header=_IMPLICIT, name="SdirkSteps<Mechanism, System, false>", finds_events=True),
-        "radau5": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System>", finds_events=True, adaptive=True),
+        "radau5": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
+        "radau5-fixed": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System, false>", finds_events=True),
     },
 }  # fmt: skip
 

@@ -540,7 +540,7 @@ class Numerics:
     ``iterations`` (limit) to the fixed point, in whose first ``multiplier_updates`` iterations of a step the multipliers are corrected.
     The augmented method has a penalty and ``multiplier_updates`` of its own.  ``dt`` (s) is the length of equal steps, None for steps as
     long as the tolerance allows, where the method has an integrator with such steps.  ``integrator`` is that of the methods that know it,
-    None for the one that follows from method and ``dt``; of "dormand-prince", "dop853", "radau5" and "sdirk4" ``tolerance`` is the
+    None for the one that follows from method and ``dt``; of "dormand-prince", "dop853" and "radau5" ``tolerance`` is the
     relative error of a step and ``absolute_tolerance`` (m, rad, m/s, rad/s) the absolute one, None for as much as the relative one;
     "generalised-alpha" leaves the share ``spectral_radius`` of what is fast in each step.  ``events`` says whether steps of the methods
     "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or "crossed", None for what is

@@ -1,15 +1,18 @@
-"""Fields of earlier versions in files: they still work, and the new ones are told."""
+"""Fields and words of earlier versions in files: they still work, and the new ones are told."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
+from cutjoint.methods import FORMER_INTEGRATORS
 from cutjoint.model.errors import Problems
 from cutjoint.model.source import Path, Source
 
-#: The new names of fields by the path to each; "*" stands for any key, "**" for no, one or more submodels.
-Renamed: TypeAlias = Mapping[tuple[str, ...], str]
+#: The new names of fields by the path to each, or the new words of a field's value by the earlier ones; "*" stands for any key, "**" for no,
+#: one or more submodels.
+Renamed: TypeAlias = Mapping[tuple[str, ...], str | Mapping[str, str]]
 
 #: The fields of model files that were called otherwise.
 MODEL: Renamed = {
@@ -17,10 +20,11 @@ MODEL: Renamed = {
     ("scenes", "*", "numerics", "tolerance"): "solver_tolerance",
     ("scenes", "*", "numerics", "methods", "*", "tolerance"): "solver_tolerance",
     ("**", "reactions", "*", "body"): "axes_of",
+    ("scenes", "*", "numerics", "integrator"): FORMER_INTEGRATORS,
 }
 
 #: Fields of study files.
-STUDY: Renamed = {("tolerance",): "solver_tolerance"}
+STUDY: Renamed = {("tolerance",): "solver_tolerance", ("integrator",): FORMER_INTEGRATORS}
 
 
 def in_new_words(source: Source, problems: Problems, renamed: Renamed) -> tuple[Source, tuple[str, ...]]:
@@ -28,6 +32,12 @@ def in_new_words(source: Source, problems: Problems, renamed: Renamed) -> tuple[
     notes: list[str] = []
     for pattern, new in renamed.items():
         for path in list(_matches(source.data, pattern)):
+            if not isinstance(new, str):
+                word = source.part(path)
+                if isinstance(word, str) and word in new:
+                    source = replace(source, data=_with_value(source.data, path, new[word]))
+                    notes.append(f"{source.value_span(path)}: '{word}' is now '{new[word]}'")
+                continue
             span, place = source.key_span(path), (*path[:-1], new)
             if place in source.keys:
                 problems.add(span, "file", f"'{path[-1]}' is the earlier word for '{new}', which is given too", "keep the latter")
@@ -47,6 +57,11 @@ def _matches(data: Any, pattern: tuple[str, ...], path: Path = ()) -> Iterator[P
     elif isinstance(data, dict):
         for key in data if pattern[0] == "*" else [k for k in data if k == pattern[0]]:
             yield from _matches(data[key], pattern[1:], (*path, key))
+
+
+def _with_value(data: Any, path: Path, value: Any) -> Any:
+    first, *rest = path
+    return {**data, first: _with_value(data[first], tuple(rest), value) if rest else value}
 
 
 def _with_name(source: Source, path: Path, name: str) -> Source:

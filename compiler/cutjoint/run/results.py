@@ -133,7 +133,7 @@ class Effort:
     ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
     pivoting, ``substeps`` the parts that steps of recursive-newton were taken in where the iteration did not reach their end at once.
     ``rejected`` are attempts of steps that were taken again shorter, ``stiff_steps`` steps with a length limited by stability: numbers of
-    explicit integrators, of ``radau5`` and of ``sdirk4``.  ``events`` are the changes of formula at which steps ended, by element in
+    explicit integrators and of ``radau5``.  ``events`` are the changes of formula at which steps ended, by element in
     ``events_by_element``.  ``impacts`` are caused by jumps of guides' rates, in the order of time.
     """
 

@@ -29,8 +29,8 @@ def load(
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
     Steps are those of ``method`` by ``integrator``: "trapezoidal", or of method recursive "rk4", "dormand-prince" or "dop853", of method
-    recursive-newton "generalised-alpha", "radau5", "sdirk4" or "sdirk4-fixed"; that of `simulate` unless one is named, as
-    `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853, radau5 and sdirk4 are as long as
+    recursive-newton "generalised-alpha", "radau5" or "radau5-fixed"; that of `simulate` unless one is named, as
+    `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853 and radau5 are as long as
     tolerances allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the
     patterns ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to
     five times as long to compile, with ``poses`` it has those of all bodies and markers.  Bodies and markers that are

@@ -19,7 +19,7 @@ from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, 
 _NOT_LINEARISED = "load the model with linearise=True"
 _WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
 _WITHOUT_POSES = "load the model with poses=True"
-_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with sdirk4-fixed"
+_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
 
 #: Characters of what a library says of a failure.
 _TEXT = 600

@@ -34,9 +34,8 @@ inline constexpr std::array integrators{
     Meaning<Integrator>{"rk4", Integrator::rk4},
     Meaning<Integrator>{"dormand-prince", Integrator::dormand_prince},
     Meaning<Integrator>{"dop853", Integrator::dop853},
-    Meaning<Integrator>{"sdirk4", Integrator::sdirk4},
-    Meaning<Integrator>{"sdirk4-fixed", Integrator::sdirk4_fixed},
     Meaning<Integrator>{"radau5", Integrator::radau5},
+    Meaning<Integrator>{"radau5-fixed", Integrator::radau5_fixed},
     Meaning<Integrator>{"generalised-alpha", Integrator::generalised_alpha},
 };
 
@@ -114,7 +113,7 @@ class SettingsReader {
   void require_agreement(const RunSettings& s) const {
     const Integrator integrator = s.integrator;
     const bool is_explicit = integrator == Integrator::rk4 || integrator == Integrator::dormand_prince || integrator == Integrator::dop853;
-    const bool is_implicit = integrator == Integrator::sdirk4 || integrator == Integrator::sdirk4_fixed || integrator == Integrator::radau5;
+    const bool is_implicit = integrator == Integrator::radau5 || integrator == Integrator::radau5_fixed;
     if ((is_explicit || is_implicit) && !s.absolute_tolerance) refuse_null("absolute_tolerance");
     if (integrator == Integrator::generalised_alpha && !s.spectral_radius) refuse_null("spectral_radius");
     if (abilities_.solvers && integrator != Integrator::added && !s.solver) refuse_null("solver");

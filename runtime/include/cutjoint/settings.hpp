@@ -13,7 +13,7 @@ namespace cutjoint {
 
 enum class Task { simulate, realtime, equilibrium, evaluate, factor, batch };
 enum class Pose { design, equilibrium };
-enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, sdirk4, sdirk4_fixed, radau5, generalised_alpha, added };
+enum class Integrator { trapezoidal, rk4, dormand_prince, dop853, radau5, radau5_fixed, generalised_alpha, added };
 
 /// The settings of a run as its run file has them, each within its range; what has no value is found by the run, or not used by it.
 ///

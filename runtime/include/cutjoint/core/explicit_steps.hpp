@@ -35,7 +35,7 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
   ExplicitSteps(M& mechanism, const SimulationSettings& settings, const Road<Real>* roads)
       : stepping::SteppedIntegrator<ExplicitSteps, M>(mechanism, settings),
         dynamics_(mechanism, {switches_of(mechanism, settings.events), roads}, runge_kutta::tolerance_of_multipliers<Table>(Real(settings.tolerance)),
-                  settings.stabilisation.closure == Closure::solved),
+                  multipliers(settings.stabilisation.closure)),
         stepper_(dynamics_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of(mechanism)}, Real(settings.end)) {}
 
   /// Loops are projected, not drawn together; a penalty that the run is given comes before those of the start.
@@ -90,6 +90,11 @@ class ExplicitSteps : public stepping::SteppedIntegrator<ExplicitSteps<M, Table>
 
  private:
   friend stepping::SteppedIntegrator<ExplicitSteps, M>;
+
+  static runge_kutta::Multipliers multipliers(Closure closure) {
+    using enum runge_kutta::Multipliers;
+    return closure != Closure::solved ? corrected : adaptive ? solved : completed;
+  }
 
   void keep(StateOf<M>& state) const { state.lambda = dynamics_.multipliers(); }
 

@@ -8,7 +8,6 @@
 #include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/radau/stages.hpp"
-#include "cutjoint/core/sdirk/stages.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/implicit_scheme.hpp"
@@ -17,10 +16,9 @@
 
 namespace cutjoint {
 
-/// The integrator of a simulation (simulation.hpp) by the `Stages` of sdirk/stages.hpp or radau/stages.hpp, over a system in the coordinates of the mechanism M that starts:
-/// steps as long as errors allow, or of the settings' length.  They end where formulas change.
-template <class M, template <class, class> class Stages, class S, bool of_own_length, class LinearSolver>
-class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages, S, of_own_length, LinearSolver>, S> {
+/// The integrator of a simulation (simulation.hpp) by Radau IIA (radau/stages.hpp), over a system in the coordinates of the mechanism M that starts: steps as long as errors allow, or of the settings' length.  They end where formulas change.
+template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
+class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_length, LinearSolver>, S> {
  public:
   using Subject = S;
   using Real = typename S::real_type;
@@ -29,8 +27,8 @@ class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages
 
   static constexpr bool adaptive = of_own_length, knows_residuals = true;
 
-  ImplicitSteps(S& system, const Settings& settings, const Road<Real>* roads)
-      : stepping::SteppedIntegrator<ImplicitSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
+  RadauSteps(S& system, const Settings& settings, const Road<Real>* roads)
+      : stepping::SteppedIntegrator<RadauSteps, S>(system, settings), solver_(solver_for<Solver>(system, settings)), other_(solver_for<Solver>(system, settings)),
         stages_(system, solver_, other_, switches_of(system, settings.events), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
@@ -78,7 +76,7 @@ class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages
     return solver_.smallest_pivot(stages_.tangent().data());
   }
 
-  using Scheme = stepping::ImplicitScheme<Stages<S, Solver>>;
+  using Scheme = stepping::ImplicitScheme<radau::Stages<S, Solver>>;
   using Stepper = stepping::Stepper<Scheme>;
   using Memory = typename Stepper::Memory;
 
@@ -86,7 +84,7 @@ class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages
   void restore(const StateOf<S>&, const Memory& memory) { stepper_.restore(memory); }
 
  private:
-  friend stepping::SteppedIntegrator<ImplicitSteps, S>;
+  friend stepping::SteppedIntegrator<RadauSteps, S>;
 
   void keep(StateOf<S>& state) const {
     state.vdot = stages_.present().vdot;
@@ -94,16 +92,10 @@ class ImplicitSteps : public stepping::SteppedIntegrator<ImplicitSteps<M, Stages
   }
 
   Solver solver_, other_;
-  Stages<S, Solver> stages_;
+  radau::Stages<S, Solver> stages_;
   Stepper stepper_;
   typename Stepper::Vector y_;
   StateOf<S> row_;
 };
-
-template <class M, class S, bool of_own_length, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
-using SdirkSteps = ImplicitSteps<M, sdirk::Stages, S, of_own_length, LinearSolver>;
-
-template <class M, class S, class LinearSolver = GuardedSolver<S, DenseSolver<S>>>
-using RadauSteps = ImplicitSteps<M, radau::Stages, S, true, LinearSolver>;
 
 }  // namespace cutjoint

@@ -6,10 +6,9 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <span>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/dot.hpp"
+#include "cutjoint/core/falling_residuals.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
@@ -36,9 +35,9 @@ class Projection {
   using Scalar = typename Instances::Scalar;
 
   explicit Projection(M& mechanism)
-      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds), found_(dz_.size()),
-        before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), right_(gap_.size()), rest_(gap_.size()), scratch_(gap_.size()),
-        still_(dz_.size()), number_of_tries_(std::min(most_tries, gap_.size())), tries_(number_of_tries_, Try{gap_, dz_, gap_}) {}
+      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds),
+        before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), rest_(gap_.size()), scratch_(gap_.size()), still_(dz_.size()),
+        solver_(mechanism) {}
 
   /// Close Phi(q) = 0.  A fault names the equation that stays open.
   Fault positions(StateOf<M>& state, long number = 0) {
@@ -70,6 +69,9 @@ class Projection {
     return fault;
   }
 
+  /// The solver of what near-singular loops leave, for another use between calls.
+  FallingResiduals<M>& solver() { return solver_; }
+
   /// Iterations of the last positions or speeds.
   int iterations() const { return iterations_; }
 
@@ -87,7 +89,6 @@ class Projection {
 
  private:
   static constexpr int most = 50;
-  static constexpr std::size_t most_tries = 24;
 
   Mask close_positions(StateOf<M>& state, Mask going) {
     is_measured_ = false;
@@ -146,67 +147,17 @@ class Projection {
       singular = Instances::either(Instances::without(singular, solved), Instances::without(solved, all_found));
     }
     if (Instances::any(Instances::without(active, solved))) mechanism_.project(state.q.data(), open.data(), dz_.data());
-    for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, found_[i], dz_[i]);
+    for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, solver_.step()[i], dz_[i]);
   }
 
-  /// found_ = project(w) with T w = open, by residuals that fall (Eisenstat, Elman, Schultz 1983: GCR); of which instances it found all of w.
+  /// A step `project` w with T w = open; of which instances all of w was found.
   Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask going) {
-    using std::sqrt;
-    right_ = open;
-    std::fill(found_.begin(), found_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
-    const Real enough = dot(right_, right_) * Real(1e-12);
-    Mask stopped = Instances::all_if(false);
-    for (std::size_t n = 0; n < number_of_tries_; ++n) {
-      Mask trying = Instances::both(Instances::without(going, stopped), enough < dot(right_, right_));
-      if (!Instances::any(trying)) break;
-      Try& now = tries_[n];
-      now.gap = right_;
-      mechanism_.project(state.q.data(), now.gap.data(), now.step.data());
-      mechanism_.constraint_residual(state.q.data(), now.step.data(), scratch_.data(), now.closed.data());
-      for (std::size_t i = 0; i < rest_.size(); ++i) now.closed[i] = rest_[i] - now.closed[i];
-      for (std::size_t k = 0; k < n; ++k) now.add(-dot(now.closed, tries_[k].closed), tries_[k]);
-      const Real size = sqrt(dot(now.closed, now.closed));
-      stopped = Instances::either(stopped, Instances::both(trying, size <= Real(1e-6) * sqrt(dot(now.gap, now.gap))));
-      trying = Instances::without(trying, stopped);
-      if (!Instances::any(trying)) break;
-      now.scale(Real(1) / size);
-      Real share(0);
-      Instances::take(trying, dot(right_, now.closed), share);
-      add(found_, share, now.step, trying);
-      add(right_, -share, now.closed, trying);
-    }
-    return Instances::both(Instances::without(going, stopped), dot(right_, right_) <= enough);
-  }
-
-  /// A gap, the step that answers it, and what this closes, -Phi_v step.
-  struct Try {
-    Equations<M> gap;
-    Speeds<M> step;
-    Equations<M> closed;
-
-    void add(Real factor, const Try& other) {
-      const Mask all = Instances::all_if(true);
-      Projection::add(gap, factor, other.gap, all);
-      Projection::add(step, factor, other.step, all);
-      Projection::add(closed, factor, other.closed, all);
-    }
-
-    void scale(Real factor) {
-      const auto times = [factor](auto& values) {
-        for (Real& value : values) value *= factor;
-      };
-      times(gap), times(step), times(closed);
-    }
-  };
-
-  template <class Numbers>
-  static void add(Numbers& sum, Real factor, const Numbers& part, Mask which) {
-    for (std::size_t i = 0; i < sum.size(); ++i) Instances::take(which, sum[i] + factor * part[i], sum[i]);
-  }
-
-  static Real dot(const Equations<M>& a, const Equations<M>& b) {
-    return cutjoint::dot(std::span<const Real>(a.data(), a.size()), std::span<const Real>(b.data(), b.size()));
+    return solver_.solve(open, Real(1e-6), Real(1e-6), going, [&](const Equations<M>& gap, Speeds<M>& step, Equations<M>& closed) {
+      mechanism_.project(state.q.data(), gap.data(), step.data());
+      mechanism_.constraint_residual(state.q.data(), step.data(), scratch_.data(), closed.data());
+      for (std::size_t i = 0; i < rest_.size(); ++i) closed[i] = rest_[i] - closed[i];
+    });
   }
 
   Real measure(const StateOf<M>& state, const Equations<M>& open) {
@@ -248,15 +199,14 @@ class Projection {
 
   M& mechanism_;
   Equations<M> gap_, other_;
-  Speeds<M> dz_, found_;
+  Speeds<M> dz_;
   Array<M, std::max(static_sizes<M>().coordinates, static_sizes<M>().speeds)> before_;
-  Equations<M> right_, rest_, scratch_;
+  Equations<M> rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
   bool is_measured_ = false;  ///< whether gap_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
   std::array<Fault, Instances::number> faults_{};
-  std::size_t number_of_tries_;
-  Array<M, std::min(most_tries, static_sizes<M>().equations), Try> tries_;
+  FallingResiduals<M> solver_;
 };
 
 }  // namespace cutjoint

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
@@ -15,19 +16,17 @@
 namespace cutjoint {
 
 /// y = (q, v).  The multipliers are corrected in each evaluation until the rest would change the accelerations by a share `tolerance` or
-/// less.  No penalty is left in them, and loops drift apart by the integrator alone.  Where a pass `solves` for them, an evaluation is one that
-/// begins with none, so that the state alone says what it finds.
-template <Mechanism M>
+/// less.  No penalty is left in them, and loops drift apart by the integrator alone.  A class `Solving`, derived from it, may find them another way.
+template <Mechanism M, class Solving = void>
 class Relative {
  public:
   using Real = typename M::real_type;
   using Subject = M;
   using Vector = Array<M, static_sizes<M>().coordinates + static_sizes<M>().speeds>;  ///< y and its slope
 
-  Relative(M& mechanism, Real tolerance, bool solves = false)
-      : mechanism_(mechanism), state_(design_state(mechanism)), complete_(state_), solves_(solves),
-        tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())), before_(state_.v.size()), correction_(state_.lambda.size()),
-        first_lambda_(correction_.size()), first_vdot_(correction_.empty() ? 0 : before_.size()) {}
+  Relative(M& mechanism, Real tolerance)
+      : mechanism_(mechanism), state_(design_state(mechanism)), complete_(state_),
+        tolerance_(std::max(tolerance, 16 * std::numeric_limits<Real>::epsilon())), correction_(state_.lambda.size()), before_(state_.v.size()) {}
 
   const M& subject() const { return mechanism_; }
   std::size_t size() const { return state_.q.size() + state_.v.size(); }
@@ -84,6 +83,7 @@ class Relative {
   struct Experience {
     Real effect{0};        ///< of a correction of 1 on the accelerations
     int passes = 1;        ///< that solve for the multipliers
+    bool weak = false;     ///< whether the loops hardly hold a direction
     int age = 1000;        ///< evaluations since this was seen
     long evaluations = 0;
   };
@@ -103,49 +103,8 @@ class Relative {
   M& mechanism_;
   StateOf<M> state_, complete_;
   Experience experience_;
-  const bool solves_;
-
- private:
-  std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(state_.q.size()); }
-
-  void accelerate() {
-    mechanism_.begin_step(state_.t, Real(1));
-    if (solves_) solve_multipliers();
-    else correct_multipliers();
-  }
-
-  /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
-  /// the accelerations much less than the one before.  Else what changes is along directions that hardly move the loops, and the first pass stays: one
-  /// evaluation among others that goes further there would look like a jump.
-  void solve_multipliers() {
-    constexpr int most = 4, trusted = 32;
-    const Real enough = std::max(tolerance_, Real(1e-9));
-    const bool checks = experience_.age >= trusted;
-    std::fill(state_.lambda.begin(), state_.lambda.end(), Real(0));
-    Real last = std::numeric_limits<Real>::infinity();
-    for (int pass = 1; pass <= most; ++pass) {
-      add_pass();
-      if (correction_.empty()) return;
-      if (!checks && pass == experience_.passes) break;
-      if (!checks) continue;
-      if (pass == 1) {
-        std::copy_n(state_.vdot.begin(), first_vdot_.size(), first_vdot_.begin());
-        first_lambda_ = state_.lambda;
-        continue;
-      }
-      const Real change = largest_change();
-      const bool falls = change < last / Real(100);
-      experience_.passes = falls ? pass - 1 : 1;
-      experience_.age = 0;
-      if (!falls) {
-        std::copy_n(first_vdot_.begin(), first_vdot_.size(), state_.vdot.begin());
-        state_.lambda = first_lambda_;
-      }
-      if (!falls || change <= enough * (Real(1) + largest(state_.vdot))) break;
-      last = change;
-    }
-    ++experience_.age;
-  }
+  Real tolerance_;
+  Equations<M> correction_;
 
   /// A pass adds its correction to the multipliers; how far that moves the accelerations is known from a pass not long ago.
   void correct_multipliers() {
@@ -181,10 +140,16 @@ class Relative {
     return largest(before_);
   }
 
-  Real tolerance_;
+ private:
+  std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(state_.q.size()); }
+
+  void accelerate() {
+    mechanism_.begin_step(state_.t, Real(1));
+    if constexpr (std::is_void_v<Solving>) correct_multipliers();
+    else static_cast<Solving*>(this)->find_multipliers();
+  }
+
   Speeds<M> before_;
-  Equations<M> correction_, first_lambda_;
-  Array<M, static_sizes<M>().equations == 0 ? 0 : static_sizes<M>().speeds> first_vdot_;
 };
 
 }  // namespace cutjoint

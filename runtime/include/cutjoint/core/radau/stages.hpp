@@ -54,7 +54,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     bool found = false;
     if (this->iterate(h, found)) factored_ = false;
     if (!found) {
-      leaves_early(h);
+      leaves_early();
       return false;
     }
     if (leaves()) return false;
@@ -144,7 +144,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   }
 
   /// Whether stages leave the regime that are not found, or slowly: as they are, or as they were guessed.  The guess is where the regime before would lead.
-  bool leaves_early(Real) {
+  bool leaves_early() {
     if (leaves()) return true;
     cells_.begin(start_.t);
     std::swap(slopes_, guess_);
@@ -156,7 +156,8 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     return out;
   }
 
-  /// An iteration over all stages.  Gaps of the equations are corrected along their directions in the pose of the tangent, as those of sdirk/stages.hpp are.
+  /// An iteration over all stages.  Gaps of the equations are corrected along their directions in the pose of the tangent, Phi_q.
+  /// So are the multipliers, by alpha (Phidd + Phi_q da): where Phi_q has turned, the new Phidd is another one, and alpha would enlarge the difference.
   Fault correct(bool renew, Real w) {
     constexpr std::size_t middle = 2;
     const bool linearised = renew && stale_;
@@ -245,7 +246,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   }
 
   /// Speeds and coordinates of the stages' accelerations; false where a ball turns too far for its chart.
-  bool follow(Real = Real(0)) {
+  bool follow() {
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       StateOf<S>& point = points_[i - 1];
       point.v = start_.v;

@@ -9,8 +9,8 @@
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/projection.hpp"
-#include "cutjoint/core/relative.hpp"
 #include "cutjoint/core/road.hpp"
+#include "cutjoint/core/runge_kutta/solved.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/switch_cells.hpp"
 
@@ -19,18 +19,18 @@ namespace cutjoint::runge_kutta {
 /// The differential equation of a mechanism some of whose switches, all or none, are watched at every stage, and whose loops are closed
 /// after each step.
 template <Mechanism M>
-class ClosedLoopDynamics : public Relative<M> {
+class ClosedLoopDynamics : public Solved<M> {
  public:
   using Real = typename M::real_type;
-  using typename Relative<M>::Vector;
+  using typename Solved<M>::Vector;
 
-  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, bool solves)
-      : Relative<M>(mechanism, tolerance, solves), cells_(cells), projection_(mechanism), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
+  ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, Multipliers multipliers)
+      : Solved<M>(mechanism, tolerance, multipliers), cells_(cells), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
         rate_(state_.lambda) {}
 
   /// Take over a start, in the regime in which it stands.
   Vector begin(const StateOf<M>& start) {
-    Vector y = Relative<M>::begin(start);
+    Vector y = Solved<M>::begin(start);
     adopt(start.t, y);
     history_.last = start.lambda;
     return y;
@@ -44,7 +44,7 @@ class ClosedLoopDynamics : public Relative<M> {
 
   void derive(Real t, const Vector& y, Vector& slope) {
     predict(t);
-    Relative<M>::derive(t, y, slope);
+    Solved<M>::derive(t, y, slope);
     if (cells_.empty()) return;
     evaluate_switches();
     cells_.look(t);
@@ -56,7 +56,7 @@ class ClosedLoopDynamics : public Relative<M> {
     const auto before = this->experience_;
     complete_ = state_;
     predict(t);
-    Relative<M>::derive(t, y, slope);
+    Solved<M>::derive(t, y, slope);
     std::swap(complete_, state_);
     const long evaluations = this->experience_.evaluations;
     this->experience_ = before;
@@ -65,15 +65,13 @@ class ClosedLoopDynamics : public Relative<M> {
 
   /// Quaternions get their length back, loops are closed, and speeds keep them closed.
   Fault project(Real t, Vector& y) {
-    Relative<M>::project(t, y);
+    Solved<M>::project(t, y);
     if (state_.lambda.empty()) return {};
     this->take(t, y);
     if (const Fault fault = projection_.close(state_)) return fault;
     this->put(state_, y);
     return {};
   }
-
-  Projection<M>& projection() { return projection_; }
 
   /// The largest residuals of the loops in a state.
   Residuals residuals(Real t, const Vector& y) {
@@ -140,7 +138,7 @@ class ClosedLoopDynamics : public Relative<M> {
   struct Memory {
     typename stepping::SwitchCells<M>::Memory cells;
     History history;
-    typename Relative<M>::Experience experience;
+    typename Solved<M>::Experience experience;
     Equations<M> lambda;
   };
 
@@ -156,12 +154,12 @@ class ClosedLoopDynamics : public Relative<M> {
   }
 
  private:
-  using Relative<M>::complete_, Relative<M>::mechanism_, Relative<M>::state_;
+  using Solved<M>::complete_, Solved<M>::mechanism_, Solved<M>::projection_, Solved<M>::state_;
 
   /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
     const auto& [last, before_last, last_time, before_last_time, known] = history_;
-    if (known < 2 || this->solves_) return;
+    if (known < 2 || this->multipliers_ != Multipliers::corrected) return;
     const Real share = (t - last_time) / (last_time - before_last_time);
     for (std::size_t i = 0; i < last.size(); ++i) state_.lambda[i] = last[i] + share * (last[i] - before_last[i]);
   }
@@ -177,7 +175,6 @@ class ClosedLoopDynamics : public Relative<M> {
   }
 
   stepping::SwitchCells<M> cells_;
-  Projection<M> projection_;
   History history_;
   Equations<M> residual_, rate_;
 };

@@ -23,7 +23,7 @@ class Scheme {
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Table::order;
-  static constexpr bool reaches_beyond = Table::all == Table::stages;
+  static constexpr bool reaches_beyond = Table::all == Table::stages, divides = false;
 
   Scheme(Dynamics& dynamics, const stepping::Tolerances<Real>& tolerances)
       : dynamics_(dynamics), formula_(dynamics), tolerances_(tolerances), y_(dynamics.size()), end_(y_), trial_(y_), unsettled_(y_) {

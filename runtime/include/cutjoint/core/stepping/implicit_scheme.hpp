@@ -14,7 +14,7 @@
 
 namespace cutjoint::stepping {
 
-/// The scheme of stepper.hpp over stages, such as those of sdirk/stages.hpp; steps are as long as the tolerance allows, where these
+/// The scheme of stepper.hpp over stages, such as those of radau/stages.hpp; steps are as long as the tolerance allows, where these
 /// estimate an error, or one a row.
 template <class Stages>
 class ImplicitScheme {
@@ -26,7 +26,7 @@ class ImplicitScheme {
   using Attempt = stepping::Attempt<Real>;
 
   static constexpr int order = Stages::order;
-  static constexpr bool reaches_beyond = true;
+  static constexpr bool reaches_beyond = true, divides = Stages::estimates;
 
   ImplicitScheme(Stages& stages, const Tolerances<Real>& tolerances, bool adaptive)
       : stages_(stages), interpolant_(stages.charts(), stages.present()), before_(stages.present()), trial_(before_), unsettled_(trial_.v), between_(stages.size()),

@@ -320,7 +320,7 @@ class ImplicitStages : public Workspace<S, Solver> {
     Real last = infinity, smallest = infinity, move(0);
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(Own::longer) && w > factored_w_ * Real(Own::shorter));
     slow_ = false;
-    for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(w); ++iteration) {
+    for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(); ++iteration) {
       if (const Fault fault = own.correct(renew, w)) return fault;
       iterations_ += Own::at_once;
       const Real change = own.size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
@@ -331,11 +331,11 @@ class ImplicitStages : public Workspace<S, Solver> {
       const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
       const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
       if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(Own::rest))) {
-        found = own.follow(w);
+        found = own.follow();
         return {};
       }
       renew = iteration > 1 && share > Real(0.3);
-      if (renew && own.leaves_early(h)) return {};
+      if (renew && own.leaves_early()) return {};
       slow_ = slow_ || renew;
       last = change;
     }

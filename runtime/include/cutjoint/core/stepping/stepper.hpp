@@ -52,6 +52,7 @@ struct Progress {
 /// the step ends, and the next one begins in the new regime.  Nothing of the order is lost: a step's end lies there with an error of the
 /// order of the interpolant's, and there are as many such ends as events, however short the steps.  Beyond a step of a method of high order its
 /// interpolant loses hundreds of times as much as within (such a scheme has no `reaches_beyond`): another, short step then ends before the event.
+/// An equal step whose stages are not found is taken in parts, if the scheme `divides` it.
 ///
 /// A scheme has a present state, and a trial one beside it:
 ///
@@ -237,7 +238,8 @@ class Stepper {
           if (const Fault fault = count_event()) return fault;
         return locate(limit, h);
       }
-      if (!scheme_.adaptive() || !(h > least(time()))) return scheme_.give_up(attempt, counts_.steps, now_.number);
+      const bool divides = scheme_.adaptive() || (Scheme::divides && !attempt.found && h > left / 64);
+      if (!divides || !(h > least(time()))) return scheme_.give_up(attempt, counts_.steps, now_.number);
       now_.h = h = attempt.found ? control_.instead_of(h, attempt.size) : h / 4;
     }
   }

@@ -1,0 +1,140 @@
+// Accelerations of a mechanism whose multipliers an evaluation solves for.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/largest.hpp"
+#include "cutjoint/core/projection.hpp"
+#include "cutjoint/core/relative.hpp"
+#include "cutjoint/core/state.hpp"
+
+namespace cutjoint::runge_kutta {
+
+/// Multipliers are `corrected` from evaluation to evaluation, or `solved` for in each by passes from none, so that the state alone says what it finds.
+/// Near singular poses, where the loops hardly hold some directions, passes leave part of what must push there.  Solved ones leave it so: one
+/// evaluation among others that goes further would look like a jump to an estimate of the error.  `completed` ones are for rules without one.
+enum class Multipliers { corrected, solved, completed };
+
+/// The differential equation of a mechanism.  Near a singular pose completed multipliers are found by residuals that fall, in the nearest state
+/// that closes the loops, since what opens them asks for accelerations as large as it is beside what is left of the equations.
+template <Mechanism M>
+class Solved : public Relative<M, Solved<M>> {
+ public:
+  using Base = Relative<M, Solved<M>>;
+  using typename Base::Real;
+
+  Solved(M& mechanism, Real tolerance, Multipliers multipliers)
+      : Base(mechanism, tolerance), projection_(mechanism), multipliers_(multipliers), first_lambda_(correction_), trial_(correction_), left_(correction_),
+        first_vdot_(correction_.empty() ? 0 : state_.v.size()) {}
+
+  Projection<M>& projection() { return projection_; }
+
+  /// Find accelerations and multipliers of the state.
+  void find_multipliers() {
+    if (multipliers_ == Multipliers::corrected) this->correct_multipliers();
+    else if (experience_.weak) settle();
+    else solve_multipliers();
+  }
+
+ protected:
+  using Base::correction_, Base::experience_, Base::mechanism_, Base::state_, Base::tolerance_;
+
+  Projection<M> projection_;
+  const Multipliers multipliers_;
+
+ private:
+  static constexpr int trusted = 32, soon = 4;
+
+  Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
+
+  /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
+  /// the accelerations much less than the one before.
+  void solve_multipliers() {
+    constexpr int most = 4;
+    const bool checks = experience_.age >= trusted, completes = multipliers_ == Multipliers::completed;
+    forget();
+    Real last = std::numeric_limits<Real>::infinity();
+    for (int pass = 1; pass <= most; ++pass) {
+      this->add_pass();
+      if (correction_.empty()) return;
+      if (!checks && pass == experience_.passes) break;
+      if (!checks) continue;
+      if (pass == 1) {
+        keep();
+        continue;
+      }
+      const Real change = this->largest_change();
+      const bool falls = change < last / Real(100);
+      if (!falls && completes) return settle();
+      experience_.passes = falls ? pass - 1 : 1;
+      if (pass == 2) experience_.age = completes && change > enough() ? trusted - soon : 0;
+      if (!falls) {
+        std::copy_n(first_vdot_.begin(), first_vdot_.size(), state_.vdot.begin());
+        state_.lambda = first_lambda_;
+      }
+      if (!falls || change <= enough()) break;
+      last = change;
+    }
+    ++experience_.age;
+  }
+
+  void keep() {
+    std::copy_n(state_.vdot.begin(), first_vdot_.size(), first_vdot_.begin());
+    first_lambda_ = state_.lambda;
+  }
+
+  void forget() { std::fill(state_.lambda.begin(), state_.lambda.end(), Real(0)); }
+
+  /// Near a singular pose.  If a second pass is none the better, the pose is left.
+  void settle() {
+    (void)projection_.positions(state_), (void)projection_.velocities(state_);
+    forget();
+    this->add_pass();
+    this->add_pass();
+    experience_.weak = this->largest_change() > enough();
+    experience_.passes = 1;
+    experience_.age = 0;
+    if (!experience_.weak) return;
+    for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] -= correction_[i];
+    Real rest = largest(correction_), share(1e-6);
+    for (int round = 0; round < 4; ++round) {
+      const Real moved = solve_left(share), next = largest(correction_), owed = moved * (next / rest);
+      if (owed <= enough() || !(next < rest / Real(2))) break;
+      share = std::max(Real(1e-6), Real(0.3) * enough() / owed);
+      rest = next;
+    }
+  }
+
+  /// A correction of the multipliers that leaves a share of what they lack; how far it has moved the accelerations.
+  Real solve_left(Real share) {
+    using std::abs;
+    keep();
+    left_ = correction_;
+    auto& solver = projection_.solver();
+    solver.solve(left_, Real(1e-4), share, true, [this](const Equations<M>& w, Speeds<M>& step, Equations<M>& closed) {
+      for (std::size_t i = 0; i < w.size(); ++i) trial_[i] = first_lambda_[i] + w[i];
+      evaluate(trial_);
+      for (std::size_t i = 0; i < w.size(); ++i) closed[i] = left_[i] - correction_[i];
+      for (std::size_t i = 0; i < step.size(); ++i) step[i] = state_.vdot[i] - first_vdot_[i];
+    });
+    for (std::size_t i = 0; i < left_.size(); ++i) state_.lambda[i] = first_lambda_[i] + solver.found()[i];
+    evaluate(state_.lambda);
+    Real moved(0);
+    for (std::size_t i = 0; i < first_vdot_.size(); ++i) moved = std::max(moved, abs(state_.vdot[i] - first_vdot_[i]));
+    return moved;
+  }
+
+  void evaluate(const Equations<M>& lambda) {
+    mechanism_.evaluate(state_.q.data(), state_.v.data(), lambda.data(), state_.vdot.data(), correction_.data());
+    ++experience_.evaluations;
+  }
+
+  Equations<M> first_lambda_, trial_, left_;
+  Array<M, static_sizes<M>().equations == 0 ? 0 : static_sizes<M>().speeds> first_vdot_;
+};
+
+}  // namespace cutjoint::runge_kutta
