@@ -31,11 +31,10 @@ if TYPE_CHECKING:
     from cutjoint.stepping.simulation import Simulation, SimulationError
     from cutjoint.stepping.values import StateSpace, StepDerivative
     from cutjoint.sweeps.run import Sweep, sweep
-    from cutjoint.tasks.batch import compile_batch, simulate_batch
+    from cutjoint.tasks.batch import compile_batch, simulate, simulate_batch
     from cutjoint.tasks.inverse import find_drives
     from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
-    from cutjoint.tasks.runs import simulate
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
     from cutjoint.topology.build import build_topology
     from cutjoint.topology.reading import read_model, read_model_text
@@ -54,7 +53,7 @@ __all__ = [
 _HOMES = {
     "cutjoint.analysis.mobility": ("GuideError",),
     "cutjoint.analysis.inertia": ("NoInertiaError",),
-    "cutjoint.tasks.batch": ("compile_batch", "simulate_batch"),
+    "cutjoint.tasks.batch": ("compile_batch", "simulate", "simulate_batch"),
     "cutjoint.package.errors": ("CutjointError", "EquationsError", "RunError", "ToolchainError"),
     "cutjoint.package.extensions": ("MissingPackageError",),
     "cutjoint.model.errors": ("ModelError",),
@@ -65,7 +64,6 @@ _HOMES = {
     "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
-    "cutjoint.tasks.runs": ("simulate",),
     "cutjoint.run.simulator": ("SimulatorError",),
     "cutjoint.sparse.ordering": ("MissingLibraryError",),
     "cutjoint.tasks.states": ("NoEquilibriumError", "find_equilibrium", "find_initial_state", "find_modes"),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import design_coordinates, evaluate_closures, explore
-from cutjoint.analysis.conditioning import RatedChoice, rate_choices
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.skew import RatedChoice, rate_choices
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model

@@ -88,7 +88,7 @@ void cutjoint_sink(const double* a, double* result, double* partials) {
 }
 """
 
-#: The same as templates over the number type.
+#: Templates over the number type that do as much.
 TEMPLATES = """\
 #include <cmath>
 

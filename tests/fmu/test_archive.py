@@ -20,7 +20,7 @@ from cutjoint.compile.pipeline import compile_model
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import Unit, describe_unit
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.package.version import without_mark
+from cutjoint.package.locations import without_mark
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy

@@ -10,7 +10,7 @@ import pytest
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.importing.read import import_file
 from cutjoint.model.errors import ModelError
-from cutjoint.tasks.runs import simulate
+from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text
 from tests.conftest import needs_cpp
 

@@ -12,7 +12,7 @@ from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.importing.read import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model
-from cutjoint.tasks.runs import simulate
+from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text
 from tests.conftest import needs_cpp
 from tests.oracles.pinocchio_robot import PinocchioRobot

@@ -14,7 +14,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.files import MAX_FILES, library
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model
-from cutjoint.package.version import without_mark
+from cutjoint.package.locations import without_mark
 
 from .pendulum import PENDULUM, varied
 

@@ -12,7 +12,7 @@ from cutjoint.model.expressions import quantity_symbol
 from cutjoint.model.quantities import readings_of, unit_of
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Span
-from cutjoint.sweeps.expressions import Reader
+from cutjoint.sweeps.code import Reader
 from cutjoint.topology.build import build_topology
 
 from .pendulum import PENDULUM, check, problems, varied

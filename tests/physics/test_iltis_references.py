@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.export.start import find_start
+from cutjoint.export.laws import find_start
 from cutjoint.model.read import read_model
 from cutjoint.run.results import Trajectory
 from cutjoint.tasks.states import find_equilibrium

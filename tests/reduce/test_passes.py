@@ -10,14 +10,13 @@ import pytest
 
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
-from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.outcome import Note, Outcome, Pass
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import JointKind, Model, RodForce, Scene
 from cutjoint.reduce.approximations import lighten_links
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.records import Pass
 from cutjoint.reduce.sequence import Step, cheapest_by, reduction_sequence
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.results import Trajectory

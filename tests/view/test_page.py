@@ -11,12 +11,11 @@ from matplotlib.image import imread
 
 from cutjoint.package.locations import templates_folder
 from cutjoint.view import meshes
-from cutjoint.view.failure import Failure
 from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion
-from cutjoint.view.page import SCRIPTS, Camera, PlotColumn, make_page
+from cutjoint.view.page import SCRIPTS, Camera, Failure, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.conftest import needs_cpp
 from tests.view.browser import Page

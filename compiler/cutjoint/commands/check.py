@@ -6,12 +6,11 @@ from pathlib import Path
 
 from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.closing import explore
-from cutjoint.analysis.conditioning import rate_choices
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
 from cutjoint.analysis.shaky import describe_shakiness, find_shakiness
-from cutjoint.analysis.skew import describe_geometry
+from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import Loops

@@ -1,8 +1,9 @@
-"""The material of elements' records: expressions, vectors, and places in the user's file."""
+"""The material of elements' records: expressions, vectors, places in the user's file, and the joint kinds that code tells apart."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import PurePath
 from typing import Any, TypeAlias
 
@@ -31,3 +32,20 @@ class Span:
     def place(self) -> str:
         """File name and line without the folder, for generated files."""
         return f"{PurePath(self.file).name}:{self.line}"
+
+
+class JointKind(StrEnum):
+    """Kinds that passes, exporters or pictures treat in a way of their own; ``cutjoint.elements.joints`` lists and describes all."""
+
+    FIXED = "fixed"
+    REVOLUTE = "revolute"
+    PRISMATIC = "prismatic"
+    CYLINDRICAL = "cylindrical"
+    SCREW = "screw"
+    UNIVERSAL = "universal"
+    CONSTANT_VELOCITY = "constant_velocity"
+    PLANAR = "planar"
+    SPHERICAL = "spherical"
+    POINT_ON_LINE = "point_on_line"
+    DISTANCE = "distance"
+    FREE = "free"

@@ -14,7 +14,7 @@ from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, nom
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.recursive.poses import posed_points
+from cutjoint.formulate.recursive.quantities import posed_points
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.methods import START
 from cutjoint.model.functions import signatures_of

@@ -16,8 +16,7 @@ from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.model.functions import PREFIX, SUPPLIED_FILE, require_code, signatures_of, templates_of
 from cutjoint.model.records import Model, SuppliedFunction
-from cutjoint.package.locations import templates_folder
-from cutjoint.package.version import origin_of, without_mark
+from cutjoint.package.locations import origin_of, templates_folder, without_mark
 from cutjoint.program.records import Program
 
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.

@@ -20,7 +20,7 @@ from cutjoint.emit.source import SPACE, Page, code_file, name_of_system, quotabl
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.recursive.poses import digest_of_poses
+from cutjoint.formulate.recursive.quantities import digest_of_poses
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host

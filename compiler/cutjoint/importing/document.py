@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.closing import Closed
-from cutjoint.importing.relations import Relation, solve_couplings
+from cutjoint.importing.closing import Closed, Relation, solve_couplings
 from cutjoint.importing.robot import Array, Drive, Joint, Link, Loop, Robot
 from cutjoint.model.mass import TOLERANCE
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem

@@ -302,7 +302,7 @@ def signatures_of(function: SuppliedFunction) -> Mapping[str, str]:
 
 
 def templates_of(model: Model) -> tuple[SuppliedFunction, ...]:
-    """The functions whose code is a template over the number type, from which partial derivatives follow."""
+    """The functions with a template over the number type as their code: partial derivatives follow from it."""
     pattern = r"\btemplate\s*<\s*(?:class|typename)\s+\w+\s*>\s*void\s+{}\s*\("
     return tuple(f for f in model.functions if re.search(pattern.format(PREFIX + f.name), model.code))
 

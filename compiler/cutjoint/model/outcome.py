@@ -1,8 +1,10 @@
-"""The result of a pass on a model and a scene, and its notes."""
+"""The result of a pass on a model and a scene, and its notes; elements that change hands when a body is taken out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 from cutjoint.model.records import Model, Scene, Span
 
@@ -31,3 +33,29 @@ class Outcome:
     scene: Scene
     done: tuple[Note, ...] = ()
     left: tuple[Note, ...] = ()
+
+
+#: A pass.  It looks at ``scene.outputs`` for what is asked for.
+Pass: TypeAlias = Callable[[Model, Scene], Outcome]
+
+
+def hand_over(model: Model, body: str, to: str) -> Model:
+    """The model without a body; its elements stand on another that moves with it."""
+    return replace(
+        model,
+        bodies=tuple(b for b in model.bodies if b.name != body),
+        joints=tuple(_handed(joint, body, to) for joint in model.joints),
+        forces=tuple(_handed(force, body, to) for force in model.forces),
+        reactions=tuple(_handed(reaction, body, to) for reaction in model.reactions),
+        markers=tuple(_handed(marker, body, to) for marker in model.markers),
+    )
+
+
+def _handed(element: Any, body: str, to: str) -> Any:
+    changed = {name: to for name in ("base", "follower", "body") if getattr(element, name, None) == body}
+    return replace(element, **changed) if changed else element
+
+
+def bodies_of(element: Any) -> set[str]:
+    """The bodies that an element stands on; a force on a joint's coordinate names none."""
+    return {getattr(element, name) for name in ("base", "follower", "body") if hasattr(element, name)}

@@ -25,7 +25,7 @@ from cutjoint.elements.forces import Tyre as Tyre
 from cutjoint.elements.forces import Wheel as Wheel
 from cutjoint.elements.joint import JointElement
 from cutjoint.elements.joints import JOINTS
-from cutjoint.elements.kinds import JointKind as JointKind
+from cutjoint.elements.terms import JointKind as JointKind
 from cutjoint.elements.terms import Scalar as Scalar
 from cutjoint.elements.terms import Span as Span
 from cutjoint.elements.terms import Vector as Vector

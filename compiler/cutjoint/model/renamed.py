@@ -10,8 +10,8 @@ from cutjoint.methods import FORMER_INTEGRATORS
 from cutjoint.model.errors import Problems
 from cutjoint.model.source import Path, Source
 
-#: The new names of fields by the path to each, or the new words of a value by the earlier ones.  In paths "*" stands for any key, "**" for no,
-#: one or more submodels.
+#: The new names of fields by the path to each, or the new words of a value by the earlier ones.  "*" stands for any key, "**" for none or
+#: more submodels.
 Renamed: TypeAlias = Mapping[tuple[str, ...], str | Mapping[str, str]]
 
 #: The fields of model files that were called otherwise.

@@ -1,7 +1,10 @@
-"""Paths that callers give, and where templates/ and runtime/ are: inside the package in a wheel, beside it in a checkout."""
+"""Paths that callers give, the folders templates/ and runtime/, in the package of a wheel or beside it in a checkout, and the version."""
 
 from __future__ import annotations
 
+import re
+from hashlib import sha256
+from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
 from typing import TypeAlias
@@ -47,3 +50,19 @@ def _find(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise FileNotFoundError(f"the folder {name}/ of cutjoint is missing; install cutjoint again")
+
+
+__version__ = version("cutjoint")
+
+_MARK = re.compile(r"( from model '\w+') \(sha256 [0-9a-f]{12}\)")
+
+
+def origin_of(name: str, text: str) -> str:
+    """The version and the model, by its name and the first digits of the digest of its file's text."""
+    mark = f" (sha256 {sha256(text.encode()).hexdigest()[:12]})" if text else ""
+    return f"cutjoint {__version__} from model '{name}'{mark}"
+
+
+def without_mark(generated: str) -> str:
+    """Generated text without the digest of the model file: models that differ elsewhere share what is compiled."""
+    return _MARK.sub(r"\1", generated)

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from cutjoint.elements.interaction import Point
 from cutjoint.model.errors import ModelError
-from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.outcome import Note, Outcome, bodies_of, hand_over
 from cutjoint.model.records import GROUND, Body, Force, Joint, Marker, Model, Reaction, Scalar, Scene, Vector
 from cutjoint.package.errors import RunError
-from cutjoint.reduce.records import bodies_of, hand_over
 from cutjoint.reduce.sampling import Poses, find_poses, numbers
 from cutjoint.reduce.weld import at_centre, merged
 from cutjoint.run.simulator import SimulatorError

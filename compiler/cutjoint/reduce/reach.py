@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 from cutjoint.formulate.forces import is_active
-from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.outcome import Note, Outcome, bodies_of
 from cutjoint.model.records import GROUND, Body, Gear, JointForce, Model, Reaction, RodForce, Scene
-from cutjoint.reduce.records import bodies_of
 
 
 def drop_unreached(model: Model, scene: Scene) -> Outcome:

@@ -13,7 +13,7 @@ from cutjoint.formulate.inputs import input_functions
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.errors import ModelError
-from cutjoint.model.outcome import Note, Outcome
+from cutjoint.model.outcome import Note, Outcome, Pass
 from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import Binding, Controller, Model, Scalar, Scene
 from cutjoint.package.errors import EquationsError, RunError
@@ -26,7 +26,6 @@ from cutjoint.reduce.half.symmetry import flatten_nearly, halve, halve_nearly
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
 from cutjoint.reduce.reach import drop_unreached
-from cutjoint.reduce.records import Pass
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.run_file import parameter_values, placed
 

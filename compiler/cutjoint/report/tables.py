@@ -15,9 +15,9 @@ from cutjoint.toolchain.build import SHIPPED
 from cutjoint.toolchain.compiler import ADVICE
 
 if TYPE_CHECKING:
-    from cutjoint.analysis.conditioning import RatedChoice, RatedOption
     from cutjoint.analysis.mobility import Mobility
     from cutjoint.analysis.redundancy import Redundancy, RedundantEquation
+    from cutjoint.analysis.skew import RatedChoice, RatedOption
     from cutjoint.model.records import Model
     from cutjoint.tasks.batch import BatchArtifact
     from cutjoint.topology.records import Topology

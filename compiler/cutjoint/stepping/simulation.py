@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cutjoint.formulate.recursive.poses import NUMBERS_PER_POSE, digest_of_poses
+from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library

@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from cutjoint.package.errors import RunError
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.sweeps.kernel import require_loadable
 from cutjoint.sweeps.scheduler import dask
 from cutjoint.sweeps.work import Chunk, Rows, Work

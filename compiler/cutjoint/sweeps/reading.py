@@ -26,9 +26,9 @@ from cutjoint.model.units import TIME
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options
+from cutjoint.sweeps.code import Reader
 from cutjoint.sweeps.document import Document, Listed
 from cutjoint.sweeps.document import Objective as ObjectivePart
-from cutjoint.sweeps.expressions import Reader
 from cutjoint.sweeps.records import Array, Objective, Series, Study
 from cutjoint.sweeps.variables import TAKEN, Variables
 from cutjoint.toolchain.build import FLAGS

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.package.errors import RunError
-from cutjoint.package.locations import AnyPath
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import AnyPath, __version__
 from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.code import build_kernels

@@ -1,4 +1,4 @@
-"""Batches: many runs of one scene that differ by parameters, several of them side by side in a register."""
+"""Runs from Python: one of a compiled model, or batches of many that differ by parameters, several of them side by side in a register."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import numpy as np
 from cutjoint.analysis.shaky import require_firmness
 from cutjoint.compile.folders import fits_lanes
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_scene, derive
+from cutjoint.compile.pipeline import compile_scene, derive, take_artifact
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import RecursiveEquations
@@ -25,14 +25,14 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLO
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
+from cutjoint.run import simulation
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
-from cutjoint.run.given import Given, take_model
-from cutjoint.run.inputs import input_entries
+from cutjoint.run.inputs import GivenInput, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
-from cutjoint.run.scenes import with_closure
+from cutjoint.run.scenes import Given, take_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
@@ -275,3 +275,36 @@ def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[st
     missing = [None] * len(names)
     rows = np.array([r.get(kind, missing) for r in results], dtype=float).reshape(len(results), len(names))
     return Columns({name: rows[:, i] for i, name in enumerate(names)})
+
+
+def simulate(
+    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None, out: AnyPath | None = None,
+    steps: AnyPath | None = None, tangents: AnyPath | None = None, parameters: Mapping[str, float] | None = None,
+    progress: Progress | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
+    accuracy: float | None = None, solver_tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
+    integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
+    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False, tolerance: float | None = None,
+) -> Trajectory:  # fmt: skip
+    """Run a scene of a model with ``parameters`` (SI units); what `compile_model` has not made is compiled by it, with numbers ``opened``
+    and a ``method``, by default the scene's.  ``accuracy`` (m, rad) and the other settings from ``dt`` on are those of `Options`, by
+    default the scene's; ``solver_tolerance`` is the tolerance there, and ``tolerance`` its earlier name.
+
+    ``inputs`` drive the run instead of the scene's laws, as `run.inputs` has them.  ``out`` receives the table, ``steps`` a CSV file with
+    iterations and residuals of each step, ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the
+    run keeps the accuracy and has an ``error``; with ``coordinates`` it has those of each row, by which `write_view` draws it.
+    Without ``check`` a run that fails is returned with its failure.
+
+    Raises:
+        ModelError, EquationsError, ToolchainError: as of `compile_model`.
+        RunError: a parameter or an input that cannot be set, or settings that no run has or that do not go together.
+        SimulatorError, OutputError: the simulator could not begin, or a file cannot be written.
+        FailedRunError, Interrupted, Terminated: the run failed (the error has its trajectory), or a signal has ended it.
+    """
+    if tolerance is not None:
+        warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
+    asked = tolerance if solver_tolerance is None else solver_tolerance
+    return simulation.simulate(
+        take_artifact(model, scene, opened, method), out=out, steps=steps, tangents=tangents, parameters=parameters, progress=progress,
+        dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked, iterations=iterations, solver=solver, integrator=integrator,
+        events=events, error=error, check=check, inputs=inputs, coordinates=coordinates,
+    )  # fmt: skip

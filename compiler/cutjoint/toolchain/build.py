@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutjoint.methods import PRECISIONS
-from cutjoint.package.version import without_mark
+from cutjoint.package.locations import without_mark
 from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, is_sound, runtime_digest, store
 from cutjoint.toolchain.cmake import build_project, plain_runtime
 from cutjoint.toolchain.compiler import Compiler, find_compiler, must_interpret, resolve

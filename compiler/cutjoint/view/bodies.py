@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Body, Joint, Model, Scene, Shape, ShapeKind
 from cutjoint.view import meshes

@@ -9,10 +9,9 @@ import numpy as np
 from cutjoint.export.laws import Numbers
 from cutjoint.model.records import GROUND, Model
 from cutjoint.view.bodies import BodyParts
-from cutjoint.view.failure import mark
 from cutjoint.view.forces import Arrows, ForceNodes
 from cutjoint.view.motions import quaternions_of, rotation_to, turned
-from cutjoint.view.page import Camera
+from cutjoint.view.page import Camera, mark
 from cutjoint.view.records import Array, Drawing, Mesh, Node, Part
 from cutjoint.view.sizes import Placed, Sizes, point_of
 

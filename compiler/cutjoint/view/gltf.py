@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.view.motions import shortest
 from cutjoint.view.records import Array, Colour, Drawing, Mesh, Node, Part
 

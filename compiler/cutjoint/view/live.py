@@ -15,7 +15,7 @@ from threading import Condition, Thread
 
 import numpy as np
 
-from cutjoint.formulate.recursive.poses import NUMBERS_PER_POSE, digest_of_poses, posed_points
+from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses, posed_points
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose, find_poses, find_spanned_poses
-from cutjoint.export.laws import Numbers
-from cutjoint.export.start import find_start
+from cutjoint.export.laws import Numbers, find_start
 from cutjoint.formulate.natural.poses import derive_spans
 from cutjoint.formulate.recursive.kinematics import derive_poses
 from cutjoint.methods import METHODS, Formulation
@@ -19,20 +18,19 @@ from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import parameter_values
+from cutjoint.run.scenes import Given, method_of, take_model
 from cutjoint.topology.build import build_topology
 from cutjoint.view.drawing import draw, find_camera
-from cutjoint.view.failure import Failure, find_failure
 from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
-from cutjoint.view.page import LAST_ROWS, PlotColumn, make_page
+from cutjoint.view.page import LAST_ROWS, Failure, PlotColumn, find_failure, make_page
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import Placed, find_sizes
 from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders

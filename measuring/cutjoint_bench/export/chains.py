@@ -9,8 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cutjoint.elements.joint import AXIAL_FRAME, Ball, Direction, Offset, Slide, Turn
-from cutjoint.export.laws import Triple
-from cutjoint.export.start import Array
+from cutjoint.export.laws import Array, Triple
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import GROUND, Force
 from cutjoint_bench.export.records import Mechanism, PeerJoint

@@ -12,8 +12,7 @@ import sympy
 from cutjoint.elements.interaction import Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.elements.joint import AXIAL_FRAME
-from cutjoint.export.laws import Numbers, Triple
-from cutjoint.export.start import Array
+from cutjoint.export.laws import Array, Numbers, Triple
 from cutjoint.formulate.forces import variable
 from cutjoint.formulate.inputs import TIME
 from cutjoint.model.evaluate import evaluate

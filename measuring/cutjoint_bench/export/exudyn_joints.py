@@ -22,7 +22,7 @@ from cutjoint.elements.joint import (
     SamePoint,
     Slide,
 )
-from cutjoint.export.start import Array
+from cutjoint.export.laws import Array
 from cutjoint.model.errors import Problem
 from cutjoint.model.records import Model, Scene
 from cutjoint_bench.export.chains import Frame, frame, triple

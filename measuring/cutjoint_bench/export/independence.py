@@ -9,8 +9,7 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, FlatRoad, explore, make_inputs
 from cutjoint.analysis.redundancy import choose_independent
-from cutjoint.export.laws import Triple
-from cutjoint.export.start import markers_of
+from cutjoint.export.laws import Triple, markers_of
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.model.records import GROUND, Model, Output, Scene

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.elements.joint import Direction
-from cutjoint.export.laws import Numbers, Triple, require_mechanics_alone
-from cutjoint.export.start import Array, Start, find_start
+from cutjoint.export.laws import Array, Numbers, Start, Triple, find_start, require_mechanics_alone
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
 from cutjoint.kernels.directions import direction_of

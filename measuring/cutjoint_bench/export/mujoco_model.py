@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from cutjoint.export.laws import Triple
-from cutjoint.export.start import Array
+from cutjoint.export.laws import Array, Triple
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import COORDINATES, GROUND, JointKind
 from cutjoint_bench.export.chains import Part, chain, chain_problems, speeds

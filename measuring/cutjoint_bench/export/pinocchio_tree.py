@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cutjoint.export.laws import Triple
-from cutjoint.export.start import Array
+from cutjoint.export.laws import Array, Triple
 from cutjoint.model.records import GROUND, JointKind, Model, Scene
 from cutjoint_bench.export.chains import Part, chain, frame, speeds, triple
 from cutjoint_bench.export.independence import Row, independent_rows

@@ -25,7 +25,7 @@ from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.reduce.choose import Candidate, choose, searches, timed
 from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence

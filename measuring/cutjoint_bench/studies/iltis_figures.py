@@ -14,7 +14,7 @@ from cutjoint.analysis.mobility import Mobility, find_mobility
 from cutjoint.compile.pipeline import compile_model
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Output
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.roads import profile_pieces

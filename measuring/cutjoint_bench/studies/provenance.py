@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.toolchain.build import FLAGS
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.compiler import find_compiler

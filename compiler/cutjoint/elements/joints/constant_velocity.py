@@ -10,7 +10,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from cutjoint.elements.joint import NO_TWIST, Check, Direction, Fault, JointElement, JointField, Operations, SamePoint, Turn
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 _HALF = Turn("angle_1", Direction.ACROSS_1, share=Fraction(1, 2))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.elements.joint import Ball, Check, Direction, Fault, JointElement, JointField, Offset, Operations, SameDistance, Turn
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.DISTANCE,

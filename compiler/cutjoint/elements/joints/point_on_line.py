@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.elements.joint import ON_LINE, Ball, Direction, JointElement, JointField, Operations, Slide
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.POINT_ON_LINE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.elements.joint import AXIAL_FRAME, ON_LINE, Direction, JointElement, JointField, Operations, SameAttitude, Slide
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.PRISMATIC,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutjoint.elements.joint import ABOUT_AXIS, Direction, JointElement, JointField, Operations, SameDirection, SamePoint, Turn
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.REVOLUTE,

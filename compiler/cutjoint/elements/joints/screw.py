@@ -13,7 +13,7 @@ from cutjoint.elements.joint import (
     SameDirection,
     Turn,
 )
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.SCREW,

@@ -15,7 +15,7 @@ from cutjoint.elements.joint import (
     SamePoint,
     Turn,
 )
-from cutjoint.elements.kinds import JointKind
+from cutjoint.elements.terms import JointKind
 
 ELEMENT = JointElement(
     kind=JointKind.UNIVERSAL,

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from cutjoint.export.fmu.variables import Interface, Variable
 from cutjoint.model.units import measure
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 
 _ANGLE = "rad"
 

@@ -24,7 +24,7 @@ from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
 from cutjoint.formulate.recursive.loops import Closing, corrections, derive_loops
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
-from cutjoint.formulate.recursive.poses import pose_slots, poses_function
+from cutjoint.formulate.recursive.quantities import pose_slots, poses_function
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, refine, respond, solve
 from cutjoint.formulate.states import sample_function, sample_slots, state_rates, still_states

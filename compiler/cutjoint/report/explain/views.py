@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from cutjoint.emit.source import environment
-from cutjoint.package.version import __version__
+from cutjoint.package.locations import __version__
 from cutjoint.report.explain.latex import DIGITS
 from cutjoint.topology.records import SubtreeClass
 
