@@ -47,7 +47,7 @@ class Solved : public Relative<M, Solved<M>> {
   const Multipliers multipliers_;
 
  private:
-  static constexpr int trusted = 32, soon = 8;
+  static constexpr int trusted = 32, soon = 4;
 
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
@@ -72,7 +72,7 @@ class Solved : public Relative<M, Solved<M>> {
       const bool falls = change < last / Real(100);
       if (!falls && completes) return settle();
       experience_.passes = falls ? pass - 1 : 1;
-      if (pass == 2) experience_.age = !completes ? 0 : change > enough() / Real(1e4) ? trusted : trusted - soon;
+      if (pass == 2) experience_.age = !completes ? 0 : change > enough() / Real(1e2) ? trusted : trusted - soon;
       if (!falls) {
         std::copy_n(first_vdot_.begin(), first_vdot_.size(), state_.vdot.begin());
         state_.lambda = first_lambda_;
