@@ -52,8 +52,8 @@ class Solved : public Relative<M, Solved<M>> {
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
   /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
-  /// the accelerations much less than the one before.  Completed ones are checked more often, each one where the second pass changes more than rounding:
-  /// a step may go over the whole of a singular pose.
+  /// the accelerations much less than the one before.  Completed ones are checked more often, each one near a singular pose, which a step may go
+  /// over as a whole.
   void solve_multipliers() {
     constexpr int most = 4;
     const bool checks = experience_.age >= trusted, completes = multipliers_ == Multipliers::completed;
@@ -72,7 +72,7 @@ class Solved : public Relative<M, Solved<M>> {
       const bool falls = change < last / Real(100);
       if (!falls && completes) return settle();
       experience_.passes = falls ? pass - 1 : 1;
-      if (pass == 2) experience_.age = !completes ? 0 : change > enough() / Real(1e2) ? trusted : trusted - soon;
+      if (pass == 2) experience_.age = !completes ? 0 : change > enough() / Real(10) ? trusted : trusted - soon;
       if (!falls) {
         std::copy_n(first_vdot_.begin(), first_vdot_.size(), state_.vdot.begin());
         state_.lambda = first_lambda_;
