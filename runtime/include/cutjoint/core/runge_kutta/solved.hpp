@@ -52,7 +52,8 @@ class Solved : public Relative<M, Solved<M>> {
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
   /// From no multipliers by as many passes as the last check found to be enough.  A check takes one more, and further ones as long as each changes
-  /// the accelerations much less than the one before.
+  /// the accelerations much less than the one before.  Completed ones are checked more often, each one near a singular pose, which a step may go
+  /// over as a whole.
   void solve_multipliers() {
     constexpr int most = 4;
     const bool checks = experience_.age >= trusted, completes = multipliers_ == Multipliers::completed;
@@ -71,7 +72,7 @@ class Solved : public Relative<M, Solved<M>> {
       const bool falls = change < last / Real(100);
       if (!falls && completes) return settle();
       experience_.passes = falls ? pass - 1 : 1;
-      if (pass == 2) experience_.age = completes && change > enough() ? trusted - soon : 0;
+      if (pass == 2) experience_.age = !completes ? 0 : change > enough() / Real(10) ? trusted : trusted - soon;
       if (!falls) {
         std::copy_n(first_vdot_.begin(), first_vdot_.size(), state_.vdot.begin());
         state_.lambda = first_lambda_;
@@ -97,7 +98,7 @@ class Solved : public Relative<M, Solved<M>> {
     this->add_pass();
     experience_.weak = this->largest_change() > enough();
     experience_.passes = 1;
-    experience_.age = 0;
+    experience_.age = trusted;
     if (!experience_.weak) return;
     for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] -= correction_[i];
     Real rest = largest(correction_), share(1e-6);
