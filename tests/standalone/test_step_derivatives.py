@@ -172,7 +172,7 @@ def differences(sim: cutjoint.Simulation, change: Callable[[float], None], snaps
 
 
 def errors_of(sim: cutjoint.Simulation, h: float, *, settled: bool = True) -> list[float]:
-    """Values of columns by states, the torque and the drag of a step of length h, as shares of the largest entries; ``settled`` finds
+    """The errors of columns by states, the torque and the drag of a step of length h, as shares of the largest entries; ``settled`` finds
     accelerations anew for each difference."""
     sim.reset(dt=h)
     sim.advance(0.1)
