@@ -41,10 +41,8 @@ class Relative {
   }
 
   void derive(Real t, const Vector& y, Vector& slope) {
-    take(t, y);
-    accelerate();
-    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
-    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
+    begin_at(t, y);
+    find_slope(slope);
   }
 
   /// Quaternions get their length back.
@@ -56,15 +54,16 @@ class Relative {
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& solve(Real t, const Vector& y) {
-    take(t, y);
-    accelerate();
+    begin_at(t, y);
+    find_multipliers();
     return state_;
   }
 
   /// A state gets the accelerations and multipliers of its coordinates and speeds.
   void find_accelerations(StateOf<M>& state) {
     state_ = state;
-    accelerate();
+    mechanism_.begin_step(state_.t, Real(1));
+    find_multipliers();
     state = state_;
   }
 
@@ -100,6 +99,19 @@ class Relative {
     std::copy(y.begin() + middle(), y.end(), state_.v.begin());
   }
 
+  /// A state is taken whose values at the beginning of a step are found.
+  void begin_at(Real t, const Vector& y) {
+    take(t, y);
+    mechanism_.begin_step(t, Real(1));
+  }
+
+  /// The slope at that state.
+  void find_slope(Vector& slope) {
+    find_multipliers();
+    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
+    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
+  }
+
   M& mechanism_;
   StateOf<M> state_, complete_;
   Experience experience_;
@@ -108,8 +120,7 @@ class Relative {
  private:
   std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(state_.q.size()); }
 
-  void accelerate() {
-    mechanism_.begin_step(state_.t, Real(1));
+  void find_multipliers() {
     if (solves_) solve_multipliers();
     else correct_multipliers();
   }

@@ -57,8 +57,7 @@ class Formula {
       if (stage == Table::stages - 1) before_ = at_;
       at_ = y;
       add_slopes(h, Table::weights[stage], slopes_, at_);
-      dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
-      if (!whole && dynamics_.cells().crossed()) return;
+      if (!dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage], whole)) return;
     }
     end = at_;
     for (std::size_t i = 0; i < errors.size(); ++i) weigh(h, Table::errors[i], errors[i]);
