@@ -32,7 +32,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   using Base::charts;
 
   Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
-      : Base(system, solver, other, std::move(switches), roads), v_hat_(n_), delta_hat_(n_), guess_(n_), middle_(this->template repeat<2>(guess_)),
+      : Base(system, solver, other, std::move(switches), roads), v_hat_(n_), delta_hat_(n_), middle_(this->template repeat<2>(v_hat_)),
         middle_forces_(this->template repeat<2>(push_)) {}
 
   /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
@@ -44,11 +44,11 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       bool found = false;
       if (try_stage(stage, h, found)) {  // no factors, or no finite value
         factored_ = false;
-        leaves_early(h);
+        leaves();
         return false;
       }
       if (!found) {
-        leaves_early(h);
+        leaves();
         return false;
       }
       if (leaves()) return false;
@@ -96,19 +96,6 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     return cells_.crossed() && !whole_;
   }
 
-  /// Whether a stage leaves the regime that is not found, or slowly: as it is, or as it was guessed.  The guess is where the regime before
-  /// would lead.
-  bool leaves_early(Real h) {
-    if (leaves()) return true;
-    const Real w = Table::gamma.as<Real>() * h;
-    at_.vdot.swap(guess_);
-    follow(w);
-    const bool out = leaves();
-    at_.vdot.swap(guess_);
-    follow(w);
-    return out;
-  }
-
   /// Whether a stage is `found`; a fault where an iteration has no factors.
   Fault try_stage(std::size_t stage, Real h, bool& found) {
     time_ = at_.t = start_.t + Table::nodes[stage].template as<Real>() * h;
@@ -125,7 +112,6 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       guess(stage, slopes_, at_.vdot);
       guess(stage, forces_, lambda_);
     }
-    guess_ = at_.vdot;
     if (const Fault fault = this->iterate(h, found); fault || !found) return fault;
     chart_rates<Real>(charts(), delta_.data(), at_.v.data(), rates_[stage].data());
     copy_states(charts(), at_.v, rates_[stage].begin());
@@ -200,7 +186,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     return largest;
   }
 
-  Speeds<S> v_hat_, delta_hat_, guess_;
+  Speeds<S> v_hat_, delta_hat_;
   std::array<Speeds<S>, 2> middle_;            ///< accelerations at a half and three quarters of the step before
   std::array<Equations<S>, 2> middle_forces_;  ///< the same of multipliers
 };
