@@ -40,10 +40,8 @@ class Relative {
   }
 
   void derive(Real t, const Vector& y, Vector& slope) {
-    take(t, y);
-    accelerate();
-    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
-    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
+    begin_at(t, y);
+    find_slope(slope);
   }
 
   /// Quaternions get their length back.
@@ -55,7 +53,7 @@ class Relative {
 
   /// The state with its accelerations and multipliers.
   const StateOf<M>& solve(Real t, const Vector& y) {
-    take(t, y);
+    begin_at(t, y);
     accelerate();
     return state_;
   }
@@ -63,6 +61,7 @@ class Relative {
   /// A state gets the accelerations and multipliers of its coordinates and speeds.
   void find_accelerations(StateOf<M>& state) {
     state_ = state;
+    mechanism_.begin_step(state_.t, Real(1));
     accelerate();
     state = state_;
   }
@@ -98,6 +97,19 @@ class Relative {
     state_.t = t;
     std::copy(y.begin(), y.begin() + middle(), state_.q.begin());
     std::copy(y.begin() + middle(), y.end(), state_.v.begin());
+  }
+
+  /// A state is taken whose values at the beginning of a step are found.
+  void begin_at(Real t, const Vector& y) {
+    take(t, y);
+    mechanism_.begin_step(t, Real(1));
+  }
+
+  /// The slope at that state.
+  void find_slope(Vector& slope) {
+    accelerate();
+    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
+    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
   }
 
   M& mechanism_;
@@ -144,7 +156,6 @@ class Relative {
   std::ptrdiff_t middle() const { return static_cast<std::ptrdiff_t>(state_.q.size()); }
 
   void accelerate() {
-    mechanism_.begin_step(state_.t, Real(1));
     if constexpr (std::is_void_v<Solving>) correct_multipliers();
     else static_cast<Solving*>(this)->find_multipliers();
   }

@@ -42,13 +42,18 @@ class ClosedLoopDynamics : public Solved<M> {
     if (history_.known < 2) state_.lambda = history_.last;
   }
 
-  void derive(Real t, const Vector& y, Vector& slope) {
+  /// The slope at a stage.  Unless it is wanted by all means, it is not found where the attempt has left the regime: returns whether it is.
+  bool derive(Real t, const Vector& y, Vector& slope, bool by_all_means = true) {
+    this->begin_at(t, y);
+    if (!cells_.empty()) {
+      evaluate_switches();
+      cells_.look(t);
+      cells_.pass(t);
+      if (!by_all_means && cells_.crossed()) return false;
+    }
     predict(t);
-    Solved<M>::derive(t, y, slope);
-    if (cells_.empty()) return;
-    evaluate_switches();
-    cells_.look(t);
-    cells_.pass(t);
+    this->find_slope(slope);
+    return true;
   }
 
   /// The slope at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no switch is looked at there.
@@ -75,8 +80,7 @@ class ClosedLoopDynamics : public Solved<M> {
 
   /// The largest residuals of the loops in a state.
   Residuals residuals(Real t, const Vector& y) {
-    this->take(t, y);
-    mechanism_.begin_step(t, Real(1));
+    this->begin_at(t, y);
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual_.data(), rate_.data());
     return {static_cast<double>(largest(residual_)), static_cast<double>(largest(rate_)), 0.0};
   }
@@ -165,8 +169,7 @@ class ClosedLoopDynamics : public Solved<M> {
   }
 
   void switch_at(Real t, const Vector& y) {
-    this->take(t, y);
-    mechanism_.begin_step(t, Real(1));
+    this->begin_at(t, y);
     evaluate_switches();
   }
 

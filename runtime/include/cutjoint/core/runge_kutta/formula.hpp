@@ -49,15 +49,15 @@ class Formula {
     begun_ = memory.begun;
   }
 
-  /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.
-  void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors) {
+  /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.  Unless `whole` it ends at a stage that leaves the regime.
+  void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors, bool whole) {
     if (!begun_) dynamics_.derive(t, y, slopes_[0]);
     begun_ = true;
     for (std::size_t stage = 1; stage < Table::stages; ++stage) {
       if (stage == Table::stages - 1) before_ = at_;
       at_ = y;
       add_slopes(h, Table::weights[stage], slopes_, at_);
-      dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
+      if (!dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage], whole)) return;
     }
     end = at_;
     for (std::size_t i = 0; i < errors.size(); ++i) weigh(h, Table::errors[i], errors[i]);

@@ -47,9 +47,9 @@ class Scheme {
     formula_.restart();
   }
 
-  Attempt attempt(Real h, bool, long) {
+  Attempt attempt(Real h, bool whole, long) {
     dynamics_.begin_attempt(t_);
-    formula_.attempt(t_, h, y_, end_, errors_);
+    formula_.attempt(t_, h, y_, end_, errors_, whole);
     return {cells().crossed() ? Real(0) : error_size()};
   }
 
