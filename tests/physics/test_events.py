@@ -183,6 +183,16 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
         check_proportional(error, integrator, (1e-5, 1e-7, 1e-9), 6.0)
 
 
+@pytest.mark.parametrize(("integrator", "stages", "share"), [("dormand-prince", 6, 0.6), ("dop853", 12, 0.6)])
+def test_attempts_end_before_the_first_stage_outside(integrator: str, stages: int, share: float, tmp_path: Path) -> None:
+    """An attempt that is taken again costs less than its stages; each event begins with an evaluation, and its interpolant may take three."""
+    run = completed(simulate(compiled(tmp_path, TABLE, "recursive"), integrator=integrator, tolerance=1e-4))
+    assert run.effort.events == 25
+    between = 3 * run.steps if integrator == "dop853" else 0
+    again = run.evaluations - stages * run.steps - run.effort.events - 3
+    assert again < share * stages * run.effort.rejected + between
+
+
 @pytest.mark.parametrize(
     ("method", "how"),
     [
