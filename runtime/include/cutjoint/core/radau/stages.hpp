@@ -39,7 +39,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
 
   Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver, other, std::move(switches), roads), complex_(system), points_{at_, at_, at_},
-        changes_(slopes_), kept_(slopes_), places_(slopes_), gaps_(forces_), kept_forces_(forces_), mass_(this->tangent_),
+        changes_(slopes_), guess_(slopes_), kept_(slopes_), places_(slopes_), gaps_(forces_), kept_forces_(forces_), mass_(this->tangent_),
         damping_(mass_), stiffness_(mass_), re_(mass_), im_(mass_), x_re_(n_), x_im_(n_) {}
 
   /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
@@ -49,11 +49,12 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     h_ = h;
     cells_.begin(start_.t);
     extrapolate(h);
+    guess_ = slopes_;
     stale_ = !factored_ || slow_;
     bool found = false;
     if (this->iterate(h, found)) factored_ = false;
     if (!found) {
-      leaves();
+      leaves_early();
       return false;
     }
     if (leaves()) return false;
@@ -132,7 +133,6 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   /// Whether the attempt leaves the regime with the stages as they are, and shall end there.
   bool leaves() {
     if (cells_.empty()) return false;
-    if (!cells_.crossed()) cells_.begin(start_.t);
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       enter(i);
       this->look_at(points_[i - 1]);
@@ -141,6 +141,19 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
       cells_.pass(time_);
     }
     return false;
+  }
+
+  /// Whether stages leave the regime that are not found, or slowly: as they are, or as they were guessed.  The guess is where the regime before would lead.
+  bool leaves_early() {
+    if (leaves()) return true;
+    cells_.begin(start_.t);
+    std::swap(slopes_, guess_);
+    follow();
+    const bool out = leaves();
+    std::swap(slopes_, guess_);
+    follow();
+    if (!out) cells_.begin(start_.t);
+    return out;
   }
 
   /// An iteration over all stages.  Gaps of the equations are corrected along their directions in the pose of the tangent, Phi_q.
@@ -286,7 +299,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
 
   ComplexSolver<S> complex_;
   std::array<StateOf<S>, Table::stages> points_;
-  OfStages<Speeds<S>> changes_, kept_, places_;  ///< of the accelerations, those of the last step, displacements
+  OfStages<Speeds<S>> changes_, guess_, kept_, places_;  ///< of the accelerations, as guessed, those of the last step, displacements
   OfStages<Equations<S>> gaps_, kept_forces_;
   Entries<S> mass_, damping_, stiffness_, re_, im_;
   Speeds<S> x_re_, x_im_;

@@ -35,7 +35,7 @@ namespace cutjoint::stepping {
 /// - what an iteration does: `follow` puts the coordinates and speeds that belong to its accelerations, `correct` changes these, with factors that are made
 ///   anew or not, `size_of_change` is how much, 1 being what an error may be, of which it leaves the share `rest`; factors serve steps up to `shorter` and
 ///   `longer` than theirs, and balances are looked at `at_once`,
-/// - `leaves`, whether an attempt leaves its regime with the stages as they are.
+/// - `leaves_early`, whether an attempt leaves its regime before all is found.
 ///
 /// `Table` has the number of stages, `order`, the factor `gamma` of the real tangent, and the weights `error` of the slopes at the step's start and of the
 /// stages in the estimate.
@@ -311,8 +311,7 @@ class ImplicitStages : public Workspace<S, Solver> {
   }
 
   /// Newton's iteration for a stage or all; whether these are `found`.  The first change is judged by the share that a stage before left of one, less and less
-  /// trusted (Hairer, Wanner, section IV.8).  What is guessed goes on in the regime before:
-  /// where that ends within the step, none is found.  Where the iteration goes slowly it may have met a stiff force that begins in this step.
+  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
   Fault iterate(Real h, bool& found) {
     Own& own = static_cast<Own&>(*this);
     using std::pow;
@@ -322,7 +321,6 @@ class ImplicitStages : public Workspace<S, Solver> {
     bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(Own::longer) && w > factored_w_ * Real(Own::shorter));
     slow_ = false;
     for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(); ++iteration) {
-      if (iteration == 1 && !whole_ && own.leaves()) return {};
       if (const Fault fault = own.correct(renew, w)) return fault;
       iterations_ += Own::at_once;
       const Real change = own.size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
@@ -337,7 +335,7 @@ class ImplicitStages : public Workspace<S, Solver> {
         return {};
       }
       renew = iteration > 1 && share > Real(0.3);
-      if (renew && own.leaves()) return {};
+      if (renew && own.leaves_early()) return {};
       slow_ = slow_ || renew;
       last = change;
     }
