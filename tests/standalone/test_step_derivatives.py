@@ -114,8 +114,9 @@ def test_methods_have_the_same_without_loops() -> None:
     assert a.by_state == pytest.approx(b.by_state, rel=1e-7, abs=1e-7 * np.abs(b.by_state).max())  # tolerances of both iterations
 
 
-def test_a_step_that_ends_at_an_event_has_none() -> None:
-    sim = loaded(TABLE, "knots", integrator="rk4").reset(dt=0.02)
+@pytest.mark.parametrize("integrator", ["rk4", "dormand-prince"])
+def test_a_step_that_ends_at_an_event_has_none(integrator: str) -> None:
+    sim = loaded(TABLE, "knots", integrator=integrator).reset(dt=0.02)
     crossed: list[bool] = []
     for _ in range(40):
         other, position = sim.copy(), sim.coordinates["slide.displacement"]
