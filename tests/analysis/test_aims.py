@@ -216,7 +216,7 @@ def test_a_study_varies_what_the_start_does_not_follow_from(tmp_path: Path, para
 
 
 def test_a_simulation_that_python_holds_is_assembled_with_its_parameters() -> None:
-    """Values of the file have the start of the library; a pose is found for others, and also where a library of its own is opened."""
+    """Parameters of the file have the start of the library; a pose is found for others, in a pickled simulation too."""
     text = CRANK.replace("assemble: {tip.x: away}", "assemble: {tip.x: away}, rates: {hinge.angle_rate: 10*heavy}")
     held = load_scene(found := read_model_text(text, "lift.yaml"), found.scenes["place"])
     first, usual = held.reset().snapshot(), held.parameters.array.copy()

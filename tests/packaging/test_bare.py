@@ -61,8 +61,9 @@ def with_those_of_the_script(folder: Path, extras: str = "") -> tuple[str, str]:
     subprocess.run([sys.executable, str(ROOT / "scripts" / "wheel"), "--platform", name, "--out", str(folder / "dist")], check=True)
     subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
     (wheel,) = (folder / "dist").glob(f"*-{name}.whl")
-    subprocess.run([str(folder / "venv" / "bin" / "pip"), "install", "--quiet", f"{wheel}{extras}"], check=True)
-    return str(folder / "venv" / "bin" / "python"), ""
+    python = str(folder / "venv" / "bin" / "python")
+    subprocess.run([python, "-I", "-m", "pip", "install", "--quiet", f"{wheel}{extras}"], check=True)
+    return python, ""
 
 
 @pytest.fixture(scope="module", params=with_heavy([with_this_machines, with_those_of_the_script], with_those_of_the_script))

@@ -1,4 +1,4 @@
-"""The picture of signs: its script draws it, and models do as it shows."""
+"""The picture of signs: its script draws the same, and models do as it shows."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_picture_is_what_its_script_draws() -> None:
 )
 @pytest.mark.parametrize("guide", ["", "guide: 0"])
 def test_positive_numbers_act_as_the_arrows(tmp_path: Path, force: str, sign: int, guide: str) -> None:
-    """Newton's law: 6 N on 2 kg and back on 1 kg; a held base has from its joint, as its follower, what the force takes."""
+    """Newton's law: 6 N on 2 kg and back on 1 kg; the joint of a base at rest gives it what the force takes."""
     path = tmp_path / "signs.yaml"
     path.write_text(TEXT.replace("FORCE", force).replace(", GUIDE", f", {guide}" if guide else ""), encoding="utf-8")
     model = read_model(path)

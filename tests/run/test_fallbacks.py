@@ -104,6 +104,7 @@ def test_what_nobody_chose_gives_way_to_what_can() -> None:
         run = simulate(block(), check=check)
         assert run["block.x"][-1] == pytest.approx(0.25, abs=2e-3)
         assert run.instead.startswith("events crossed, since dormand-prince stopped: 'contact' (block.yaml:9)")
+        assert "; make its law continuous there, or let steps go over it" in run.instead
         assert np.isfinite(run.error["block.x"])
         assert any("since dormand-prince stopped" in str(cell) for cell in run_facts(block().compilation, run).columns[1].cells)
     with pytest.raises(FailedRunError, match=r"tried up to .* events crossed"):

@@ -76,7 +76,7 @@ def follow_up(
         other = play(fallback.applied_to(plan))
         if other.failure is None:
             words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
-            return replace(other, instead="; ".join(filter(None, (words, other.instead))))
+            return replace(other, instead="; ".join(filter(None, (words, run.failure.advice, other.instead))))
     if others:
         run = play(plan)  # whose rows are in the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
