@@ -169,7 +169,7 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
 
 
 #: Cures of fields that are missing, by the section and the field.
-_MISSING = {
+_MISSING: Mapping[tuple[Path, str | int], str] = {
     (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
     (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
     (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",
