@@ -138,6 +138,8 @@ class Library:
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
         if self.derives_steps:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
+            lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
+            self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
             if freedoms is not None:

@@ -93,7 +93,6 @@ class Derivatives {
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
     load_parameters(simulation);
-    if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
@@ -103,6 +102,7 @@ class Derivatives {
 
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
   }
 
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
