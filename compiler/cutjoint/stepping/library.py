@@ -78,7 +78,7 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
+    first-order states, ``held`` that of values of controllers, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
     ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.  ``functions`` are those
     that simulations call, by their names.
 
@@ -87,7 +87,7 @@ class Library:
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, held: int, has_poses: bool,
         steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
@@ -95,8 +95,8 @@ class Library:
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
             "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions,
         }  # fmt: skip
-        self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
-        self.settings, self.lanes, self.has_poses = settings, lanes, has_poses
+        self.model, self.size, self.equations, self.freedoms, self.states, self.held = model, size, equations, freedoms, states, held
+        self.steps, self.settings, self.lanes, self.has_poses = steps, settings, lanes, has_poses
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double

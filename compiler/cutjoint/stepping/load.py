@@ -72,7 +72,7 @@ def load_scene(
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
-        states=len(mechanism.state.states), has_poses=bool(standalone.poses),
+        states=len(mechanism.state.states), held=mechanism.held, has_poses=bool(standalone.poses),
         steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
     ))  # fmt: skip
 

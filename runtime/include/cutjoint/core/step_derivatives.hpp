@@ -40,7 +40,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return take(simulation, minimal);
   }
 
-  /// Directions of a run: how states change along each, a matrix (states, number) by rows, and what changes beside them, the number of an input, that of a
+  /// Directions of a run: how states change along each, and behind them what controllers hold, a matrix (states + held, number) by rows, and what changes beside them, the number of an input, that of a
   /// parameter behind those of inputs, or -1.
   struct Along {
     double* matrix;
@@ -58,7 +58,15 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
 
   /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
   Fault play(Simulation& simulation, Minimal& minimal, long steps, const Along& along, Course course) {
-    blocks_ = {{{along.matrix, along.number, -1, along.by}, {}, {}}};
+    blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
+    if constexpr (M::sizes.held > 0) {
+      simulation_ = &simulation;
+      minimal_ = &minimal;
+      const auto& sampling = simulation.sampling();
+      for (std::size_t i = 0; i < sampling.size(); ++i)
+        if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
+          if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
+    }
     if (const Fault fault = report(simulation, minimal, course)) return fault;
     for (long i = 1; i <= steps; ++i) {
       if (minimal.is_poor(simulation.starter(), simulation.state()))
@@ -84,6 +92,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     std::size_t width = 0;
     int first = -1;
     const int* by = nullptr;
+    std::size_t held = 0;  ///< values of controllers that have rows behind those of states
 
     int at(std::size_t column) const { return by ? by[column] : first < 0 ? -1 : first + static_cast<int>(column); }
   };
@@ -93,7 +102,7 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     simulation_ = &simulation;
     minimal_ = &minimal;
     parts_ = parts_taken(simulation.steps());
-    simulation.watch_parts({&follow_part, this});
+    simulation.watch_parts({&follow_part, blocks_[0].held > 0 ? &follow_sample : nullptr, this});
     const Fault fault = simulation.step();
     simulation.watch_parts({});
     if (fault && !has_made_step(fault)) simulation.restore(before);
@@ -160,6 +169,30 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
 
   static Fault follow_part(void* self, const StateOf<M>& from, double h) { return static_cast<StepDerivatives*>(self)->follow(from, h); }
 
+  static Fault follow_sample(void* self, std::size_t first, std::size_t number) { return static_cast<StepDerivatives*>(self)->sample(first, number); }
+
+  /// A controller comes to hold the values of a sample, which change as the present state does.
+  Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
+    if constexpr (M::sizes.held > 0) {
+      if (const Fault fault = this->begin(*simulation_, *minimal_)) return fault;
+      Fixed<Dual, M::sizes.held> next;
+      for (std::size_t first = 0; first < blocks_[0].width; first += directions) {
+        const std::size_t number = std::min(directions, blocks_[0].width - first);
+        begin_row(first, number);
+        if (!this->derive_motion(simulation_->mechanism(), *minimal_, number)) return this->not_finite();
+        if constexpr (Base::has_system) {
+          this->system_.begin_step(this->state_->t, 1.0);
+          this->system_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
+        } else {
+          mechanism_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
+        }
+        for (std::size_t i = at; i < at + held; ++i)
+          for (std::size_t k = 0; k < number; ++k) blocks_[0].matrix[(states + i) * blocks_[0].width + first + k] = next[i].slope[k];
+      }
+    }
+    return {};
+  }
+
   /// A part of the step has been made from a state: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, double h) {
     Simulation& simulation = *simulation_;
@@ -205,8 +238,10 @@ class StepDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     dx_.fill(Dual());
     du_.fill(Dual());
     for (Dual& x : parameters_) x.slope = Slopes{};
+    this->dheld_.fill(Dual());
     visit(first, number, [this](std::size_t k, const Block& block, std::size_t column) {
       for (std::size_t i = 0; i < states; ++i) dx_[i].slope[k] = block.matrix[i * block.width + column];
+      for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].slope[k] = block.matrix[(states + i) * block.width + column];
       const int by = block.at(column), parameter = by - static_cast<int>(inputs);
       if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].slope[k] = 1.0;
       else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].slope[k] = 1.0;
