@@ -38,12 +38,12 @@ _STAGES = frozenset({"load", "load_values", "start_step", "begin_step", "scene_i
 
 _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
-    functions=_STAGES | {"evaluate", "constraint_residual", "project", "report"},
+    functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
 
 _OF_SYSTEM_DERIVATIVES = _Number(
     unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
-    functions=_STAGES | {"report"},
+    functions=_STAGES | {"report", "sample"},
 )  # fmt: skip
 
 

@@ -82,27 +82,27 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states, ``has_poses`` whether it has those of bodies and markers, ``steps`` the properties of the integrator,
-    ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method can.  ``functions`` are those
-    that simulations call, by their names.  ``begin`` finds the coordinates and speeds of the scene's start from parameters that a host has
-    changed, where they follow from any.
+    first-order states, ``held`` that of values of controllers, ``has_poses`` whether it has those of bodies and markers, ``steps`` the
+    properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps of several together, if the method
+    can.  ``functions`` are those that simulations call, by their names.  ``begin`` finds the coordinates and speeds of the scene's start
+    from parameters that a host has changed, where they follow from any.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, has_poses: bool,
-        steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, held: int,
+        has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
         begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions, "begin": begin,
+            "held": held, "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions, "begin": begin,
         }  # fmt: skip
-        self.model, self.size, self.equations, self.freedoms, self.states, self.steps = model, size, equations, freedoms, states, steps
-        self.settings, self.lanes, self.has_poses, self.begin = settings, lanes, has_poses, begin
+        self.model, self.size, self.equations, self.freedoms, self.states, self.held = model, size, equations, freedoms, states, held
+        self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
         sim, index, text, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_double
@@ -145,6 +145,8 @@ class Library:
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
         if self.derives_steps:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
+            lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
+            self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
             if freedoms is not None:

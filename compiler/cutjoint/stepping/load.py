@@ -73,7 +73,7 @@ def load_scene(
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
-        states=len(mechanism.state.states), has_poses=bool(standalone.poses),
+        states=len(mechanism.state.states), held=mechanism.held, has_poses=bool(standalone.poses),
         steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
         begin=partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None,
     ))  # fmt: skip

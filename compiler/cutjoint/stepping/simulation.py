@@ -14,7 +14,7 @@ from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library
-from cutjoint.stepping.values import Array, Effort, Outputs, Poses, StateSpace, StepDerivative, Values, find_place
+from cutjoint.stepping.values import Array, Effort, Outputs, Poses, RunDerivative, StateSpace, StepDerivative, Values, find_place
 
 _NOT_LINEARISED = "load the model with linearise=True"
 _WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
@@ -428,6 +428,38 @@ class Simulation:
             by_state=by_state, by_input=by_input, by_parameter=by_parameter, start=states.array, end=self.states.array,
             states=tuple(states), inputs=inputs, parameters=parameters,
         )  # fmt: skip
+
+    def play_derivative(self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1) -> RunDerivative:
+        """Take so many steps, with the derivatives of ``outputs``, at the beginning and behind each ``every`` steps, by the numbers named
+        ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
+
+        Parameters leave the states at the beginning as they are.  Each step is differentiated as by `step_derivative`.
+
+        Raises:
+            TypeError: the model was loaded without derivatives, or its steps have none.
+            KeyError: there is no such output, parameter, input or state.
+            ValueError: ``every`` does not divide the steps, or there are fewer than none.
+            SimulationError: a step failed, ended at an event or was taken in parts, and the state before it stays; or there was no `reset`.
+        """
+        states = self.states
+        self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
+        if steps < 0 or every < 1 or steps % every:
+            raise ValueError(f"{steps} steps are no multiple of {every}, behind which there is a row each")
+        places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
+        numbers = np.array([find_place(places, name) for name in by], dtype=np.intc)
+        chosen = np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
+        matrix = np.zeros((len(states) + self.library.held, len(numbers)))
+        of_states = numbers - len(places) + len(states)
+        matrix[of_states[of_states >= 0], np.flatnonzero(of_states >= 0)] = 1.0
+        numbers[of_states >= 0] = -1
+        start, rows = self.time, steps // every + 1
+        values, slopes = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
+        self._call(
+            self.library.play_derivative, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen), chosen.ctypes.data,
+            every, values.ctypes.data, slopes.ctypes.data,
+        )  # fmt: skip
+        times = np.linspace(start, self.time, rows)
+        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=tuple(by))
 
     def find_dynamics(self) -> tuple[Array, Array]:
         """The mass matrix M (f, f) and the force (f) of M z'' = force for the f independent coordinates z, the first of ``states``, in SI

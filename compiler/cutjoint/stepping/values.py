@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,3 +167,87 @@ class StepDerivative:
 
     def __repr__(self) -> str:
         return f"<StepDerivative: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}>"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunDerivative:
+    """Outputs of a run and their derivatives by ``by``, numbers where it began, in SI units: ``values`` (rows, outputs) and ``slopes``
+    (rows, outputs, by) at ``times`` (s, rows), the first of which is the beginning.
+
+    Methods give a value for each output, (outputs), with its derivatives, (outputs, by).
+    """
+
+    times: Array
+    values: Array
+    slopes: Array
+    outputs: tuple[str, ...]
+    by: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<RunDerivative: {', '.join(self.outputs)} by {', '.join(self.by)}, {len(self.times)} rows>"
+
+    @property
+    def end(self) -> tuple[Array, Array]:
+        """The values at the end."""
+        return self.values[-1], self.slopes[-1]
+
+    @property
+    def integral(self) -> tuple[Array, Array]:
+        """Integrals over time, by the trapezoidal rule from row to row."""
+        pieces = np.diff(self.times) / 2
+        weights = np.append(pieces, 0.0) + np.append(0.0, pieces)
+        return weights @ self.values, np.tensordot(weights, self.slopes, 1)
+
+    @property
+    def mean(self) -> tuple[Array, Array]:
+        """Means over time: integrals as shares of it.
+
+        Raises:
+            ValueError: the run has no length.
+        """
+        if not (length := self.times[-1] - self.times[0]) > 0.0:
+            raise ValueError("a run of no step has no mean")
+        value, slope = self.integral
+        return value / length, slope / length
+
+    @property
+    def rms(self) -> tuple[Array, Array]:
+        """Roots of the means over time of squares.
+
+        Raises:
+            ValueError: an output is 0 all the time, where the root has no derivative, or the run has no length.
+        """
+        squares, slopes = replace(self, values=self.values**2, slopes=2 * self.values[:, :, None] * self.slopes).mean
+        for name, square in zip(self.outputs, squares, strict=True):
+            if square == 0.0:
+                raise ValueError(f"'{name}' is 0 all the time: its root mean square has no derivative")
+        return (root := np.sqrt(squares)), slopes / (2 * root[:, None])
+
+    @property
+    def largest(self) -> tuple[Array, Array]:
+        """The largest values of rows.
+
+        Raises:
+            ValueError: two rows have the largest value of an output, with different derivatives.
+        """
+        return self._extreme(np.max)
+
+    @property
+    def smallest(self) -> tuple[Array, Array]:
+        """The smallest values of rows.
+
+        Raises:
+            ValueError: two rows have the smallest value of an output, with different derivatives.
+        """
+        return self._extreme(np.min)
+
+    def _extreme(self, find: Callable[..., Array]) -> tuple[Array, Array]:
+        extremes = find(self.values, axis=0)
+        slopes = np.empty(self.slopes.shape[1:])
+        for i, (name, value) in enumerate(zip(self.outputs, extremes, strict=True)):
+            rows = np.flatnonzero(self.values[:, i] == value)
+            slopes[i] = self.slopes[rows[0], i]
+            if not np.array_equal(self.slopes[rows, i], np.broadcast_to(slopes[i], (len(rows), len(self.by)))):
+                at = " and ".join(f"{self.times[row]:.6g} s" for row in rows[:2])
+                raise ValueError(f"'{name}' is the same {value:.6g} at {at}, with other derivatives: that it is the extreme has none")
+        return extremes, slopes

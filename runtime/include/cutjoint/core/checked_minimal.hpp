@@ -102,6 +102,20 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return Base::status_of(s, s->derivatives.step(s->sim, s->minimal, by_state, by_input, by_parameter));
   }
 
+  static int play_derivative(CheckedMinimal* s, long steps, int directions, const int* by, double* matrix, int reported, const int* outputs, long every,
+                             double* values, double* slopes) {
+    if (const int status = ask(s)) return status;
+    if (directions < 0 || reported < 0 || every < 1) return no_such_index;
+    if ((directions > 0 && (!by || !matrix)) || (reported > 0 && (!outputs || !values || !slopes))) return no_array;
+    for (int i = 0; i < directions; ++i)
+      if (by[i] < -1 || by[i] >= Model::inputs + Model::parameters) return no_such_index;
+    for (int i = 0; i < reported; ++i)
+      if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
+    if (!all_finite(matrix, (states + held) * directions)) return not_finite;
+    return Base::status_of(s, s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
+                                                  {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
+  }
+
   static int event_values(CheckedMinimal* s, double* values) {
     if (const int status = Base::ask_started(s)) return status;
     if (!values) return no_array;
@@ -127,7 +141,8 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
  protected:
   static constexpr int freedoms = Model::freedoms, joint_speeds = Model::joint_speeds, all_speeds = Model::speeds,
-                       states = 2 * freedoms + all_speeds - joint_speeds;
+                       states = 2 * freedoms + all_speeds - joint_speeds,
+                       held = static_cast<int>(Model::Sim::Mechanism::sizes.held);
 
   /// A status of calls that need independent coordinates, which then have been chosen.
   static int ask(CheckedMinimal* s) {

@@ -71,7 +71,7 @@ class Derivatives {
  protected:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
   static constexpr bool has_system = !std::is_same_v<D, S>;
-  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays
+  static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays but along runs
 
   struct None {};
 
@@ -91,9 +91,9 @@ class Derivatives {
   void load(Simulation& simulation, const Minimal& minimal) {
     std::copy(simulation.parameters().begin(), simulation.parameters().end(), parameters_.begin());
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
+    dheld_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
     load_parameters(simulation);
-    if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
@@ -103,6 +103,7 @@ class Derivatives {
 
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
+    if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
   }
 
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
@@ -117,7 +118,8 @@ class Derivatives {
 
   static void fill(void* self, Dual, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
-    for (std::size_t i = 0; i < given; ++i) input[i] = {x.u_[i], i < x.du_.size() ? x.du_[i] : Dual()};
+    for (std::size_t i = 0; i < x.du_.size(); ++i) input[i] = {x.u_[i], x.du_[i]};
+    for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
   }
 
   /// Along the directions that are given, the first `number` of a row.
@@ -294,6 +296,7 @@ class Derivatives {
   Fixed<Dual, states> dx_, dxdot_;
   Fixed<double, given> u_;
   Fixed<Dual, numbers_per_input * inputs> du_;
+  Fixed<Dual, M::sizes.held> dheld_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;
   Fixed<Dual, m> phi_, phid_, lambda_, correction_;

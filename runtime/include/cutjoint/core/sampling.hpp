@@ -93,7 +93,7 @@ class Sampling {
 
   /// A controller holds its next values; whether they are finite.  Unless they are, it holds what it held.
   bool take(std::size_t i, bool& changes) {
-    const std::size_t first = first_of(i), end = first + static_cast<std::size_t>(times_[i].held);
+    const std::size_t first = first_of(i), end = first + held_by(i);
     for (std::size_t k = first; k < end; ++k)
       if (!(next_[k] - next_[k] == Real(0))) return false;
     for (std::size_t k = first; k < end; ++k) {
@@ -104,17 +104,26 @@ class Sampling {
     return true;
   }
 
+  /// Its values among those of all.
+  std::size_t first_of(std::size_t controller) const {
+    std::size_t first = 0;
+    for (std::size_t i = 0; i < controller; ++i) first += held_by(i);
+    return first;
+  }
+
+  std::size_t held_by(std::size_t controller) const { return static_cast<std::size_t>(times_[controller].held); }
+
+  /// Whether what a controller holds is of a sample at a time.
+  bool is_of(std::size_t controller, Real t, Real rounding) const {
+    const Real last = time_of(controller) - Real(times_[controller].every);
+    return memory_.numbers[controller] > 0 && last <= t + rounding && t <= last + rounding;
+  }
+
   const Memory& memory() const { return memory_; }
   void restore(const Memory& memory) { memory_ = memory; }
 
  private:
   Real time_of(std::size_t i) const { return Real(times_[i].offset + static_cast<double>(memory_.numbers[i]) * times_[i].every); }
-
-  std::size_t first_of(std::size_t controller) const {
-    std::size_t first = 0;
-    for (std::size_t i = 0; i < controller; ++i) first += static_cast<std::size_t>(times_[i].held);
-    return first;
-  }
 
   template <class Times>
   static std::size_t held(const Times& times) {

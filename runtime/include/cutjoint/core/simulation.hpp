@@ -97,9 +97,11 @@ class Simulation {
 
   void watch_samples(const SampleWatch& watch) { sample_watch_ = watch; }
 
-  /// What looks on where a step, or the part of one between samples, has come from a state to the present one.
+  /// What looks on where a step, or the part of one between samples, has come from a state to the present one, and before a controller holds so many values
+  /// of a sample.
   struct PartWatch {
     Fault (*call)(void* who, const StateOf<Subject>& from, Real h) = nullptr;
+    Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
     void* who = nullptr;
   };
 
@@ -275,6 +277,13 @@ class Simulation {
     requires may_sample<Subject>
   {
     return sampling_.memory().values;
+  }
+
+  /// What controllers hold, and how many samples each has taken.
+  const auto& sampling() const
+    requires may_sample<Subject>
+  {
+    return sampling_;
   }
 
   /// When the next controller is due, s; infinity where there is none.
@@ -712,6 +721,8 @@ class Simulation {
     const StateOf<Subject>& x = steps_->complete(state_);
     subject().begin_step(state_.t, Real(1));
     subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
+    if (part_watch_.sample)
+      if (const Fault fault = part_watch_.sample(part_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
     if (!sampling_.take(controller, changes))
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};

@@ -1,0 +1,245 @@
+"""Derivatives of whole runs: beside closed forms, and beside differences of runs of fourth order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import cutjoint
+from cutjoint.methods import Loops
+from cutjoint.run.scenes import take_model, with_loops
+from cutjoint.stepping.load import load_scene
+from tests.conftest import MODELS, needs_cpp
+from tests.mechanisms.switching import TABLE
+from tests.standalone.test_step_derivatives import MASS, OSCILLATOR, STIFFNESS, H, by_rk4, by_trapezoids, loaded, oscillator
+
+pytestmark = needs_cpp
+
+#: A pole on a cart with a filter; the controller reads what it held.
+CART = """
+cutjoint: 1
+name: cart
+gravity: [0, 0, -9.81]
+parameters:
+  k: {value: 30, binding: param}
+  c: {value: 4, binding: param}
+  load: {value: 0.5, unit: kg, binding: param}
+  push: {value: 0.2, unit: N, binding: input}
+bodies:
+  cart: {mass: 2, centre_of_mass: [0, 0, 0]}
+  bob: {mass: load, centre_of_mass: [0, 0, 0.5], inertia: [0.001, 0.001, 0.001]}
+joints:
+  rail: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0], axis: [1, 0, 0]}
+  pin: {kind: revolute, bodies: [cart, bob], at: [0, 0, 0], axis: [0, 1, 0]}
+states: {filtered: {start: 0, rate: (pin.angle - filtered)/0.05}}
+controllers: {loop: {every: 20 ms, signals: {u: k*filtered + c*pin.angle_rate + 0.3*loop.u}}}
+forces: {motor: {kind: joint_force, joint: rail, law: loop.u + push + 2*sin(pin.angle)*rail.displacement}}
+outputs: [pin.angle, rail.displacement, loop.u]
+scenes: {run: {end: 1, output_step: 0.01, positions: {pin.angle: 0.1, rail.displacement: 0.2}}}
+"""
+
+#: Two bars that hang from the ground.
+CHAIN = """
+cutjoint: 1
+name: chain
+gravity: [0, 0, -g]
+parameters: {g: {value: 9.81, binding: param}, load: {value: 0.7, unit: kg, binding: param}, knee: {value: 1.1, unit: m, binding: param}}
+bodies:
+  upper: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}
+  lower: {mass: load, centre_of_mass: [1.5, 0, 0], inertia: [0.01, 0.08, 0.08]}
+joints:
+  hip: {kind: revolute, bodies: [ground, upper], at: [0, 0, 0], axis: [0, 1, 0]}
+  mid: {kind: spherical, bodies: [upper, lower], at: [knee, 0, 0]}
+forces: {bush: {kind: bushing, bodies: [upper, lower], at: [1.1, 0, 0], stiffness: [0, 0, 0, 2, 2, 2], damping: [0, 0, 0, 0.1, 0.1, 0.1]}}
+outputs: [lower.x, lower.y, lower.z, hip.angle, hip.angle_rate]
+scenes: {fall: {end: 1, output_step: 0.01, rates: {mid.wz: 1}}}
+"""
+
+PENDULUM = """
+cutjoint: 1
+name: pendulum
+gravity: [0, 0, -g]
+parameters: {g: {value: 9.81, binding: param}}
+bodies: {bob: {mass: 1, centre_of_mass: [1, 0, 0]}}
+joints: {pin: {kind: revolute, bodies: [ground, bob], at: [0, 0, 0], axis: [0, 1, 0]}}
+outputs: [pin.angle, pin.angle_rate]
+scenes: {swing: {end: 2, output_step: 0.1}}
+"""
+
+#: Settings with which the fixed point of the trapezoidal rule is found to rounding, so that differences of runs are exact.
+_TO_THE_END: dict[str, dict[str, int]] = {"trapezoidal": {"iterations": 40}, "rk4": {}}
+
+
+def fourth_order(course: Callable[[float], NDArray[np.float64]], h: float) -> NDArray[np.float64]:
+    ends = [course(way * h) for way in (-2, -1, 1, 2)]
+    return (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
+
+
+def from_start(sim: cutjoint.Simulation, name: str, independent: list[str] | None, steps: int, outputs: list[str]) -> Callable:  # type: ignore[type-arg]
+    """The course of outputs from the scene's start by a change of a number."""
+    places = [sim.outputs.place(output) for output in outputs]
+    numbers = sim.parameters if name in sim.parameters else sim.inputs
+    value = numbers[name] if name in sim.parameters else sim.present_input(name)
+
+    def course(change: float) -> NDArray[np.float64]:
+        numbers[name] = value + change
+        sim.reset()
+        if independent:
+            sim.choose(independent)
+        rows = sim.play(steps)[:, places]
+        numbers[name] = value
+        return rows
+
+    return course
+
+
+def compare(
+    sim: cutjoint.Simulation, independent: list[str] | None, outputs: list[str], by: dict[str, float], share: float, steps: int = 100
+) -> None:  # fmt: skip
+    sim.reset()
+    if independent:
+        sim.choose(independent)
+    run = sim.play_derivative(steps, outputs, list(by))
+    for i, (name, h) in enumerate(by.items()):
+        differences = fourth_order(from_start(sim, name, independent, steps, outputs), h)
+        error = np.abs(run.slopes[1:, :, i] - differences).max(axis=0) / np.abs(differences).max(axis=0)
+        assert error.max() < share, (name, error)
+
+
+@pytest.mark.parametrize(("integrator", "known"), [("trapezoidal", by_trapezoids), ("rk4", by_rk4)])
+def test_a_linear_motion(integrator: str, known: Callable) -> None:  # type: ignore[type-arg]
+    """States by those at the start are powers; the derivative by the stiffness is that of analytic matrices along a complex step."""
+    sim = loaded(OSCILLATOR, "oscillator", "recursive", integrator).reset(dt=H, **_TO_THE_END[integrator])
+    sim.inputs["push"] = 0.7
+    sim.step()
+    start = sim.states.array.copy()
+    run = sim.play_derivative(50, ["mass.x"], ["stiffness", "push", *sim.states], every=25)
+    A, B = known(STIFFNESS)
+    state, by_state, by_input = start, np.eye(2), np.zeros((2, 1))
+    complex_A, complex_B = known_complex(known, STIFFNESS + 1e-30j)
+    along = start.astype(complex)
+    for _ in range(50):
+        state, by_state, by_input = A @ state + B[:, 0] * 0.7, A @ by_state, A @ by_input + B
+        along = complex_A @ along + complex_B[:, 0] * 0.7
+    assert run.times == pytest.approx([H, 26 * H, 51 * H], rel=1e-12)
+    assert run.slopes[0].tolist() == [[0.0, 0.0, 1.0, 0.0]]
+    assert run.end[0][0] == pytest.approx(state[0], rel=1e-11)
+    assert run.end[1][0] == pytest.approx([along[0].imag / 1e-30, by_input[0, 0], *by_state[0]], rel=1e-11)
+
+
+def known_complex(known: Callable, stiffness: complex) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:  # type: ignore[type-arg]
+    """The matrices of a step for a complex stiffness, by its own formulas."""
+    A = np.array([[0, 1], [-stiffness / MASS, oscillator(STIFFNESS)[0][1, 1]]])
+    B = np.array([[0], [1 / MASS]])
+    if known is by_trapezoids:
+        left = np.eye(2) - H / 2 * A
+        return np.linalg.solve(left, np.eye(2) + H / 2 * A), np.linalg.solve(left, H * B)
+    powers = [np.linalg.matrix_power(H * A, k) for k in range(5)]
+    factorials = (1, 1, 2, 6, 24)
+    return (
+        sum(power / k for power, k in zip(powers, factorials, strict=True)),
+        H * sum(power / k for power, k in zip(powers[:4], factorials[1:], strict=True)) @ B,
+    )
+
+
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
+def test_states_and_controllers_that_take_samples(integrator: str) -> None:
+    sim = loaded(CART, "cart", integrator=integrator).reset(dt=0.005, **_TO_THE_END[integrator])
+    compare(sim, None, ["pin.angle", "rail.displacement", "loop.u"], {"k": 1e-2, "c": 1e-3, "load": 1e-3, "push": 1e-3}, 1e-9)
+
+
+def test_a_chain() -> None:
+    sim = loaded(CHAIN, "chain", integrator="rk4").reset(dt=2e-3)
+    compare(sim, None, list(sim.outputs)[:3], {"g": 1e-2, "load": 1e-3, "knee": 1e-3}, 1e-9)
+
+
+def test_a_pendulum_by_gravity() -> None:
+    """An angle that starts at rest is a function of t sqrt(g), so that its derivative by g is t angle'/(2 g)."""
+    sim = loaded(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-3)
+    run = sim.play_derivative(2000, ["pin.angle", "pin.angle_rate"], ["g"], every=100)
+    assert run.slopes[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-9)
+
+
+@pytest.mark.parametrize("loops", [Loops.EXACT, Loops.COMPILED])
+def test_a_loop_by_a_hardpoint(loops: Loops) -> None:
+    model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    chosen = with_loops(scene, loops)
+    sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=2e-3)
+    compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0, "A.z": 1e-5}, 1e-7)
+
+
+def test_a_loop_by_the_trapezoidal_rule() -> None:
+    """Multipliers that a step leaves to the penalty are not in the derivative: 1e-7 with steps of 2 ms."""
+    sim = cutjoint.load(MODELS / "press.yaml", integrator="trapezoidal", linearise=True).reset(dt=2e-3)
+    compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0}, 1e-6)
+
+
+def test_coordinates_are_chosen_again_where_they_become_poor() -> None:
+    """The slider stands still at the dead centres, where it is no coordinate; the course does not depend on the choice."""
+    sim = cutjoint.load(MODELS / "press.yaml", integrator="rk4", linearise=True)
+    found, chosen = [], []
+    for first in ("pin.angle_rate", "rail.displacement_rate"):
+        sim.reset(dt=2e-3, speeds={"pin.angle_rate": 30.0}).choose([first])
+        begun = list(sim.states)
+        run = sim.play_derivative(300, ["slider.x"], ["stiffness"])
+        found.append(run.slopes)
+        chosen.append(list(sim.states) != begun)
+    assert chosen == [False, True]
+    assert found[0] == pytest.approx(found[1], rel=1e-8, abs=1e-8 * np.abs(found[0]).max())
+
+
+def test_objectives_have_the_derivatives_of_their_values() -> None:
+    sim = loaded(CART, "cart", integrator="rk4").reset(dt=0.005)
+    by, objectives = ["k"], ("end", "integral", "mean", "rms", "largest", "smallest")
+    run = sim.play_derivative(150, ["pin.angle", "loop.u"], by)
+    course = from_start(sim, "k", None, 150, list(run.outputs))
+    for objective in objectives:
+        def value(change: float, objective: str = objective) -> NDArray[np.float64]:
+            sim.parameters["k"] = 30 + change
+            start = np.array([[0.1, sim.reset().outputs["loop.u"]]])
+            sim.parameters["k"] = 30
+            return getattr(replace(run, values=np.vstack([start, course(change)])), objective)[0]  # type: ignore[no-any-return]
+
+        assert value(0.0) == pytest.approx(getattr(run, objective)[0], rel=1e-12)
+        assert getattr(run, objective)[1][:, 0] == pytest.approx(fourth_order(value, 1e-2), rel=1e-7, abs=1e-12)
+
+
+def test_the_run_is_the_same_and_goes_on() -> None:
+    sim = cutjoint.load(MODELS / "press.yaml", integrator="rk4", linearise=True).reset(dt=2e-3)
+    sim.choose(["pin.angle_rate"])
+    other = sim.copy()
+    run = sim.play_derivative(40, list(sim.outputs), ["stiffness"], every=4)
+    assert run.values[1:].tolist() == other.play(40)[3::4].tolist()
+    assert sim.snapshot() == other.snapshot()
+
+
+def test_what_has_none_is_told() -> None:
+    with pytest.raises(TypeError, match="load the model with linearise=True"):
+        cutjoint.load(MODELS / "press.yaml").reset().play_derivative(1, [], [])
+    sim = loaded(OSCILLATOR, "oscillator").reset()
+    with pytest.raises(KeyError, match="did you mean 'stiffness'"):
+        sim.play_derivative(1, ["mass.x"], ["stifness"])
+    with pytest.raises(KeyError, match=r"no 'mass\.y'"):
+        sim.play_derivative(1, ["mass.y"], ["stiffness"])
+    with pytest.raises(ValueError, match="7 steps are no multiple of 2"):
+        sim.play_derivative(7, ["mass.x"], ["stiffness"], every=2)
+    with pytest.raises(ValueError, match="a run of no step has no mean"):
+        _ = sim.play_derivative(0, ["mass.x"], ["stiffness"]).mean
+    over = loaded(TABLE, "knots", integrator="rk4").reset(dt=0.02)
+    with pytest.raises(cutjoint.SimulationError, match="no derivative: it ended at an event"):
+        over.play_derivative(100, ["mass.x"], list(over.states))
+    assert 0 < over.time < 2.0
+    run = cutjoint.RunDerivative(
+        times=np.array([0.0, 1.0, 2.0]), values=np.array([[1.0, 0.0], [0.5, 0.0], [1.0, 0.0]]),
+        slopes=np.array([[[1.0], [0.0]], [[3.0], [0.0]], [[2.0], [0.0]]]),
+        outputs=("a", "b"), by=("p",),
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="'a' is the same 1 at 0 s and 2 s, with other derivatives"):
+        _ = run.largest
+    with pytest.raises(ValueError, match="'b' is 0 all the time"):
+        _ = run.rms
+    assert run.smallest[1].tolist() == [[3.0], [0.0]]
