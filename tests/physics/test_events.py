@@ -185,7 +185,7 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(("integrator", "stages", "share"), [("dormand-prince", 6, 0.6), ("dop853", 12, 0.6)])
 def test_attempts_end_before_the_first_stage_outside(integrator: str, stages: int, share: float, tmp_path: Path) -> None:
-    """An attempt that is taken again costs less than its stages.  Each event begins with an evaluation, its interpolant may take three."""
+    """An attempt that is taken again costs less than its stages; each event begins with an evaluation, its interpolant may take three."""
     run = completed(simulate(compiled(tmp_path, TABLE, "recursive"), integrator=integrator, tolerance=1e-4))
     assert run.effort.events == 25
     between = 3 * run.steps if integrator == "dop853" else 0
