@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -364,3 +365,29 @@ def test_batches_by_adaptive_steps_meet_samples() -> None:
     assert np.ptp(found.end["shaft.angle"]) > 0.01
     known = servo_by_hand(lambda t: 1 + t)[-1][[0, 2]]
     assert [found.end[name][1] for name in ("shaft.angle", "outer.torque")] == pytest.approx(known, abs=1e-6)
+
+
+def test_arms_with_controllers_of_their_own_go_side_by_side() -> None:
+    """Four arms, each with a state and a controller, are one class: an evaluation counts one of them."""
+    text = """
+cutjoint: 1
+name: arms
+gravity: [0, 0, -9.81]
+submodels:
+  arm:
+    parameters: [y]
+    points: {P: [0, y, 0]}
+    bodies: {link: {mass: 1, centre_of_mass: {sum: [P, [0.5, 0, 0]]}, inertia: [0.01, 0.1, 0.1]}}
+    joints: {hinge: {kind: revolute, bodies: [ground, link], at: P, axis: y}}
+    forces: {motor: {kind: joint_force, joint: hinge, law: pid.u + 0.1*filtered}}
+    states: {filtered: {start: 0 rad, rate: (hinge.angle - filtered)/0.05}}
+    controllers: {pid: {every: 5 ms, signals: {u: -3*hinge.angle - hinge.angle_rate}}}
+instances:
+"""
+    text += "".join(f"  {name}: {{use: arm, with: {{y: {y}}}}}\n" for y, name in enumerate("abcd")) + "scenes: {run: {end: 1}}\n"
+    model = read_model_text(text, "arms.yaml")
+    artifact = compile_interpreted(model, model.scenes["run"])
+    assert [found.roots for found in artifact.topology.classes] == [("a.link", "b.link", "c.link", "d.link")]
+    assert artifact.program.operations("evaluate") == 4 * artifact.program.instructions("evaluate")
+    arms = simulate(artifact, error=False)
+    assert arms.failure is None
