@@ -264,12 +264,15 @@ def test_states_of_all_sizes_have_one_tolerance(method: str, integrator: str) ->
     assert np.abs(two["film.value"] - exact).max() < 1e-5 * 2.0**-20 < np.abs(small["film.value"] - exact).max()
 
 
-@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
-def test_states_of_all_sizes_end_iterations_alike(method: str) -> None:
+@pytest.mark.parametrize(("method", "tolerance"), [("recursive", 1e-6), ("recursive-newton", 1e-10)])
+def test_states_of_all_sizes_end_iterations_alike(method: str, tolerance: float) -> None:
     """A pressure whose rate is large does not let the motion go with less: iterates are those of states near 1, to the last bit but for
-    the scale."""
+    the scale.  Newton's iteration is done behind two passes at wider tolerances, whatever the sizes."""
     one, two, loose = (
-        simulate(compile_scene(m, m.scenes["run"], CompileOptions(method=method)), integrator="trapezoidal", dt=2e-3, error=False)
+        simulate(
+            compile_scene(m, m.scenes["run"], CompileOptions(method=method)), integrator="trapezoidal", dt=2e-3, tolerance=tolerance,
+            error=False,
+        )
         for m in (scaled(1.0, 1.0), scaled(2.0**17, 2.0**-20), scaled(2.0**17, 2.0**-20, nominals=False))
     )
     assert one.failure is None

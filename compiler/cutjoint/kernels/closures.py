@@ -29,7 +29,7 @@ from cutjoint.elements.joint import (
     SameDistance,
     SamePoint,
 )
-from cutjoint.kernels.directions import direction_of, rod_of
+from cutjoint.kernels.joints import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
 
 Matrix: TypeAlias = Any

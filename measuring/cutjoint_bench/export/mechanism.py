@@ -11,7 +11,7 @@ from cutjoint.elements.joint import Direction
 from cutjoint.export.laws import Array, Numbers, Start, Triple, find_start, require_mechanics_alone
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import TIME
-from cutjoint.kernels.directions import direction_of
+from cutjoint.kernels.joints import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import GROUND, Body, Gear, Joint, Model, Scalar, Scene
 from cutjoint.package.errors import RunError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cutjoint.elements.joint import Direction
-from cutjoint.kernels.directions import direction_of, slide_axis
+from cutjoint.kernels.joints import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint
 from cutjoint.topology.measured import turns_around
 from cutjoint.topology.records import Topology

@@ -20,7 +20,7 @@ from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRo
 from cutjoint.formulate.natural.layout import Group, Layout, combination
 from cutjoint.formulate.natural.motion import NodeMotions
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, Use, Uses, total
-from cutjoint.kernels.directions import slide_axis
+from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.records import GROUND, Gear, Joint, JointCoordinate, Model, Scalar, Vector
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

@@ -19,7 +19,7 @@ from cutjoint.formulate.natural.motion import Motion, NodeMotions
 from cutjoint.formulate.natural.nodes import Form, difference
 from cutjoint.formulate.natural.quantities import let_laws_read
 from cutjoint.formulate.quantities import measured_forces
-from cutjoint.kernels.directions import slide_axis
+from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order, seeing_forces
 from cutjoint.model.friction import refuse_method
 from cutjoint.model.geometry import GLOBAL_AXES

@@ -10,7 +10,7 @@ import sympy
 
 from cutjoint.elements.joint import Advance, Carried, Condition, Direction, End, JointGap, Products, SameDistance
 from cutjoint.formulate.natural.layout import Layout
-from cutjoint.kernels.directions import direction_of, rod_of
+from cutjoint.kernels.joints import direction_of, rod_of
 from cutjoint.model.records import Joint, Scalar, Vector
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_nought
-from cutjoint.kernels.directions import direction_of
+from cutjoint.kernels.joints import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
 from cutjoint.topology.records import Topology

@@ -12,7 +12,7 @@ from cutjoint.elements.interaction import Axis, Point
 from cutjoint.elements.joint import Condition, Direction, Products, SameAttitude, SameDirection
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.nodes import NodeKind, NodeName
-from cutjoint.kernels.directions import direction_of
+from cutjoint.kernels.joints import direction_of
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import readings_of

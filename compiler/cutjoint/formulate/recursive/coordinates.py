@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from cutjoint.elements.joint import Direction
 from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, halves
-from cutjoint.kernels.directions import direction_of, slide_axis
+from cutjoint.kernels.joints import direction_of, slide_axis
 from cutjoint.model.records import COORDINATES, Joint, Vector
 from cutjoint.program.blocks import Block, Builder
 from cutjoint.topology.measured import turns_around

@@ -16,7 +16,7 @@ from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motio
 from cutjoint.formulate.recursive.kinematics import Kinematics, halves
 from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
-from cutjoint.kernels.directions import slide_axis
+from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order
 from cutjoint.model.records import COORDINATES, GROUND, Body, Force, LawForce, Model, Scene
 from cutjoint.program.blocks import Block

@@ -24,7 +24,7 @@ from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.recursive.solution import ClosingElements, Solution, refine, respond, without_speed
 from cutjoint.formulate.switches import FRICTION
-from cutjoint.kernels.directions import direction_of
+from cutjoint.kernels.joints import direction_of
 from cutjoint.model.records import Joint, JointFriction, Model
 from cutjoint.program.blocks import Block, Builder, is_zero
 from cutjoint.topology.records import Topology

@@ -19,7 +19,7 @@ from cutjoint.formulate.recursive.kinematics import Kinematics, halves, motion_c
 from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.kernels import closures
 from cutjoint.kernels.closures import ClosureKernel, derive_closure
-from cutjoint.kernels.directions import rod_of
+from cutjoint.kernels.joints import rod_of
 from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.program.blocks import BindingTime, Block, Builder
 

@@ -10,7 +10,7 @@ import sympy
 
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Form, Use, Uses, total
-from cutjoint.kernels.directions import slide_axis
+from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.records import GROUND, Joint, Vector
 from cutjoint_bench.twin.trees import Trees
 

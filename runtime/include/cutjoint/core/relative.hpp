@@ -82,8 +82,8 @@ class Relative {
   struct Experience {
     Real effect{0};        ///< of a correction of 1 on the accelerations
     int passes = 1;        ///< that solve for the multipliers
-    bool weak = false;     ///< whether the loops hardly hold a direction
-    int age = 1000;        ///< evaluations since this was seen
+    int weak = 0;          ///< whether the loops hardly hold a direction, 0 or 1
+    long age = 1000;       ///< evaluations since this was seen
     long evaluations = 0;
   };
 

@@ -11,7 +11,7 @@ from cutjoint.elements.joint import Direction, End, JointGap
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
-from cutjoint.kernels.directions import direction_of
+from cutjoint.kernels.joints import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import Joint, Vector
 from cutjoint.report.explain.forces import explain_gears

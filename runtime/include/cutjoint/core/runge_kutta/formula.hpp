@@ -39,14 +39,14 @@ class Formula {
   /// The slope where the next step begins, if it is known.
   struct Memory {
     Vector slope;
-    bool begun;
+    long begun;  ///< 0 or 1; a bool would leave bytes of a snapshot to chance
   };
 
   Memory memory() const { return {slopes_[0], begun_}; }
 
   void restore(const Memory& memory) {
     slopes_[0] = memory.slope;
-    begun_ = memory.begun;
+    begun_ = memory.begun != 0;
   }
 
   /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.  Unless `whole` it ends at a stage that leaves the regime.

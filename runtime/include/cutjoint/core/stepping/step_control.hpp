@@ -61,7 +61,7 @@ class StepControl {
   static Real safety() { return Real(0.9); }
 
   Real last_{1e-4};
-  bool rejected_ = false;
+  long rejected_ = 0;  ///< 0 or 1; a bool would leave bytes of a snapshot to chance
 };
 
 }  // namespace cutjoint::stepping
