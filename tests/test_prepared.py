@@ -416,7 +416,7 @@ def test_the_package_has_what_it_names() -> None:
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extensions, "_entry_points", lambda: EntryPoints(()))
     output = CliRunner().invoke(main, ["--help"]).output
-    helpers = {"__init__", "assembling", "export_fmu", "options", "picking", "preparing", "renamed", "replaying", "table"}
+    helpers = {"__init", "options", "picking", "preparing", "renamed", "replaying", "table"}
     modules = {p.stem.rstrip("_") for p in Path(preparing.__file__).parent.glob("*.py")} - helpers
     assert {line.split()[0] for line in output.partition("Commands:")[2].splitlines() if line.strip()} == modules
     assert "No such command 'simualte'" in CliRunner().invoke(main, ["simualte", str(MODELS / "four_bar.yaml")]).output

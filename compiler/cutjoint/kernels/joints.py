@@ -225,8 +225,6 @@ def rotation_of(quaternion: Sequence[Scalar]) -> Matrix:
     ])  # fmt: skip
 
 
-
-
 def direction_of(joint: Joint, direction: Direction) -> Vector:
     """A direction of a joint.
 
