@@ -72,7 +72,7 @@ scenes: {swing: {end: 2, output_step: 0.1}}
 """
 
 #: Settings with which the fixed point of the trapezoidal rule is found to rounding, so that differences of runs are exact.
-_TO_THE_END: dict[str, dict[str, int]] = {"trapezoidal": {"iterations": 40}, "rk4": {}}
+_TO_THE_END: dict[str, dict[str, float]] = {"trapezoidal": {"iterations": 40}, "rk4": {}, "dormand-prince": {"tolerance": 1e-10}}
 
 
 def fourth_order(course: Callable[[float], NDArray[np.float64]], h: float) -> NDArray[np.float64]:
@@ -147,7 +147,7 @@ def known_complex(known: Callable, stiffness: complex) -> tuple[NDArray[np.compl
     )
 
 
-@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4", "dormand-prince"])
 def test_states_and_controllers_that_take_samples(integrator: str) -> None:
     sim = loaded(CART, "cart", integrator=integrator).reset(dt=0.005, **_TO_THE_END[integrator])
     compare(sim, None, ["pin.angle", "rail.displacement", "loop.u"], {"k": 1e-2, "c": 1e-3, "load": 1e-3, "push": 1e-3}, 1e-9)
