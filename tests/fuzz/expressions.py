@@ -213,8 +213,8 @@ def _angle(y: float, x: float) -> float:
 
 
 def _sign(x: float) -> float:
-    """The sign of what is not rounding: that of the tangent of pi would hang on the last digit."""
-    if 0 < abs(x) < _NEAR:
+    """The sign of what is not rounding: those of the tangent of pi and of t*t/abs(t) - t would hang on the last digit."""
+    if abs(x) < _NEAR:
         raise _HangsOnDigitsError
     return (x > 0) - (x < 0)
 

@@ -12,6 +12,7 @@ from math import isclose
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cutjoint.analysis.inertia import NoInertiaError
 from cutjoint.compile import pipeline
 from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
@@ -20,6 +21,7 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model
 from cutjoint.model.units import measure
 from cutjoint.program.blocks import ConstantError
+from cutjoint.run.scenes import find_scene
 from cutjoint.topology.spanning_tree import TopologyError
 
 from .pipeline import SLOWEST
@@ -133,9 +135,9 @@ def check(text: str) -> tuple[str, ...]:
 def _read(folder: Path, files: dict[str, str]) -> tuple[str, ...]:
     try:
         model = read_model(folder / "rows.yaml")
-        scene = model.scenes["run"] if "run" in model.scenes else pipeline.find_scene(model, None)
+        scene = model.scenes["run"] if "run" in model.scenes else find_scene(model, None)
         source = pipeline.generate(model, scene, scene.outputs)[2]
-    except (ModelError, ConstantError, TopologyError) as error:
+    except (ModelError, ConstantError, TopologyError, NoInertiaError) as error:
         lines = [line.replace(f"{folder}/", "") for line in str(error).splitlines()]
         known = "|".join(map(re.escape, (*FILES, "<library>/double_wishbone.yaml", *(f"parts/{name}" for name in FILES))))
         for line in lines:

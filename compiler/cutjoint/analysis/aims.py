@@ -31,6 +31,8 @@ _DAMPING, _GAIN = 1e-9, 1e-9
 _SEEN = 1e-7
 #: Random steps from the design position, and how far these go, rad and m.
 _TRIALS, _STRAY = 12, 1.2
+#: Trials that end as far away as the best, by this share: after so many there is nothing nearer.
+_ALIKE, _ENOUGH = 1e-3, 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,15 +131,18 @@ class _Search:
 
     def find(self, start: _Reached) -> _Reached:
         """The wanted pose nearest to the start, else that with the nearest places, from the start and from random steps beside it."""
-        best = self._approach(start)
+        best, alike = self._approach(start), 0
         rng, ways = np.random.default_rng(0), self._ways(start.q)
-        for _ in range(_TRIALS if best.distance > 0 and ways.size else 0):
+        for _ in range(_TRIALS if ways.size else 0):
+            if best.distance == 0 or alike == _ENOUGH:
+                break
             way = ways @ rng.uniform(-1, 1, ways.shape[1])
             begun = self.reach(retract(self._equations, start.q, _STRAY * way / np.abs(way).max()))
-            if begun is not None and (found := self._approach(begun)).distance < best.distance:
-                best = found
-            if best.distance == 0:
-                break
+            if begun is None:
+                continue
+            found = self._approach(begun)
+            alike += abs(found.distance - best.distance) <= _ALIKE * best.distance
+            best = min(best, found, key=lambda reached: reached.distance)
         return best
 
     def reach(self, q: Array) -> _Reached | None:
@@ -160,8 +165,8 @@ class _Search:
                 break
             ways = self._ways(at.q)
             slopes = self._slopes(at.q) @ ways
-            gram = slopes.T @ slopes
-            step = -ways @ np.linalg.solve(gram + damping * max(np.trace(gram), 1e-12) * np.eye(len(gram)), slopes.T @ at.left)
+            weight = np.sqrt(damping * max(np.vdot(slopes, slopes), 1e-12)) * np.eye(ways.shape[1])
+            step = -ways @ np.linalg.lstsq(np.vstack([slopes, weight]), np.concatenate([at.left, np.zeros(len(weight))]))[0]
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(initial=0.0), 1e-300))
             after = self.reach(retract(self._equations, at.q, step))
             if after is not None and after.distance < at.distance:

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "cutjoint/core/newton/complex_solver.hpp"
+#include "cutjoint/core/radau/step_start.hpp"
 #include "cutjoint/core/radau/table.hpp"
-#include "cutjoint/core/stepping/implicit_stages.hpp"
 
 namespace cutjoint::radau {
 
@@ -19,16 +19,15 @@ namespace cutjoint::radau {
 ///
 ///     v_i = v_0 + h sum_j A_ij a_j         delta_i = h sum_j A_ij T(delta_j)^-1 v_j         q_i = retract(q_0, delta_i)
 ///
-/// (stepping/implicit_stages.hpp).  The iteration solves, over all stages,
+/// (radau/step_start.hpp).  The iteration solves, over all stages,
 ///
 ///     (M + alpha Phi_q^T Phi_q) da_i + h C sum_j A_ij da_j + h^2 K sum_j (A^2)_ij da_j = -(M a_i + Phi_q^T lambda_i - Q_i + alpha Phi_q^T Phidd_i)
 ///
 /// and lambda_i += alpha (Phidd_i + Phi_q da_i).  The eigenvectors of A part this into a real and a complex system of the size of one stage: places are no
 /// unknowns beside speeds.  M, C and K, of the pose of a stage, serve further steps, of other lengths too, with other factors.
 template <class S, class Solver>
-class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Table> {
-  using Base = stepping::ImplicitStages<Stages, S, Solver, Table>;
-  friend Base;
+class Stages : public StepStart<S, Solver> {
+  using Base = StepStart<S, Solver>;
 
   template <class Numbers>
   using OfStages = std::array<Numbers, Table::stages + 1>;  ///< the first is that of the step's start
@@ -52,7 +51,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     guess_ = slopes_;
     stale_ = !factored_ || slow_;
     bool found = false;
-    if (this->iterate(h, found)) factored_ = false;
+    if (iterate(h, found)) factored_ = false;
     if (!found) {
       leaves_early();
       return false;
@@ -62,6 +61,19 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     at_.lambda = forces_.back();
     delta_ = places_.back();
     return true;
+  }
+
+  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
+  Fault accept(Real h, StateOf<S>& before) {
+    at_.t = start_.t + h;
+    if (const Fault fault = this->project(at_)) return fault;
+    last_h_ = h;
+    std::swap(kept_, slopes_);
+    std::swap(kept_forces_, forces_);
+    std::swap(before, start_);
+    std::swap(start_, at_);
+    this->keep_start();
+    return {};
   }
 
   /// Memory of the next steps.
@@ -92,15 +104,11 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
  private:
   using Base::alpha_, Base::at_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
       Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::slopes_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
-      Base::tolerances_, Base::turns_, Base::whole_, Base::x_;
+      Base::tolerances_, Base::turns_, Base::x_;
 
-  static constexpr long at_once = Table::stages;
-  static constexpr double shorter = 0.9, longer = 1.1, rest = 0.003;
-
-  void keep_stages() {
-    std::swap(kept_, slopes_);
-    std::swap(kept_forces_, forces_);
-  }
+  static constexpr double shorter = 0.9, longer = 1.1;  ///< factors serve steps up to these times theirs
+  static constexpr double rest = 0.003;                 ///< share of the allowed error that the iteration leaves
+  static constexpr int most_iterations = 25;
 
   static Real node(std::size_t i) { return Table::nodes[i].template as<Real>(); }
 
@@ -108,6 +116,37 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
     time_ = start_.t + node(stage) * h_;
     points_[stage - 1].t = time_;
     system_.begin_step(time_, Real(1));
+  }
+
+  /// Newton's iteration for all stages; whether these are `found`.  The first change is judged by the share that a stage before left of one, less and less
+  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
+  Fault iterate(Real h, bool& found) {
+    using std::pow;
+    const Real w = Table::gamma.template as<Real>() * h;
+    const Real infinity = std::numeric_limits<Real>::infinity();
+    Real last = infinity, smallest = infinity, move(0);
+    bool renew = !factored_ || slow_ || !(w < this->factored_w_ * Real(longer) && w > this->factored_w_ * Real(shorter));
+    slow_ = false;
+    for (int iteration = 1, idle = 0; iteration <= most_iterations && follow(); ++iteration) {
+      if (const Fault fault = correct(renew, w)) return fault;
+      this->iterations_ += Table::stages;
+      const Real change = size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(this->share_, Real(0.8));
+      if (!this->finite(change) || change > Real(1e3) * smallest) return {};
+      this->share_ = std::clamp(share, Real(0.01), Real(0.99));
+      idle = change < smallest / 2 ? 0 : idle + 1;
+      smallest = std::min(smallest, change);
+      const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
+      const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
+      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(rest))) {
+        found = follow();
+        return {};
+      }
+      renew = iteration > 1 && share > Real(0.3);
+      if (renew && leaves_early()) return {};
+      slow_ = slow_ || renew;
+      last = change;
+    }
+    return {};
   }
 
   /// The guessed accelerations and multipliers: on the cubic through those of the last step, unless that is far behind.
@@ -304,6 +343,7 @@ class Stages : public stepping::ImplicitStages<Stages<S, Solver>, S, Solver, Tab
   Entries<S> mass_, damping_, stiffness_, re_, im_;
   Speeds<S> x_re_, x_im_;
   Real h_{0}, parted_w_{1};
+  bool whole_ = false;  ///< whether the attempt goes on outside the regime
   bool stale_ = false;  ///< whether a renewal of factors needs other parts
 };
 

@@ -1,4 +1,4 @@
-// What implicit Runge-Kutta methods have in common: the state that their steps go on from, its regime, loops and errors.
+// The state that steps by Radau IIA go on from, its regime, loops and errors.
 #pragma once
 
 #include <algorithm>
@@ -17,30 +17,20 @@
 #include "cutjoint/core/newton/recursive_newton.hpp"
 #include "cutjoint/core/newton/system.hpp"
 #include "cutjoint/core/newton/workspace.hpp"
+#include "cutjoint/core/radau/table.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
 #include "cutjoint/core/stepping/switch_cells.hpp"
 
-namespace cutjoint::stepping {
+namespace cutjoint::radau {
 
-/// Stages of an implicit method over (delta, v), delta being the displacement from the step's start in the chart of `retract`: so the order holds on balls
-/// too.  The unknown of a stage is its acceleration.  Loops are equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0: a differential
-/// equation, whose order does not suffer.  What steps leave of Phi and Phid is projected away.
-///
-/// `Own` has
-///
-/// - `attempt`, which tries a step, and `keep_stages`, which keeps what the next one is guessed by,
-/// - what an iteration does: `follow` puts the coordinates and speeds that belong to its accelerations, `correct` changes these, with factors that are made
-///   anew or not, `size_of_change` is how much, 1 being what an error may be, of which it leaves the share `rest`; factors serve steps up to `shorter` and
-///   `longer` than theirs, and balances are looked at `at_once`,
-/// - `leaves_early`, whether an attempt leaves its regime before all is found.
-///
-/// `Table` has the number of stages, `order`, the factor `gamma` of the real tangent, and the weights `error` of the slopes at the step's start and of the
-/// stages in the estimate.
-template <class Own, class S, class Solver, class Table>
-class ImplicitStages : public Workspace<S, Solver> {
+/// Steps over (delta, v), delta being the displacement from the step's start in the chart of `retract`: so the order holds on balls too.  The unknown of
+/// a stage is its acceleration.  Loops are equations of the accelerations, M vdot + Phi_q^T lambda = Q and Phidd = 0: a differential equation, whose order
+/// does not suffer.  What steps leave of Phi and Phid is projected away.
+template <class S, class Solver>
+class StepStart : public Workspace<S, Solver> {
   using Base = Workspace<S, Solver>;
 
  public:
@@ -52,7 +42,7 @@ class ImplicitStages : public Workspace<S, Solver> {
 
   /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
   /// `roads` those of its tyres.
-  ImplicitStages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
+  StepStart(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
         closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_),
@@ -92,7 +82,7 @@ class ImplicitStages : public Workspace<S, Solver> {
   Fault assemble(StateOf<S>& state) { return single_.assemble(state); }
 
   /// Set the largest error of a step; Newton's iteration ends where it leaves a hundredth of that.
-  void set_tolerances(const Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
+  void set_tolerances(const stepping::Tolerances<Real>& tolerances) { tolerances_ = tolerances; }
 
   /// The size of the attempted step's error, 1 being what is allowed; infinite where it is no number.
   Real error(Real h) {
@@ -108,18 +98,6 @@ class ImplicitStages : public Workspace<S, Solver> {
       }
     for (std::size_t i = first_state(charts()); i < n_; ++i) note(abs(x_[i]) / tolerances_.of(std::max(abs(start_.v[i]), abs(at_.v[i])), i, n_), i, largest);
     return largest == largest ? largest : std::numeric_limits<Real>::infinity();
-  }
-
-  /// The attempted step counts: its end becomes the present state, and `before` the one before it.
-  Fault accept(Real h, StateOf<S>& before) {
-    at_.t = start_.t + h;
-    if (const Fault fault = project(at_)) return fault;
-    last_h_ = h;
-    static_cast<Own&>(*this).keep_stages();
-    std::swap(before, start_);
-    std::swap(start_, at_);
-    keep_start();
-    return {};
   }
 
   const StateOf<S>& present() const { return start_; }
@@ -185,7 +163,7 @@ class ImplicitStages : public Workspace<S, Solver> {
     return cells_.found();
   }
 
-  SwitchCells<S>& cells() { return cells_; }
+  stepping::SwitchCells<S>& cells() { return cells_; }
 
   /// Close the loops of a state, positions first, then speeds.
   Fault project(StateOf<S>& state) {
@@ -225,7 +203,7 @@ class ImplicitStages : public Workspace<S, Solver> {
     Entries<S> tangent;
     Real alpha, factored_w, last_h, share;
     long has_factors, factored, slow;
-    typename SwitchCells<S>::Memory cells;
+    typename stepping::SwitchCells<S>::Memory cells;
     typename Solver::Memory solver, other;
     typename RecursiveNewton<S, Solver>::Memory single;
   };
@@ -283,7 +261,7 @@ class ImplicitStages : public Workspace<S, Solver> {
   }
 
   void look_at(const StateOf<S>& state) {
-    if constexpr (SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
+    if constexpr (stepping::SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
   }
 
   void note(Real size, std::size_t speed, Real& largest) {
@@ -310,44 +288,10 @@ class ImplicitStages : public Workspace<S, Solver> {
     return {};
   }
 
-  /// Newton's iteration for a stage or all; whether these are `found`.  The first change is judged by the share that a stage before left of one, less and less
-  /// trusted (Hairer, Wanner, section IV.8).  Where it goes slowly it may have met a stiff force that begins in this step.
-  Fault iterate(Real h, bool& found) {
-    Own& own = static_cast<Own&>(*this);
-    using std::pow;
-    const Real w = Table::gamma.template as<Real>() * h;
-    const Real infinity = std::numeric_limits<Real>::infinity();
-    Real last = infinity, smallest = infinity, move(0);
-    bool renew = !factored_ || slow_ || !(w < factored_w_ * Real(Own::longer) && w > factored_w_ * Real(Own::shorter));
-    slow_ = false;
-    for (int iteration = 1, idle = 0; iteration <= most_iterations && own.follow(); ++iteration) {
-      if (const Fault fault = own.correct(renew, w)) return fault;
-      iterations_ += Own::at_once;
-      const Real change = own.size_of_change(w, move), share = iteration > 1 ? change / last : renew ? Real(0.5) : pow(share_, Real(0.8));
-      if (!this->finite(change) || change > Real(1e3) * smallest) return {};
-      share_ = std::clamp(share, Real(0.01), Real(0.99));
-      idle = change < smallest / 2 ? 0 : idle + 1;
-      smallest = std::min(smallest, change);
-      const Real digits = (idle >= 3 ? 4096 : 64) * std::numeric_limits<Real>::epsilon();
-      const bool rounding = idle > 0 && move <= digits * (Real(1) + largest(at_.v));
-      if (rounding || (share < Real(1) && change * share / (1 - share) <= Real(Own::rest))) {
-        found = own.follow();
-        return {};
-      }
-      renew = iteration > 1 && share > Real(0.3);
-      if (renew && own.leaves_early()) return {};
-      slow_ = slow_ || renew;
-      last = change;
-    }
-    return {};
-  }
-
-  static constexpr int most_iterations = 25;
-
   Solver& other_;
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
-  SwitchCells<S> cells_;
+  stepping::SwitchCells<S> cells_;
   Turns<S> turns_;
   StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage and at last the end, and beside it
   Coordinates<S> pose_, moved_;          ///< that of the factors
@@ -356,12 +300,12 @@ class ImplicitStages : public Workspace<S, Solver> {
   std::array<Speeds<S>, Table::stages + 1> rates_, slopes_;  ///< at the start and of the stages: delta' and accelerations
   std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
   Residuals residuals_;
-  Tolerances<Real> tolerances_;
+  stepping::Tolerances<Real> tolerances_;
   Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
   bool has_factors_ = false;  ///< of a stage since the start
-  bool factored_ = false, slow_ = false, whole_ = false;  ///< the first: whether these serve
+  bool factored_ = false, slow_ = false;  ///< whether these serve, and whether the iteration was slow
   std::size_t worst_ = 0;
   long iterations_ = 0, evaluations_ = 0, factorisations_ = 0;
 };
 
-}  // namespace cutjoint::stepping
+}  // namespace cutjoint::radau
