@@ -77,10 +77,11 @@ def _descend(residual: Callable[[Array], Array], values: Array) -> Array:
         if np.abs(left).max(initial=0.0) < 1e-14 or slow > _PATIENCE:
             break
         h = 1e-6
-        slopes = np.array([(residual(values + h * e) - residual(values - h * e)) / (2 * h) for e in np.eye(len(values))]).T
+        columns = [(residual(values + h * e) - residual(values - h * e)) / (2 * h) for e in np.eye(len(values))]
+        slopes = np.array(columns).reshape(len(values), len(left)).T
         u, s, v = np.linalg.svd(slopes, full_matrices=False)
         able = s > 1e-9 * s.max(initial=0.0)
-        while damping < 1e6:
+        while damping < 1e6 and able.any():
             step = -(v[able].T * (s[able] / (s[able] ** 2 + damping * s[able].max() ** 2))) @ (u[:, able].T @ left)
             step *= min(1.0, _STEP / max(np.abs(step).max(), 1e-300))
             there = residual(values + step)

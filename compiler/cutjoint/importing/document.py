@@ -14,6 +14,7 @@ from cutjoint.importing.closing import Closed, Relation, solve_couplings
 from cutjoint.importing.robot import Array, Drive, Joint, Link, Loop, Robot
 from cutjoint.model.mass import TOLERANCE
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
+from cutjoint.model.text import escaped
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-13
@@ -25,6 +26,8 @@ _CREEP = 0.01
 _OUTPUTS = 12
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
 _MESHES = (".stl", ".obj", ".glb")
+#: The longest part of a path that is looked up.
+_LONGEST = 200
 
 
 class Document:
@@ -43,12 +46,8 @@ class Document:
             self._float()
         for link, carrier in _lump(robot):
             self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
-        idle = set(_idle(robot))
-        if idle:
-            self._note("left out, since nothing resists their motion", *sorted(idle))
         for joint in robot.outwards():
-            if joint.child not in idle:
-                self._add_joint(joint)
+            self._add_joint(joint)
         for loop in robot.loops:
             self._add_loop(loop)
         for relation in solve_couplings(robot):
@@ -61,9 +60,9 @@ class Document:
 
     def text(self, source: str, left_out: Mapping[str, int]) -> str:
         """The whole file; ``source`` is the name of the file read, ``left_out`` counts its tags and attributes that were not taken."""
-        head = [f"# From {source}."]
+        head = [f"# From {escaped(source)}."]
         if left_out:
-            head.append("# Left out: " + ", ".join(f"{tag} ({count})" for tag, count in sorted(left_out.items())) + ".")
+            head.append("# Left out: " + ", ".join(f"{escaped(tag)} ({count})" for tag, count in sorted(left_out.items())) + ".")
         head += [f"# {note[0].upper()}{note[1:]}." for note in self.notes]
         head += ["cutjoint: 1", f"name: {_legal(self._robot.name) or 'robot'}", f"gravity: {_flow(list(self._robot.gravity))}"]
         for title, elements in self._sections.items():
@@ -76,6 +75,7 @@ class Document:
     def _scenes(self) -> Iterator[str]:
         """The file's starts, by the coordinates that loops leave free or that motors drive."""
         in_loops, driven = self._robot.in_loops(), {drive.joint for drive in self._robot.drives}
+        self._taken = {"motion"}
         for name, start in self._robot.starts.items():
             able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or j in driven)}
             moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
@@ -86,7 +86,7 @@ class Document:
     def notes(self) -> list[str]:
         """Sentences of what was decided."""
         counted = ((note, ", ".join(dict.fromkeys(names))) for note, names in self._notes.items())
-        return [*self._position(), *(f"{note}: {names}" if names else note for note, names in counted)]
+        return [escaped(note) for note in (*self._position(), *(f"{note}: {names}" if names else note for note, names in counted))]
 
     def _note(self, sentence: str, *names: str) -> None:
         self._notes.setdefault(sentence, []).extend(names)
@@ -120,6 +120,8 @@ class Document:
 
     def _float(self) -> None:
         (root,) = self._robot.root()
+        if root.name == "world":
+            root.node.refuse("stands on the ground, since its first link is the world", "leave out --base free")
         name = self._add_body(root)
         joint = self._name(f"{name}_free")
         self._sections["joints"][joint] = {"kind": "free", "bodies": ["ground", name], "at": [0, 0, 0]}
@@ -167,7 +169,8 @@ class Document:
         path = re.sub(r"^(package|model|file)://", "", link.mesh).lstrip("/").replace("\\", "/")
         parts = [part for part in path.split("/") if part]
         for tail in (parts[i:] for i in range(len(parts))):
-            if ".." not in tail and Path(tail[-1]).suffix.lower() in _MESHES and self._folder.joinpath(*tail).is_file():
+            sound = ".." not in tail and max(map(len, tail)) < _LONGEST and Path(tail[-1]).suffix.lower() in _MESHES
+            if sound and self._folder.joinpath(*tail).is_file():
                 return "/".join(tail)
         self._note("meshes that are not drawn, being no .stl, .obj or .glb below the file's folder", parts[-1] if parts else link.name)
         return ""
@@ -263,20 +266,6 @@ class Document:
         law = drive.law.format(input=name, position=position, rate="rate")
         self._sections["forces"][force] = {"kind": "joint_force", "joint": self._names[drive.joint], "law": law}
         self._sections["outputs"][self._coordinate(drive.joint)] = True
-
-
-def _idle(robot: Robot) -> Iterator[str]:
-    """Links at the ends of chains that move and have nothing that resists it."""
-    ends = {name for loop in robot.loops for name in loop.links}
-    coupled = {name for coupling in robot.couplings for name in coupling.terms}
-    heavy: set[str] = set()
-    for joint in reversed(list(robot.outwards())):
-        link = robot.links[joint.child]
-        if not link.massless or link.name in ends or link.name in heavy or joint.name in coupled:
-            heavy.add(joint.parent)
-        elif joint.freedom:
-            yield link.name
-    # a fixed link on an idle one goes with it
 
 
 def _is_negative(link: Link) -> bool:

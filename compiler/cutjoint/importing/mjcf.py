@@ -6,14 +6,15 @@ springs; here they are rigid.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion
+from cutjoint.importing.closing import CLOSED
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
 from cutjoint.importing.xml import Node, read_xml
 from cutjoint.package.extensions import MissingPackageError
 
@@ -24,7 +25,10 @@ _LARGEST_FILE = 200_000_000
 #: Arrays of MuJoCo's model that are read.
 _NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "jnt_axis", "jnt_pos", "jnt_stiffness",
             "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear", "actuator_gainprm",
-            "actuator_biasprm", "geom_pos", "geom_quat", "wrap_prm")  # fmt: skip
+            "actuator_biasprm", "actuator_armature", "actuator_damping", "geom_pos", "geom_quat", "wrap_prm")  # fmt: skip
+#: Flags of <option> that switch parts of a model off, and the resistances of joints that they switch off.
+_FLAGS = ("GRAVITY", "SPRING", "DAMPER", "FRICTIONLOSS", "CONSTRAINT", "EQUALITY", "ACTUATION", "CLAMPCTRL")
+_SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICTIONLOSS", "CONSTRAINT"}}
 
 
 def read_mjcf(path: Path) -> tuple[Robot, Node]:
@@ -109,10 +113,13 @@ class _Reading:
     def __init__(self, model: Any, root: Node, mujoco: Any) -> None:
         self.m, self._root, self._mujoco = model, root, mujoco
         self._nodes = {(node.tag, node.attributes.get("name", "")): node for node in _all(root)}
-        self._links = [self._name("BODY", i, "world" if i == 0 else f"body_{i}") for i in range(model.nbody)]
+        self._links = self._names("BODY", model.nbody, lambda i: f"body_{i}" if i else "world")
+        self._joints = self._names("JOINT", model.njnt, lambda j: f"{self._links[model.jnt_bodyid[j]]}_joint")
+        self._fresh = [*self._links, *self._joints]
+        self._off = {flag for flag in _FLAGS if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))}
         self._of_joint: dict[int, str] = {}
         self._start: dict[str, float] = {}
-        x, y, z = map(float, model.opt.gravity)
+        x, y, z = map(float, model.opt.gravity) if "GRAVITY" not in self._off else (0.0, 0.0, 0.0)
         self.robot = Robot(root.attributes.get("model") or "mujoco", gravity=(x, y, z))
         self.robot.links[self._links[0]] = Link(self._links[0], root)
         for body in range(1, model.nbody):
@@ -128,6 +135,16 @@ class _Reading:
         found = self._mujoco.mj_id2name(self.m, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return found or default
 
+    def _names(self, kind: str, count: int, default: Callable[[int], str]) -> list[str]:
+        """The names of all elements of a kind, with defaults that no other one has for those without a name."""
+        found = [self._name(kind, i, "") for i in range(count)]
+        taken = list(found)
+        return [name or self._unlike(default(i), taken) for i, name in enumerate(found)]
+
+    def _unlike(self, wanted: str, taken: list[str]) -> str:
+        taken.append(unlike(wanted, taken))
+        return taken[-1]
+
     def _node(self, tag: str, name: str) -> Node:
         return self._nodes.get((tag, name), self._root)
 
@@ -142,10 +159,10 @@ class _Reading:
         parent, at = self._links[m.body_parentid[body]], Pose(of_quaternion(*map(float, m.body_quat[body])), m.body_pos[body].copy())
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
         if not count:
-            weld = Joint(f"{name}_weld", link.node, "fixed", parent, name, at)
+            weld = Joint(self._unlike(f"{name}_weld", self._fresh), link.node, "fixed", parent, name, at)
             self.robot.joints[weld.name] = weld
         for joint in range(first, first + count):
-            child = name if joint == first + count - 1 else f"{name}_{joint - first + 1}"
+            child = name if joint == first + count - 1 else self._unlike(f"{name}_{joint - first + 1}", self._fresh)
             if child != name:
                 self.robot.links[child] = Link(child, link.node)
             self._add_joint(joint, parent, child, at)
@@ -154,17 +171,20 @@ class _Reading:
 
     def _add_joint(self, joint: int, parent: str, child: str, at: Pose) -> None:
         m, kind = self.m, int(self.m.jnt_type[joint])
-        name = self._name("JOINT", joint, f"{child}_joint")
-        while name in self.robot.joints:
-            name += "_"
+        name = self._joints[joint]
         place = Pose(place=np.zeros(3) if kind == _FREE else m.jnt_pos[joint].copy())
         added = Joint(
             name, self._node("joint", name), {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}[kind],
             parent, child, at @ place, m.jnt_axis[joint] / np.linalg.norm(m.jnt_axis[joint]), place.inverse(),
         )  # fmt: skip
         dof, address = int(m.jnt_dofadr[joint]), int(m.jnt_qposadr[joint])
-        added.damping, added.friction, added.armature = (float(x[dof]) for x in (m.dof_damping, m.dof_frictionloss, m.dof_armature))
-        added.stiffness = float(np.ravel(m.jnt_stiffness[joint])[0])
+        resisting = {"damping": m.dof_damping[dof], "friction": m.dof_frictionloss[dof], "stiffness": m.jnt_stiffness[joint]}
+        for key, value in resisting.items():
+            setattr(added, key, 0.0 if self._off & _SWITCHES[key] else float(value))
+        added.armature = float(m.dof_armature[dof])
+        bent = (m.jnt_stiffnesspoly[joint], "SPRING"), (m.dof_dampingpoly[dof], "DAMPER"), (m.jnt_springyield[joint], "SPRING")
+        if any(np.any(value) and flag not in self._off for value, flag in bent):
+            added.node.refuse("has a spring or a damper that is not linear", "leave the further coefficients out")
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
             added.rest = float(m.qpos_spring[address]) - self._start[name]
@@ -195,7 +215,7 @@ class _Reading:
 
     def _add_loops(self) -> None:
         points: dict[tuple[str, str], list[Loop]] = {}
-        for i in range(self.m.neq):
+        for i in range(self.m.neq if not self._off & {"EQUALITY", "CONSTRAINT"} else 0):
             kind, name = int(self.m.eq_type[i]), self._name("EQUALITY", i, f"equality_{i + 1}")
             if not self.m.eq_active0[i]:
                 self.robot.notes.append(f"the equality {name} is not active, and left out")
@@ -244,7 +264,7 @@ class _Reading:
     def _add_tendons(self) -> None:
         """Equalities of fixed tendons are linear relations of coordinates."""
         m = self.m
-        for i in range(m.neq):
+        for i in range(m.neq if not self._off & {"EQUALITY", "CONSTRAINT"} else 0):
             if int(m.eq_type[i]) != _TENDON or not m.eq_active0[i]:
                 continue
             name, terms = self._name("EQUALITY", i, f"equality_{i + 1}"), dict[str, float]()
@@ -264,17 +284,22 @@ class _Reading:
     def _add_actuator(self, i: int) -> None:
         m, enums = self.m, self._mujoco
         name = self._name("ACTUATOR", i, f"motor_{i + 1}")
-        of_joint = int(m.actuator_trntype[i]) == int(enums.mjtTrn.mjTRN_JOINT)
+        of_joint = int(m.actuator_trntype[i]) in (int(enums.mjtTrn.mjTRN_JOINT), int(enums.mjtTrn.mjTRN_JOINTINPARENT))
         kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
         direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
+        if of_joint:
+            self._burden(self.robot.joints[self._of_joint[int(m.actuator_trnid[i][0])]], i)
+        off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
+        direct = direct and not m.actuator_delay[i] and not off
         if not (of_joint and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
-            self.robot.notes.append(f"the actuator {name} is left out: it has dynamics of its own, or does not act on a joint")
+            reason = "it is switched off" if off else "it has dynamics of its own, or does not act on a joint"
+            self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
         gear, gain = float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0])
         b = [float(x) for x in m.actuator_biasprm[i][:3]] if bias else [0.0, 0.0, 0.0]
         control = "{input}"
-        if m.actuator_ctrllimited[i]:
+        if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
             low, high = map(float, m.actuator_ctrlrange[i])
             control = f"max({_word(low)}, min({_word(high)}, {{input}}))"
         parts = [_times(gain, control), *([_word(b[0])] if b[0] else [])]
@@ -288,19 +313,39 @@ class _Reading:
         law = _times(gear, f"({force})" if len(parts) > 1 and gear != 1 else force)
         self.robot.drives.append(Drive(name, joint, law, self._start.get(joint, 0.0), None if plain else ""))
 
+    def _burden(self, joint: Joint, i: int) -> None:
+        """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
+        m, gear = self.m, float(self.m.actuator_gear[i][0])
+        if np.any(m.actuator_dampingpoly[i]):
+            joint.node.refuse("has an actuator with a damper that is not linear", "leave the further coefficients out")
+        joint.armature += gear**2 * float(m.actuator_armature[i])
+        joint.damping += gear**2 * float(m.actuator_damping[i]) if "DAMPER" not in self._off else 0.0
+        if joint.kind not in ("revolute", "prismatic") and (m.actuator_armature[i] or m.actuator_damping[i]):
+            joint.node.refuse(f"has an actuator with armature or damping on a joint of kind {joint.kind}", "leave it out")
+
     def _add_starts(self) -> None:
         m = self.m
         for key in range(m.nkey):
             start = {name: float(m.key_qpos[key][int(m.jnt_qposadr[j])]) - self._start[name]
                      for j, name in self._of_joint.items() if name in self._start}  # fmt: skip
-            self.robot.starts[self._name("KEY", key, f"key_{key + 1}")] = start
+            name = self._name("KEY", key, f"key_{key + 1}")
+            self.robot.starts[name] = start
+            others = [i for j in self._of_joint if m.jnt_type[j] in (_FREE, _BALL) for i in range(*self._places(j))]
+            left = {"positions of free bodies and balls": np.any(m.key_qpos[key][others] != m.qpos0[others]),
+                    "speeds": np.any(m.key_qvel[key]), "controls": np.any(m.key_ctrl[key])}  # fmt: skip
+            if found := [word for word, is_there in left.items() if is_there]:
+                self.robot.notes.append(f"of the key {name} are left out: {', '.join(found)}")
+
+    def _places(self, joint: int) -> tuple[int, int]:
+        first = int(self.m.jnt_qposadr[joint])
+        return first, first + {_FREE: 7, _BALL: 4}[int(self.m.jnt_type[joint])]
 
     def _tell(self) -> None:
         m, notes = self.m, self.robot.notes
         if self.robot.loops:
             notes.append("loops, which MuJoCo closes by springs, are rigid")
         counts = {
-            "limits of joints": int(np.sum(m.jnt_limited)),
+            "limits of joints": int(np.sum(m.jnt_limited)), "limits of the forces of actuators on joints": int(np.sum(m.jnt_actfrclimited)),
             "geoms that collide": int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0))),
             "sites": m.nsite, "sensors": m.nsensor, "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair,
             "tendons": m.ntendon, "flexible bodies": m.nflex, "skins": m.nskin, "mocap bodies, which are fixed here": m.nmocap,
@@ -311,8 +356,9 @@ class _Reading:
             notes.append("left out: forces of the medium (density, viscosity)")
         if np.any(m.body_gravcomp):
             self._root.refuse("has bodies with gravcomp", "leave it out, or write it as loads")
-        if any(m.tendon_stiffness.ravel()) or any(m.tendon_damping.ravel()):
-            self._root.refuse("has tendons with stiffness or damping", "leave them out, or write them as springs")
+        names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss")
+        if any(np.any(getattr(m, f"tendon_{name}")) for name in names):
+            self._root.refuse("has tendons with stiffness, damping, friction or armature", "leave them out, or write them as springs")
 
 
 def _times(factor: float, word: str) -> str:
@@ -332,9 +378,11 @@ def _united(loops: list[Loop]) -> Loop:
     axis, other = (_unit(places[b] - places[a]) for places in (mine, theirs))
     if not axis.any():
         return one
-    straight = all(np.linalg.norm(np.cross(axis, place - mine[a])) < 1e-6 for place in mine)
-    if not straight:
+    if not all(np.linalg.norm(np.cross(axis, place - mine[a])) < 1e-6 for place in mine):
         one.node.refuse("connects two bodies in points that are on no line", "write a weld")
+    along = [[float(way @ (place - places[a])) for place in places] for way, places in ((axis, mine), (other, theirs))]
+    if np.abs(np.subtract(along[0], along[1])).max() > CLOSED:
+        one.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
     return Loop(one.name, one.node, "revolute", one.links, _along(axis, mine[a]), _along(other, theirs[a]), np.array([0.0, 0.0, 1.0]))
 
 

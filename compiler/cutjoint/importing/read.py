@@ -44,6 +44,7 @@ def import_file(path: Path, *, free: bool = False) -> Imported:
     Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.
     """
     robot, root = READERS[path.suffix.lower()](path)
+    robot.leave_out_idle()
     document = Document(robot, close(robot), path.parent, free=free)
     left_out = dict(root.left_out())
     return Imported(document.text(path.name, left_out), tuple(document.notes), left_out)

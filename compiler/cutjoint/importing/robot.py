@@ -5,8 +5,9 @@ Each reader makes a :class:`Robot`; `closing.py` finds a position in which its l
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from typing import TypeAlias
 
 import numpy as np
@@ -110,7 +111,7 @@ class Joint:
         return self.origin @ motion @ self.inner
 
 
-@dataclass
+@dataclass(eq=False)
 class Loop:
     """A joint that closes a loop: frames ``first`` and ``second`` of two links meet; ``axis`` (3) is in both.  It resists as joints do."""
 
@@ -127,7 +128,7 @@ class Loop:
     friction: float = 0.0
 
 
-@dataclass
+@dataclass(eq=False)
 class Coupling:
     """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
     joint ``leader`` with coefficients ``bend`` from the square up."""
@@ -188,6 +189,40 @@ class Robot:
             yield joint
             waiting[:0] = below.get(joint.child, [])
 
+    def leave_out_idle(self) -> None:
+        """Leave out links that move and have nothing behind them that resists, with all that hangs on them.  Ties keep links."""
+        carried, roots = {joint.child: joint for joint in self.joints.values()}, {link.name for link in self.root()}
+        ties = [set(loop.links) - roots for loop in self.loops]
+        ties += [{self.joints[name].child for name in coupling.terms} for coupling in self.couplings]
+        waiting = [name for name, link in self.links.items() if not link.massless or (name in carried and carried[name].armature)]
+        kept: set[str] = set()
+        while waiting:
+            name = waiting.pop()
+            if name not in kept:
+                kept.add(name)
+                waiting += [carried[name].parent] if name in carried else []
+                waiting += [other for tie in ties if name in tie for other in tie]
+        gone: dict[str, Joint] = {}
+        for joint in self.outwards():
+            if joint.parent in gone or (joint.freedom and joint.child not in kept):
+                gone[joint.child] = joint
+        if gone:
+            self._leave_out(gone)
+
+    def _leave_out(self, gone: dict[str, Joint]) -> None:
+        """Take out joints by the links that they carry, and all that names either."""
+        joints = {joint.name for joint in gone.values()}
+        ties = [loop for loop in self.loops if gone.keys() & loop.links]
+        bound = [coupling for coupling in self.couplings if joints & coupling.terms.keys()]
+        drives = [drive for drive in self.drives if drive.joint in joints]
+        names = [*sorted(gone), *(tie.name for tie in ties), *(tie.name for tie in bound), *(drive.name for drive in drives)]
+        self.notes.append(f"left out, since nothing resists their motion: {', '.join(names)}")
+        self.links = {name: link for name, link in self.links.items() if name not in gone}
+        self.joints = {name: joint for name, joint in self.joints.items() if name not in joints}
+        self.loops = [loop for loop in self.loops if loop not in ties]
+        self.couplings = [coupling for coupling in self.couplings if coupling not in bound]
+        self.drives = [drive for drive in self.drives if drive not in drives]
+
     def in_loops(self) -> set[str]:
         """The joints on the ways round loops."""
         carried = {joint.child: joint for joint in self.joints.values()}
@@ -236,6 +271,20 @@ def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
     if sine == 0:
         return np.eye(3)
     return rotation_about(2 * np.arctan2(sine, w) / sine * np.array([x, y, z]))
+
+
+def of_xyzw(node: Node, parts: tuple[float, ...]) -> Array:
+    """The rotation (3 by 3) of an element's quaternion, the scalar last, of any length.  Raises ModelError where it has no length."""
+    length = float(np.linalg.norm(parts))
+    if length < 1e-9:
+        node.refuse("has a quaternion without length", "use 0 0 0 1 for no rotation")
+    x, y, z, w = (part / length for part in parts)
+    return of_quaternion(w, x, y, z)
+
+
+def unlike(wanted: str, taken: Container[str]) -> str:
+    """The wanted name, with a number behind it where it is taken."""
+    return wanted if wanted not in taken else next(name for i in count(2) if (name := f"{wanted}_{i}") not in taken)
 
 
 def colour_of(parts: tuple[float, ...]) -> str:

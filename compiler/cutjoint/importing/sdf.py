@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, roll_pitch_yaw
+from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw, unlike
 from cutjoint.importing.xml import Node, read_xml
 
 _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "ball": "spherical"}
@@ -19,49 +19,72 @@ def read_sdf(path: Path) -> tuple[Robot, Node]:
     root = read_xml(path)
     if root.tag != "sdf":
         root.refuse("is no SDF", "name a file whose outermost element is <sdf>")
-    root.get("version")
+    version = tuple(int(part) if part.isdigit() else 0 for part in (root.get("version") or "1.9").split("."))
     world = root.find("world")
     model = (world or root).need("model")
     for nested in (*model.all("include"), *model.all("model")):
         nested.refuse("stands inside another model", "write its links and joints out")
     robot = Robot(model.attributes.get("name") or path.stem)
-    gravity = world.find("gravity") if world else None
-    if gravity:
-        x, y, z = gravity.numbers(gravity.text, 3)
+    if world:
+        gravity = world.find("gravity")
+        x, y, z = gravity.numbers(gravity.text, 3) if gravity else (0.0, 0.0, -9.8)
         robot.gravity = (x, y, z)
     robot.links[_WORLD] = Link(_WORLD, model)
     for node in model.all("link"):
-        if node.name() in robot.links:
-            node.refuse("has the name of another", "give each a name of its own")
+        if node.name() == _WORLD:
+            node.refuse("has the name of the world", "give it another name")
         robot.links[node.name()] = _link(node)
-    _Assembly(robot, model).join()
+    _Assembly(robot, model, old=version < (1, 5)).join()
     return robot, root
 
 
 class _Assembly:
-    """The frames of a model, all in its own frame, and the tree of its joints, in the file's order."""
+    """The frames of a model, all in that of the world, and the tree of its joints, in the file's order.
 
-    def __init__(self, robot: Robot, model: Node) -> None:
-        self._robot, self._model = robot, model
-        self._nodes = {node.name(): node for tag in ("link", "joint", "frame") for node in model.all(tag)}
+    In ``old`` files, before version 1.5, the axes of joints are in the model's frame.
+    """
+
+    def __init__(self, robot: Robot, model: Node, *, old: bool) -> None:
+        self._robot, self._model, self._old = robot, model, old
+        self._base = _pose(model)
+        self._nodes: dict[str, Node] = {}
+        for node in (node for tag in ("link", "joint", "frame") for node in model.all(tag)):
+            if node.name() in self._nodes:
+                node.refuse("has the name of another", "give each link, joint and frame a name of its own")
+            self._nodes[node.name()] = node
         self._open: list[str] = []
         self._placed = {_WORLD: Pose(), **{node.name(): self._frame(node) for node in model.all("link")}}
         self._carrier: dict[str, Joint] = {}
 
     def join(self) -> None:
         """Hang each link on the first joint whose child it is; other joints close loops, and links without a joint move freely."""
-        gearboxes = []
-        for node in self._model.all("joint"):
-            if node.get("type") == _GEARBOX:
-                gearboxes.append(node)
-            else:
+        static = self._model.find("static")
+        still = static is not None and static.text.strip() in ("1", "true")
+        nodes = [] if still else self._model.all("joint")
+        for node in nodes:
+            if node.get("type") != _GEARBOX:
                 self._join(node)
         for name, link in self._robot.links.items():
             if name not in self._carrier and name != _WORLD:
-                joint = Joint(f"{name}_free", link.node, "free", _WORLD, name, self._placed[name])
+                kind, suffix = ("fixed", "weld") if still else ("free", "free")
+                joint = Joint(unlike(f"{name}_{suffix}", self._nodes), link.node, kind, _WORLD, name, self._placed[name])
                 self._robot.joints[joint.name] = self._carrier[name] = joint
-        for node in gearboxes:
-            self._mesh(node)
+        for node in nodes:
+            self._mesh(node) if node.get("type") == _GEARBOX else self._follow(node)
+
+    def _follow(self, node: Node) -> None:
+        """A joint that follows another: its coordinate is multiplier times (that of the leader - reference) + offset."""
+        axis, joints = node.find("axis"), self._robot.joints
+        mimic = axis.find("mimic") if axis else None
+        if mimic is None:
+            return
+        name, leader = node.name(), mimic.name("joint")
+        for one in (name, leader):
+            if one not in joints or joints[one].freedom != 1:
+                mimic.refuse(f"relates '{one[:60]}', which has no coordinate of its own", "relate joints that close no loop, of one axis")
+        ratio, offset, reference = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0), _number(mimic, "reference", 0.0)
+        joints[name].follows = True
+        self._robot.couplings.append(Coupling(f"{name}_mimic", mimic, {name: 1.0, leader: -ratio}, offset - ratio * reference))
 
     def _join(self, node: Node) -> None:
         kind, (parent, child) = node.get("type") or "", (self._end(node, end) for end in ("parent", "child"))
@@ -84,10 +107,8 @@ class _Assembly:
             self._robot.joints[name] = self._carrier[child] = joint
         dynamics = axis_node.find("dynamics") if axis_node else None
         if dynamics:
-            resisting.damping, resisting.friction, resisting.stiffness, resisting.rest = (
-                found.numbers(found.text, 1)[0] if (found := dynamics.find(tag)) else 0.0
-                for tag in ("damping", "friction", "spring_stiffness", "spring_reference")
-            )
+            tags = ("damping", "friction", "spring_stiffness", "spring_reference")
+            resisting.damping, resisting.friction, resisting.stiffness, resisting.rest = (_number(dynamics, tag, 0.0) for tag in tags)
 
     def _end(self, node: Node, tag: str) -> str:
         end = node.need(tag)
@@ -113,7 +134,7 @@ class _Assembly:
             relative = node.need("child").text.strip()
         elif not relative and node.tag == "frame":
             relative = node.get("attached_to") or ""
-        base = Pose()
+        base = Pose() if relative == _WORLD else self._base
         if relative not in ("", "__model__", _WORLD):
             if relative not in self._nodes:
                 node.refuse(f"is placed relative to '{relative[:60]}', which is not there", "correct the name")
@@ -128,11 +149,12 @@ class _Assembly:
         if np.linalg.norm(axis) < 1e-9:
             direction.refuse("is an axis without length", "give it a direction")
         of_model = node.find("use_parent_model_frame")
-        expressed = direction.get("expressed_in") or ("__model__" if of_model and of_model.text.strip() in ("1", "true") else "")
+        in_model = of_model.text.strip() in ("1", "true") if of_model else self._old
+        expressed = direction.get("expressed_in") or ("__model__" if in_model else "")
         if expressed:
-            if expressed != "__model__" and expressed not in self._nodes:
+            if expressed not in ("__model__", _WORLD) and expressed not in self._nodes:
                 direction.refuse(f"is expressed in '{expressed[:60]}', which is not there", "correct the name")
-            seen = Pose() if expressed == "__model__" else self._frame(self._nodes[expressed])
+            seen = {"__model__": self._base, _WORLD: Pose()}.get(expressed) or self._frame(self._nodes[expressed])
             axis = frame.rotation.T @ seen.rotation @ axis
         unit: Array = axis / np.linalg.norm(axis)
         return unit
@@ -166,11 +188,16 @@ class _Assembly:
         return [*((j, -1) for j in inwards), *((j, 1) for j in outwards)]
 
 
+def _number(node: Node, tag: str, default: float) -> float:
+    found = node.find(tag)
+    return found.numbers(found.text, 1)[0] if found else default
+
+
 def _link(node: Node) -> Link:
     link = Link(node.name(), node)
     if inertial := node.find("inertial"):
-        at, mass, moments = _pose(inertial), inertial.find("mass"), inertial.find("inertia")
-        link.mass = 1.0 if mass is None else mass.numbers(mass.text, 1)[0]
+        at, moments = _pose(inertial), inertial.find("inertia")
+        link.mass = _number(inertial, "mass", 1.0)
         own = np.eye(3)
         for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
             entry = moments.find("i" + "xyz"[i] + "xyz"[j]) if moments else None
@@ -196,5 +223,12 @@ def _pose(node: Node) -> Pose:
     given = node.find("pose")
     if given is None:
         return Pose()
+    form = given.get("rotation_format") or "euler_rpy"
+    if form == "quat_xyzw":
+        x, y, z, *quaternion = given.numbers(given.text, 7, (0.0,) * 6 + (1.0,))
+        return Pose(of_xyzw(given, tuple(quaternion)), np.array([x, y, z]))
+    if form != "euler_rpy":
+        given.refuse(f"has the unknown rotation_format '{form[:40]}'", "use euler_rpy or quat_xyzw")
     numbers = given.numbers(given.text, 6, (0.0,) * 6)
-    return Pose(roll_pitch_yaw(numbers[3:]), np.array(numbers[:3]))
+    unit = np.pi / 180 if (given.get("degrees") or "false").strip() in ("1", "true") else 1.0
+    return Pose(roll_pitch_yaw(tuple(unit * angle for angle in numbers[3:])), np.array(numbers[:3]))

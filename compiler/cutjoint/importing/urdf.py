@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, roll_pitch_yaw
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw
 from cutjoint.importing.xml import Node, read_xml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
@@ -39,12 +39,18 @@ def read_urdf(path: Path) -> tuple[Robot, Node]:
         robot.couplings.append(_coupling(node, robot))
     for node in root.all("transmission"):
         for driven in node.all("joint"):
-            if driven.name() in robot.joints:
-                robot.drives.append(Drive(f"{driven.name()}_drive", driven.name()))
+            if driven.name() not in robot.joints:
+                driven.refuse("is of a transmission, and no joint of the robot", "correct the name")
+            _drive(robot, driven.name())
     beside = path.with_suffix(".yaml")
     if beside.is_file() and "closed_loop" in read_text(beside):
         _add_closures(robot, root, beside)
     return robot, root
+
+
+def _drive(robot: Robot, joint: str) -> None:
+    if all(drive.joint != joint for drive in robot.drives):
+        robot.drives.append(Drive(f"{joint}_drive", joint))
 
 
 def _add(into: dict[str, Any], thing: Link | Joint, node: Node) -> None:
@@ -91,6 +97,9 @@ def _joint(node: Node, robot: Robot) -> Joint:
     dynamics = node.find("dynamics")
     if dynamics and joint.freedom:
         joint.damping, joint.friction = dynamics.number("damping", 0.0), dynamics.number("friction", 0.0)
+    limit = next((child for child in node.children if child.tag == "limit"), None)
+    if limit and joint.freedom == 1 and kind != "continuous" and limit.attributes.get("lower", "-") == limit.attributes.get("upper", "+"):
+        robot.notes.append(f"{joint.name} moves, though its limits are equal: limits are not heeded")
     joint.follows = (node.get("independent") or "").lower() == "false" or node.find("mimic") is not None
     return joint
 
@@ -183,7 +192,7 @@ def _add_closures(robot: Robot, root: Node, path: Path) -> None:
     for name in data.get("name_mot") or ():
         if name not in robot.joints:
             raise fail("name_mot", f"names the joint '{name}', which is not there")
-        robot.drives.append(Drive(f"{name}_drive", str(name)))
+        _drive(robot, str(name))
 
 
 def _frame(robot: Robot, name: str) -> tuple[str, Pose] | None:
@@ -197,6 +206,9 @@ def _pose(node: Node | None) -> Pose:
     if node is None:
         return Pose()
     place = node.numbers(node.get("xyz"), 3, (0.0, 0.0, 0.0))
+    if quaternion := node.get("quat_xyzw"):
+        node.get("rpy")
+        return Pose(of_xyzw(node, node.numbers(quaternion, 4)), np.array(place))
     return Pose(roll_pitch_yaw(node.numbers(node.get("rpy"), 3, (0.0, 0.0, 0.0))), np.array(place))
 
 

@@ -130,5 +130,3 @@ def read_xml(path: Path) -> Node:
         span = Span(file=file, line=error.lineno, column=error.offset + 1)
         raise ModelError([Problem(span=span, element="file", message=f"is no XML: {expat.ErrorString(error.code)}", hint="")]) from None
     return roots[0]
-
-
