@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
+from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import AxialForce, Body, BodyLoad, Joint, JointFriction, JointKind, Model, PointSpring, Tyre
@@ -269,3 +270,29 @@ def test_the_number_of_elements_is_bounded() -> None:
     found = problems(text)
     assert len(found) == 1
     assert found[0].endswith("the model has more than 20000 elements; use fewer instances")
+
+
+MOVED = WING.replace("mirror: y}", "mirror: y, points: {tip: {sum: [nest, [0, 0, span]]}}}").replace(
+    "bodies:\n  trunk", "points: {nest: [1, 2, 3]}\nbodies:\n  trunk", 1
+)
+
+
+def test_instances_give_points() -> None:
+    """By the points around them, as of the original; what the submodel makes of a point goes along."""
+    model = read_model_text(MOVED, "m.yaml", opened=["nest.x"])
+    left, right = pair(model, "arm")
+    values = {parameter.symbol: parameter.value for parameter in model.parameters}
+    for arm, place in ((left, (0.1, 0.6, 0.3)), (right, (0.55, -1.1, 2.65))):
+        assert vector(*(evaluate(x, values) for x in arm.centre_of_mass)) == place
+    (opened,) = (parameter.symbol for parameter in model.parameters if parameter.name == "nest.x")
+    assert right.centre_of_mass[0].has(opened)
+
+
+def test_problems_of_points_that_instances_give() -> None:
+    text = MOVED.replace("points: {tip: {sum: [nest", "points: {top: nest, tip: {sum: [nets")
+    line = next(i for i, row in enumerate(text.splitlines(), 1) if "top: nest" in row)
+    row = text.splitlines()[line - 1]
+    assert problems(text) == [
+        f"m.yaml:{line}:{row.index('top:') + 1}: instance 'right': the submodel 'wing' has no point 'top'; did you mean 'tip'?",
+        f"m.yaml:{line}:{row.index('nets') + 1}: instance 'right': unknown point 'nets'; did you mean 'nest'?",
+    ]

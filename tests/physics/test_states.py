@@ -316,8 +316,10 @@ bodies: {rotor: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.02, 0.02, 0.02]
 joints: {shaft: {kind: revolute, bodies: [ground, rotor], at: [0, 0, 0], axis: [0, 0, 1]}}
 states:
   filled: {start: 0 m^3, rate: {table: {file: data/pump.csv, shaft.angle_rate: speed, value: flow}, interpolation: linear}}
+  again: {start: 0 m^3, rate: fed}
   warm: {start: 300, rate: {table: {t: [0, 1], warm: [0, 400], value: [[0, -4], [4, 0]]}, interpolation: linear}}
-outputs: [filled.value, warm.value]
+signals: {fed: {table: {shaft.angle_rate: [0, 50*pi/3, 100*pi/3], value: [0, 15e-5, 1/3000]}, interpolation: linear}}
+outputs: [filled.value, warm.value, again.value]
 scenes: {run: {end: 1, rates: {shaft.angle_rate: 60}}}
 """
 PUMPED = "speed [rpm], flow [l/min]\n-1000, -20\n0, 0\n500, 9\n1000, 20\n"
@@ -330,12 +332,13 @@ def pump(folder: Path, text: str = PUMP, table: str = PUMPED) -> Model:
     return read_model(folder / "m.yaml")
 
 
-def test_a_table_is_a_rate(tmp_path: Path) -> None:
-    """A pump that turns at 60 rad/s, 573 rpm, has 9 + 11 (573 - 500)/500 l/min; warm' = 4 t - warm/100 by hand."""
+def test_a_table_is_a_rate_or_a_signal(tmp_path: Path) -> None:
+    """Or a signal.  A pump that turns at 60 rad/s, 573 rpm, has 9 + 11 (573 - 500)/500 l/min; warm' = 4 t - warm/100 by hand."""
     model = pump(tmp_path)
     run = simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-10, error=False)
     rpm = 60 * 30 / np.pi
     assert run["filled.value"][-1] == pytest.approx((9 + 11 * (rpm - 500) / 500) / 60e3, rel=1e-9)
+    assert run["again.value"][-1] == pytest.approx(run["filled.value"][-1], rel=1e-9)
     assert run["warm.value"][-1] == pytest.approx(4 * 100 - 4 * 1e4 * (1 - np.exp(-0.01)) + 300 * np.exp(-0.01), rel=1e-9)
 
 
@@ -347,7 +350,7 @@ def test_a_table_is_a_rate(tmp_path: Path) -> None:
             "pump.csv:1:1: state 'filled': rate.table.shaft.angle needs an angle or a plain number, got 1/s"),
         ("0 m^3", "0 kg", "pump.csv:1:14: state 'filled': rate.table.value needs N*s/m, got m^3/s"),
         ("500, 9", "500,", "pump.csv:4:5: state 'filled': a cell is empty; write a number, or leave the row out"),
-        ("{t: [0, 1], ", "{now: [0, 1], ", "m.yaml:8:42: state 'warm': rate.table.now: unknown symbol 'now'"),
+        ("{t: [0, 1], ", "{now: [0, 1], ", "m.yaml:9:42: state 'warm': rate.table.now: unknown symbol 'now'"),
     ],
 )  # fmt: skip
 def test_tables_that_are_no_rates(tmp_path: Path, old: str, new: str, message: str) -> None:

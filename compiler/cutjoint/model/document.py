@@ -87,7 +87,8 @@ class Marker(Part):
     at: Point
 
 
-_Rate: TypeAlias = Annotated[
+#: What follows from quantities.
+Lookup: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
     told_by(
         {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
@@ -100,7 +101,7 @@ class FirstOrderState(Part):
     """A number beside the mechanism: its value where a run begins, its rate of change, and how large it usually is."""
 
     start: Number
-    rate: _Rate
+    rate: Lookup
     nominal: Number | None = None
 
 
@@ -191,17 +192,18 @@ class Elements(Part):
     reactions: dict[Name, Reaction] = Field(default={})
     markers: dict[Name, Marker] = Field(default={})
     states: dict[TermName, FirstOrderState] = Field(default={})
-    signals: dict[TermName, Number] = Field(default={})
+    signals: dict[TermName, Lookup] = Field(default={})
     controllers: dict[TermName, Controller] = Field(default={})
     outputs: tuple[OutputEntry, ...] = ()
 
 
 class Instance(Part):
-    """One use of a submodel."""
+    """One use of a submodel; ``points`` are where points of the submodel are in this one."""
 
     use: StrictStr
     connect: dict[StrictStr, StrictStr] = Field(default={})
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
+    points: dict[StrictStr, Point] = Field(default={})
     properties: dict[StrictStr, Number] = Field(default={})
     mirror: Literal["x", "y", "z"] | None = None
     binding: Literal["param"] | None = None

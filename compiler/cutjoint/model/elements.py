@@ -18,7 +18,7 @@ from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.friction import bristle_of
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_axes, read_direction, read_point, unit
-from cutjoint.model.laws import LawKind, read_law, read_table
+from cutjoint.model.laws import LawKind, read_law, read_lookup
 from cutjoint.model.mass import read_mass
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import (
@@ -65,7 +65,7 @@ class Elements:
 
 def read_elements(scope: Scope, part: document.Elements) -> Elements:
     """Read all elements of the model, or of a submodel in one instance's scope."""
-    scope = with_points(scope, _read_points(scope, part))
+    scope = with_points(scope, read_points(scope, part))
     forces = tuple(_read_forces(scope, part))
     bristles = (bristle_of(force) for force in forces if isinstance(force, JointFriction))
     return Elements(
@@ -89,12 +89,12 @@ def _read_forces(scope: Scope, part: document.Elements) -> Iterator[Force]:
         yield from joint_forces(element(scope, "joint", "joints", name), joint)
 
 
-def _read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
-    """The points, each able to use those above it."""
+def read_points(scope: Scope, part: document.Elements) -> Mapping[str, Vector]:
+    """The points, each able to use those above it; those that an instance gives are where it says."""
     points: dict[str, Vector] = {}
     scope = with_points(scope, points)
     for name, point in part.points.items():
-        points[name] = read_point(element(scope, "point", "points", name), point, ())
+        points[name] = scope.given.get(name) or read_point(element(scope, "point", "points", name), point, ())
     return points
 
 
@@ -194,17 +194,14 @@ def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrder
         element.fail("nominal must be greater than zero", "write how large the state usually is, such as nominal: 2 bar", ("nominal",))
     return FirstOrderState(
         name=element.name, symbol=quantity_symbol(element.name, VALUE), unit=unit_text(dimension), span=element.span,
-        nominal=nominal, initial=element.scalar(state.start, None, ("start",)),
-        rate=read_table(element, state.rate, rate, ("rate",))
-        if isinstance(state.rate, Table)
-        else element.scalar(state.rate, rate, ("rate",), element.scope.reading("t")),
+        nominal=nominal, initial=element.scalar(state.start, None, ("start",)), rate=read_lookup(element, state.rate, rate, ("rate",)),
     )  # fmt: skip
 
 
-def _read_signal(element: Element, value: int | float | str) -> Signal:
+def _read_signal(element: Element, value: int | float | str | Table) -> Signal:
     require_free_name(element)
-    dimension = element.term(value, (), element.scope.reading("t")).dimension
-    expression = element.scalar(value, None, (), element.scope.reading("t"))
+    dimension = None if isinstance(value, Table) else element.term(value, (), element.scope.reading("t")).dimension
+    expression = read_lookup(element, value, None, ())
     symbol = quantity_symbol(element.name, VALUE)
     return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=unit_text(dimension), span=element.span)
 

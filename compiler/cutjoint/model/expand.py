@@ -15,10 +15,11 @@ from itertools import chain
 from cutjoint.methods import join_or
 from cutjoint.model import document
 from cutjoint.model.dependencies import check_loops
-from cutjoint.model.elements import Elements, read_elements
+from cutjoint.model.elements import Elements, read_elements, read_points
 from cutjoint.model.errors import Problems, Unheard, nearest
 from cutjoint.model.expressions import quantities_read
 from cutjoint.model.functions import read_functions
+from cutjoint.model.geometry import read_point
 from cutjoint.model.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
 from cutjoint.model.machine import Machine
 from cutjoint.model.mirror import mirror_elements
@@ -26,8 +27,8 @@ from cutjoint.model.opening import Opening
 from cutjoint.model.operations import Term
 from cutjoint.model.parameters import read_parameters
 from cutjoint.model.quantities import Element as Quantified
-from cutjoint.model.records import DerivedParameter, Parameter, Scalar
-from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope
+from cutjoint.model.records import DerivedParameter, Parameter, Vector
+from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, with_points
 from cutjoint.model.shape import Shaped
 from cutjoint.model.source import Source
 
@@ -165,6 +166,7 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
         path=use.at,
         prefix=f"{where.name}.",
         connectors=_connectors(where, instance, use.submodel),
+        given=_points(where, use),
         sensed=around.sensed | {symbol for symbol in symbols if quantities_read(symbol)},
         mirrors=where.scope.mirrors if mirror is None else (mirror, *where.scope.mirrors),
     )
@@ -213,8 +215,20 @@ def _connectors(where: Element, instance: document.Instance, submodel: document.
     return {name: given.get(name, UNKNOWN) for name in submodel.connectors}
 
 
+def _points(where: Element, use: Use) -> dict[str, Vector]:
+    """The points of the submodel that the instance gives, by those around the instance."""
+    assert use.submodel is not None
+    given = use.instance.points
+    if not given:
+        return {}
+    _match_keys(where, "points", given, tuple(use.submodel.points), "point", use.instance.use, needed=())
+    around = read_points(replace(where.scope, problems=Unheard()), use.around[-1].part)
+    inner = replace(where, scope=with_points(where.scope, around))
+    return {name: read_point(inner, point, ("points", name)) for name, point in given.items()}
+
+
 def _match_keys(
-    where: Element, field: str, given: Mapping[str, Scalar], wanted: tuple[str, ...], what: str, submodel: str, *,
+    where: Element, field: str, given: Collection[str], wanted: tuple[str, ...], what: str, submodel: str, *,
     needed: tuple[str, ...] | None = None, others: Collection[str] = (),
 ) -> None:  # fmt: skip
     """Note names that are given and not ``wanted``, and ``needed`` ones (by default all) that are neither given nor among ``others``."""

@@ -50,9 +50,11 @@ def read_law(
     return FAILED
 
 
-def read_table(element: Element, law: values.Table, result: Dimension | None, keys: Path) -> Scalar:
-    """The expression of a table whose variables are quantities, states, signals, parameters or the time."""
+def read_lookup(element: Element, law: int | float | str | values.Table, result: Dimension | None, keys: Path) -> Scalar:
+    """The value of an expression or a table over quantities, states, signals, parameters and the time."""
     names = element.scope.reading("t")
+    if not isinstance(law, values.Table):
+        return element.scalar(law, result, keys, names)
     terms = {name: element.term(name, (*keys, "table", name), names) for name in law.table if name != "value"}
     curve = read_law(element, law, LawKind({name: term.dimension for name, term in terms.items()}, result), keys, {})
     if any(term.value is FAILED for term in terms.values()):

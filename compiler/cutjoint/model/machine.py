@@ -16,6 +16,7 @@ from cutjoint.model.quantities import Element, QuantityError, find_quantity, fol
 from cutjoint.model.records import VALUE, Controller, Joint, Signal
 from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Scope, element
 from cutjoint.model.units import Dimension, measure
+from cutjoint.model.values import Table
 
 
 @dataclass
@@ -24,7 +25,7 @@ class Machine:
 
     survey: Callable[[], Mapping[str, Element]]
     scopes: dict[str, Scope] = field(default_factory=dict)
-    _signals: dict[str, tuple[Scope, int | float | str]] = field(default_factory=dict)
+    _signals: dict[str, tuple[Scope, int | float | str | Table]] = field(default_factory=dict)
     _controllers: dict[str, tuple[Scope, document.Controller]] = field(default_factory=dict)
     _dimensions: dict[str, Dimension | None] = field(default_factory=dict)
 
@@ -95,6 +96,8 @@ class Machine:
         if signal not in self._dimensions and signal in self._signals:
             self._dimensions[signal] = None
             scope, value = self._signals[signal]
+            if isinstance(value, Table):
+                return None
             where = element(replace(scope, problems=Unheard()), "signal", "signals", signal.removeprefix(scope.prefix))
             self._dimensions[signal] = where.term(value, (), scope.reading("t")).dimension
         return self._dimensions.get(signal)

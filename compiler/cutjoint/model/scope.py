@@ -54,7 +54,8 @@ class Scope:
 
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
-    that never change.  ``connectors`` maps local body names to full ones.  ``opening`` makes parameters of numbers.
+    that never change.  ``connectors`` maps local body names to full ones, ``given`` has the points that the instance gives.
+    ``opening`` makes parameters of numbers.
 
     Expressions may have these names:
 
@@ -80,6 +81,7 @@ class Scope:
     prefix: str = ""
     connectors: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, Vector] = field(default_factory=dict)
+    given: Mapping[str, Vector] = field(default_factory=dict)
     opening: Opening = field(default_factory=Opening)
     own: frozenset[str] = frozenset()
     read: Callable[[Scope, str], Term] | None = None

@@ -90,10 +90,12 @@ def unused_properties(source: Source, model: document.Document) -> Iterator[str]
 
 
 def _texts(data: Any) -> Iterator[str]:
-    """All texts in plain data but for keys."""
+    """All texts in plain data but for keys; those of tables are variables."""
     if isinstance(data, str):
         yield data
     elif isinstance(data, dict | tuple):
+        if isinstance(data, dict) and isinstance(data.get("table"), dict):
+            yield from data["table"]
         for part in data.values() if isinstance(data, dict) else data:
             yield from _texts(part)
 
