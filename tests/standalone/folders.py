@@ -47,11 +47,12 @@ def folder_of(
 
 
 def folder_of_model(
-    model: Model, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False
-) -> Standalone:
+    model: Model, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False,
+    poses: bool = False,
+) -> Standalone:  # fmt: skip
     """The folder of a model."""
     chosen = find_scene(model, scene)
-    generated = generate(model, chosen, chosen.outputs, method=method)
+    generated = generate(model, chosen, chosen.outputs, method=method, poses=poses)
     return make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
 
 

@@ -9,32 +9,59 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
+from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.model.functions import leave_to_host
+from cutjoint.model.opening import with_pushes
+from cutjoint.model.records import Model
 from cutjoint.run.artifact import Artifact
+from cutjoint.run.outputs import require_apart
+from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.scenes import find_case
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.topology.reading import read_model
+
+#: The target whose product is a module for browsers and other hosts of WebAssembly.
+WASM = "wasm"
 
 
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    opened: tuple[str, ...], functions: Path | None, hosted: bool,
+    opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
         raise click.UsageError("--functions has the code that --host-functions leaves to hosts: name one of the two")
     with options.progress_bar(f"compiling {model.name}"):
         read = read_model(model, opened=opened, functions=functions)
+        read = leave_to_host(read) if hosted else read
+        if target == WASM:
+            said = _write_module(with_pushes(read, pushed), scene, method, out, integrator, linearise=linearise, poses=poses)
+            options.out.print(said, markup=False)
+            return
         artifact = compile_model(
-            leave_to_host(read) if hosted else read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise,
-            poses=poses, pushed=pushed,
+            read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+
+
+def _write_module(
+    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, *, linearise: bool, poses: bool
+) -> str:  # fmt: skip
+    """Write the folder with its module of WebAssembly; what was written, in words."""
+    case, chosen = find_case(model, scene)
+    generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
+    alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
+    files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"
+    require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])
+    made = alone.build_module()
+    write_files(folder, files)
+    write_whole(folder / module, made)
+    return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({alone.name}.mjs) in {folder}"
 
 
 def _sizes(artifact: Artifact, folder: Path) -> str:

@@ -227,6 +227,8 @@ OPTIONS: Mapping[str, Row] = {
         help="A platform of an FMU's binaries, by Debian's cross-compilers; several may be given, by default this machine's."),
     "target": _one_of("--target", names=_of("cutjoint.export.fmu.archive", "TARGETS"), help="x86-64 processors of an FMU's binaries: all "
         "(baseline), those with AVX2 and FMA (avx2), or both, chosen at load."),
+    "compile.target": click.option("--target", type=click.Choice(["native", "wasm"]), default="native", show_default=True, help="A "
+        "simulator for this machine, or a module of WebAssembly with its calls in JavaScript."),
     "cases": click.argument("cases", type=_READ),
     "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="As many as processors otherwise."),

@@ -5,7 +5,9 @@ Program -> files -> simulator or library
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +18,7 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
-from cutjoint.emit.source import Generated, Source
+from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
@@ -33,9 +35,10 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
+from cutjoint.model.functions import functions_of_host
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import MissingPartialsError, RunError
-from cutjoint.package.locations import path_of
+from cutjoint.package.locations import path_of, templates_folder
 from cutjoint.program.records import Program
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
@@ -43,6 +46,7 @@ from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
+from cutjoint.toolchain.wasm import WASM_FLAGS, build_module, with_section
 
 # Folders and libraries
 
@@ -117,6 +121,11 @@ class Standalone:
         return self.parts.poses
 
     @property
+    def header(self) -> str:
+        """The name of the C header."""
+        return next(name for name in self.files if name.endswith(".h"))
+
+    @property
     def simulator(self) -> str:
         """The name of the program that reads a run file and prints a table."""
         return simulator_of(self.name)
@@ -161,6 +170,42 @@ class Standalone:
     def build_library(self, flags: Sequence[str] = FLAGS) -> Path:
         """The shared library; errors as of `toolchain.build.build`."""
         return build(self.library, flags=flags).path
+
+    def build_module(self, flags: Sequence[str] = WASM_FLAGS) -> bytes:
+        """The folder as a module of WebAssembly, with the facts that its host in JavaScript reads; errors as of
+        `toolchain.wasm.build_module`.
+
+        Raises:
+            RunError: functions are left to a host, which WebAssembly has no pointers to.
+        """
+        if hosted := functions_of_host(self.parts.stepped.topology.model):
+            raise RunError(f"target wasm: function '{hosted[0]}' is left to a host, and modules call none; give its code by --functions")
+        mark = re.search(r'_DIGEST "(\w+)"', self.files[self.header])
+        assert mark is not None
+        facts = {
+            "name": self.name, "scene": self.parts.stepped.scene.name, "method": self.method, "integrator": self.integrator,
+            "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": mark[1],
+        }  # fmt: skip
+        return with_section(build_module(self.name, self.files, self.digest, flags), json.dumps(facts).encode())
+
+    @property
+    def module_files(self) -> Mapping[str, str]:
+        """The files in JavaScript and TypeScript beside a module, by name."""
+        equations = self.parts.stepped
+        page = Page.of(equations, self.method)
+        kinds = {
+            "Parameter": [p.name for p in equations.parameters], "Input": [p.name for p in equations.inputs],
+            "Output": [c.name for c in equations.columns], "Pose": list(self.poses),
+        }  # fmt: skip
+        return {
+            f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=module_script()),
+            f"{self.name}.d.mts": page.render("wasm/module.d.mts.jinja", kinds=kinds),
+        }
+
+
+def module_script() -> str:
+    """The host of modules in JavaScript, for any model."""
+    return (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
 
 
 def make_standalone(

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from cutjoint.emit.description import describe
 from cutjoint.emit.factor_tables import table_items
+from cutjoint.emit.simulator import describe
 from cutjoint.emit.source import Source
 from cutjoint.formulate.inputs import LAW_TIME
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations

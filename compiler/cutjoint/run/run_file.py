@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from math import isfinite
+from math import fmod, isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +13,13 @@ import sympy
 
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.formulate.inputs import input_parameters, open_parameters
-from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation
+from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, join_or
 from cutjoint.model.errors import nearest
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.quantities import JOINT_QUANTITIES
 from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_state
-from cutjoint.model.records import Binding, Body, Model, Scalar, Scene
+from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import GivenInput, input_entries, require_unit
@@ -27,7 +27,6 @@ from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.road_field import surface_of
 from cutjoint.run.roads import road_pieces
-from cutjoint.run.samples import require_fitting_steps, require_sampling
 from cutjoint.run.settings import Options, find_settings, with_options
 
 if TYPE_CHECKING:
@@ -281,3 +280,69 @@ def _surface(model: Model, scene: Scene) -> dict[str, Any] | None:
 def _road(scene: Scene, radius: float) -> dict[str, Any]:
     tracks = {side: [asdict(p) for p in pieces] for side, pieces in road_pieces(scene.road, radius).items()}
     return {**tracks, "disc": scene.road.contact == "disc"}
+
+
+# Equal steps and the samples of controllers: steps end where a controller is due
+
+#: The most samples of a controller in a run.
+MOST_SAMPLES = 1e8
+
+#: The largest distance of a number of steps from a whole one.
+_WHOLE = 1e-6
+
+
+def require_sampling(model: Model, scene: Scene, integrator: str) -> None:
+    """Check that an integrator ends its steps at samples, if there are any, and that these are not too many.
+
+    Raises:
+        RunError: it does not, or there are.
+    """
+    for controller in model.controllers:
+        if scene.end > MOST_SAMPLES * controller.every:
+            words = f"controller '{controller.name}': a run of {scene.end:.9g} s has more than {MOST_SAMPLES:.0e} samples, one each"
+            raise RunError(f"{controller.span}: {words} {controller.every:.9g} s; write a longer every, or an earlier end")
+    if model.controllers and integrator not in (known.name for known in INTEGRATORS.values()):
+        first = model.controllers[0]
+        words = f"the integrator {integrator} takes no samples, which the controller '{first.name}' needs"
+        raise RunError(f"{first.span}: {words}; use {join_or(tuple(known.name for known in INTEGRATORS.values()))}")
+
+
+def require_fitting_steps(model: Model, scene: Scene, dt: float) -> None:
+    """Check that equal steps of ``dt`` (s) divide the intervals and the first times of all samples.
+
+    Raises:
+        RunError: they do not.
+    """
+    times = [time for controller in model.controllers for time in (controller.every, controller.offset) if time > 0]
+    for controller in model.controllers:
+        for name, time in (("every", controller.every), ("offset", controller.offset)):
+            if not _divides(dt, time):
+                raise RunError(f"{scene.span}: scene '{scene.name}': {_fault(controller, name, time, dt)}; {_cure(times, dt)}")
+
+
+def _divides(dt: float, time: float) -> bool:
+    return abs(time / dt - round(time / dt)) <= _WHOLE
+
+
+def _fault(controller: Controller, name: str, time: float, dt: float) -> str:
+    return f"steps of {dt:.9g} s do not divide {name}, {time:.9g} s, of the controller '{controller.name}' (line {controller.span.line})"
+
+
+def _cure(times: Sequence[float], dt: float) -> str:
+    """The nearest step that divides all times."""
+    whole = times[0]
+    for time in times[1:]:
+        whole = _common(whole, time)
+    if whole < 1e-6 * min(times):
+        return "no steps divide all intervals: write others, or leave dt out for steps that end at samples by themselves"
+    nearest = min((whole / n for n in {max(1, int(whole / dt)), int(whole / dt) + 1}), key=lambda step: abs(step - dt))
+    return f"the nearest steps that do are dt: {nearest:.9g}"
+
+
+def _common(a: float, b: float) -> float:
+    """The largest time of which both are multiples."""
+    smallest = 1e-7 * min(a, b)
+    while b > smallest:
+        rest = fmod(a, b)
+        a, b = b, 0.0 if b - rest < smallest else rest
+    return a
