@@ -21,7 +21,7 @@ from cutjoint.topology.reading import read_model
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    opened: tuple[str, ...], functions: Path | None, hosted: bool,
+    grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
@@ -30,7 +30,7 @@ def command(
         read = read_model(model, opened=opened, functions=functions)
         artifact = compile_model(
             leave_to_host(read) if hosted else read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise,
-            poses=poses, pushed=pushed,
+            poses=poses, pushed=pushed, grounded=grounded,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
