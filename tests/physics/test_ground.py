@@ -10,9 +10,11 @@ import pytest
 import cutjoint
 from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
+from cutjoint.elements.forces.on_road import GROUND
 from cutjoint.elements.forces.tyre import Tyre
 from cutjoint.export.fmu.variables import make_interface
 from cutjoint.formulate.records import RecursiveEquations
+from cutjoint.model.opening import with_grounds
 from cutjoint.model.read import read_model_text
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
@@ -116,6 +118,56 @@ def test_a_host_gives_it_before_each_step(tmp_path: Path) -> None:
     for t in (0.02, 0.1, 0.5):
         sim.advance(t)
         assert sim.outputs["hub.z"] - rest == pytest.approx(0.005 * (1 - np.cos(p * t)), abs=1e-9)
+
+
+@needs_cpp
+def test_a_host_has_inputs_that_no_file_names(tmp_path: Path) -> None:
+    """They are as those that a file names, to the last bit."""
+    own = ("height", "along", "across", "grip")
+    start, fields = "rates: {x.displacement_rate: 5}", "\n    ".join(map(": ".join, zip(GROUND, own, strict=True)))
+    more = "along: {value: 0, binding: input}, across: {value: 0, binding: input}, grip: {value: 1, binding: input}"
+    (tmp_path / "named.yaml").write_text(text("[0, 1, 0]", FREE, fields, start).replace("binding: input}}", f"binding: input}}, {more}}}"))
+    (tmp_path / "bare.yaml").write_text(text("[0, 1, 0]", FREE, "", start))
+    files = {"named.yaml": (), "bare.yaml": ["wh*"]}
+    sims = [cutjoint.load(tmp_path / file, grounded=names, integrator="rk4").reset(dt=1e-3) for file, names in files.items()]
+    for step in range(100):
+        for end, name, value in zip(GROUND, own, (0.005 * np.sin(0.1 * step), 0.02, -0.01, 1 - 0.005 * step), strict=True):
+            sims[0].inputs[name] = sims[1].inputs[f"wheel.{end}"] = value
+        for sim in sims:
+            sim.step()
+    assert sims[0].outputs.array.tolist() == sims[1].outputs.array.tolist()
+    assert sims[1].outputs["hub.y"] > 1e-4  # the ground falls to the left
+
+
+def test_it_is_added_to_what_the_file_has() -> None:
+    model = read_model_text(text("[0, 1, 0]", LIFT, "ground_height: 2*height\n    friction: 0.5", "inputs: {height: 0}"), "rolling.yaml")
+    (wheel,) = (f for f in with_grounds(model, ["*"]).forces if isinstance(f, Tyre))
+    given = dict(zip(("p_height", *(f"p_wheel.{end}" for end in GROUND)), (0.1, 0.03, 0.2, 0.3, 0.8), strict=True))
+    ground = {name: float(x.subs({symbol: given[str(symbol)] for symbol in x.free_symbols})) for name, x in wheel.ground.items()}
+    assert ground == pytest.approx({"ground_height": 0.23, "ground_slope": 0.2, "ground_bank": 0.3, "friction": 0.4})
+
+
+@pytest.mark.parametrize("pattern", ["whel", "hub"])
+def test_wheels_that_are_none_are_told(pattern: str) -> None:
+    model = read_model_text(text("[0, 1, 0]", LIFT, "", "rates: {}"), "rolling.yaml")
+    with pytest.raises(cutjoint.ModelError, match=f"ground '{pattern}': the model has no force of kind 'tyre' or 'wheel' of this name"):
+        with_grounds(model, ["*", pattern])
+
+
+@needs_cpp
+def test_a_wheel_whose_forces_read_its_contact_has_it_too(tmp_path: Path) -> None:
+    """A wheel of kind `wheel` that signals give a load and a drag of 0.1 of friction: m x'' = -0.1 f m g in equilibrium."""
+    start = "rates: {x.displacement_rate: 5}, positions: {x.displacement: 0}, pose: equilibrium"
+    source = text("[0, 1, 0]", slides("kind: prismatic, axis: [1, 0, 0]", "kind: fixed"), "", start, outputs="hub.vx")
+    tyre = source[source.index("    kind: tyre") : source.index("outputs:")]
+    fields = ("kind: wheel", "body: hub", f"centre: [0, 0, {RADIUS}]", "axis: [0, 1, 0]", f"radius: {RADIUS}", "force: [drag, 0, load]\n")
+    signals = f"signals:\n  load: max({STIFFNESS}*wheel.deflection, 0)\n  drag: -0.1*wheel.road_friction*load*min(max(wheel.vx, 0), 1)\n"
+    path = tmp_path / "wheel.yaml"
+    path.write_text(source.replace(tyre, "    " + "\n    ".join(fields) + signals))
+    sim = cutjoint.load(path, grounded=["*"]).reset(tolerance=1e-10)
+    sim.inputs["wheel.friction"] = 0.6
+    sim.advance(0.5)
+    assert sim.outputs["hub.vx"] == pytest.approx(5 - 0.1 * 0.6 * 9.81 * 0.5, abs=1e-8)
 
 
 def test_it_is_an_input_of_fmus() -> None:

@@ -13,7 +13,7 @@ from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.model.functions import leave_to_host
-from cutjoint.model.opening import with_pushes
+from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
@@ -29,7 +29,7 @@ WASM = "wasm"
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
+    grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
@@ -38,11 +38,12 @@ def command(
         read = read_model(model, opened=opened, functions=functions)
         read = leave_to_host(read) if hosted else read
         if target == WASM:
-            said = _write_module(with_pushes(read, pushed), scene, method, out, integrator, linearise=linearise, poses=poses)
+            said = _write_module(with_inputs(read, pushed=pushed, grounded=grounded), scene, method, out, integrator, linearise=linearise, poses=poses)
             options.out.print(said, markup=False)
             return
         artifact = compile_model(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
+            grounded=grounded,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)

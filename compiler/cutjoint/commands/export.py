@@ -12,7 +12,7 @@ from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
-from cutjoint.model.opening import with_pushes
+from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Output
 from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import EXPORTERS
@@ -27,7 +27,8 @@ from cutjoint.view.graph import picture_graph
 def command(
     model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
     asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
-    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], out: Path, functions: Path | None,
+    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], grounded: tuple[str, ...], out: Path,
+    functions: Path | None,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
     if peer == table.FMU:
@@ -36,14 +37,14 @@ def command(
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
         checked = with_link_masses(read_model(model, opened=opened, functions=functions), options.read_masses(links))
         export_fmu(
-            with_pushes(checked, pushed), scene, model, version=int(fmi or "2"), kind=kind or "cs", content=content or "both",
-            method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
+            with_inputs(checked, pushed=pushed, grounded=grounded), scene, model, version=int(fmi or "2"), kind=kind or "cs",
+            content=content or "both", method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
             target=target, poses=poses,
         )  # fmt: skip
         return
     require_fmu(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
-        poses=poses or None, push=pushed or None, functions=functions,
+        poses=poses or None, push=pushed or None, ground=grounded or None, functions=functions,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     exporter = EXPORTERS.load(peer)

@@ -215,6 +215,8 @@ OPTIONS: Mapping[str, Row] = {
         "variables."),
     "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
         "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
+    "grounded": click.option("--ground", "grounded", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
+        "NAME.ground_height, ground_slope, ground_bank and friction; * in NAME stands for any text, '*' for all wheels."),
     "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
         "cutjoint-bench is needed, or an FMU for those that import one."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "

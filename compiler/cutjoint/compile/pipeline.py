@@ -26,7 +26,7 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
 from cutjoint.model.functions import require_code
-from cutjoint.model.opening import with_pushes
+from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import EquationsError, MissingPartialsError, RunError
 from cutjoint.program.records import Program
@@ -47,7 +47,7 @@ def compile_model(model: Given, *, scene: str | None = None, opened: Sequence[st
     `compile_scene`."""
     read, chosen = take_model(model, scene, opened)  # model.yaml -> Model
     options = CompileOptions(**choices)
-    return compile_scene(with_pushes(read, options.pushed), chosen, options)
+    return compile_scene(with_inputs(read, pushed=options.pushed, grounded=options.grounded), chosen, options)
 
 
 def take_artifact(model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None) -> Artifact:

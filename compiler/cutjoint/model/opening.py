@@ -1,7 +1,7 @@
 """Parameters and inputs that a model file does not name.
 
 Numbers that are opened become parameters of the names of their places, which a run may change without a compiler.  Bodies and markers that
-are pushed have forces and torques from outside: loads of inputs.
+are pushed have forces and torques from outside: loads of inputs.  Wheels have ground from a host, inputs too.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 from cutjoint.elements.forces.body_load import BodyLoad
+from cutjoint.elements.forces.on_road import GROUND, OnRoad
 from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.expressions import parameter_symbol
 from cutjoint.model.operations import Term
@@ -70,10 +71,43 @@ def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
     return ".".join(filter(None, (element, *map(str, fields), component)))
 
 
-# Forces from outside
+# Forces and ground from outside
 
 #: The units of the inputs of a pushed body or marker, by the ends of their names.
 PUSHES = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
+
+
+def with_inputs(model: Model, *, pushed: Sequence[str] = (), grounded: Sequence[str] = ()) -> Model:
+    """The model `with_pushes` and `with_grounds`."""
+    return with_grounds(with_pushes(model, pushed), grounded)
+
+
+def with_grounds(model: Model, patterns: Sequence[str]) -> Model:
+    """The model whose wheels of names that match a pattern, with * for any text, have ground from a host beside their own and the road's.
+
+    Each has the inputs ``NAME.ground_height`` (m), ``NAME.ground_slope`` and ``NAME.ground_bank``, of value 0 where nobody gives one, which
+    are added, and ``NAME.friction``, a factor of value 1.
+
+    Raises:
+        ModelError: a pattern matches no wheel.
+    """
+    wheels = [force.name for force in model.forces if isinstance(force, OnRoad)]
+    if idle := [pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in wheels)]:
+        words = [(f"ground '{pattern}'", nearest(pattern, wheels, "such as")) for pattern in idle]
+        message = "the model has no force of kind 'tyre' or 'wheel' of this name"
+        raise ModelError([Problem(span=model.span, element=element, message=message, hint=hint) for element, hint in words])
+    parameters, forces = [*model.parameters], []
+    for force in model.forces:
+        if isinstance(force, OnRoad) and any(fnmatchcase(force.name, pattern) for pattern in patterns):
+            ground = {end: _input(f"{force.name}.{end}", unit, force.span, float(end == "friction")) for end, unit in GROUND.items()}
+            parameters += ground.values()
+            force = force.with_ground({end: given.symbol for end, given in ground.items()})
+        forces.append(force)
+    return replace(model, parameters=tuple(parameters), forces=tuple(forces))
+
+
+def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
+    return Parameter(name=name, symbol=parameter_symbol(name), value=value, unit=unit, binding=Binding.INPUT, span=span)
 
 
 def with_pushes(model: Model, names: Sequence[str]) -> Model:
@@ -90,13 +124,7 @@ def with_pushes(model: Model, names: Sequence[str]) -> Model:
     parameters, forces = [*model.parameters], [*model.forces]
     for name in names:
         place = places[name]
-        added = [
-            Parameter(
-                name=f"{name}.push.{end}", symbol=parameter_symbol(f"{name}.push.{end}"), value=0.0, unit=unit, binding=Binding.INPUT,
-                span=place.span,
-            )
-            for end, unit in PUSHES.items()
-        ]  # fmt: skip
+        added = [_input(f"{name}.push.{end}", unit, place.span) for end, unit in PUSHES.items()]
         parameters += added
         x, y, z, *torque = (parameter.symbol for parameter in added)
         forces += [_load(f"{name}.push", place, (x, y, z)), _load(f"{name}.twist", place, tuple(torque), is_torque=True)]

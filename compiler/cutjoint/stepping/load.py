@@ -11,7 +11,7 @@ from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.functions import functions_of_host, leave_to_host
-from cutjoint.model.opening import with_pushes
+from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.given import Given, take_model
@@ -23,8 +23,8 @@ from cutjoint.toolchain.build import FLAGS
 
 def load(
     model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    linearise: bool = False, poses: bool = False, pushed: Sequence[str] = (), flags: Sequence[str] = FLAGS,
-    functions: Mapping[str, Callable[..., object]] | None = None,
+    linearise: bool = False, poses: bool = False, pushed: Sequence[str] = (), grounded: Sequence[str] = (),
+    flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
 
@@ -34,7 +34,8 @@ def load(
     tolerances allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the
     patterns ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to
     five times as long to compile, with ``poses`` it has those of all bodies and markers.  Bodies and markers that are
-    ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``.  ``functions`` are those
+    ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``, and wheels that match
+    a pattern of ``grounded`` those of a ground (`model.opening`).  ``functions`` are those
     that the model declares, and updates of their memories, ``NAME_update``: functions of C as ctypes has them, or callables of arrays
     ``(arguments, memory, results, partials)``, of which they fill the last two; partials are None where nobody needs them.
 
@@ -48,8 +49,8 @@ def load(
     if functions is not None:
         read = leave_to_host(read)
     return load_scene(
-        with_pushes(read, pushed), chosen, method=method, integrator=integrator, linearise=linearise, poses=poses, flags=flags,
-        functions=functions,
+        with_inputs(read, pushed=pushed, grounded=grounded), chosen, method=method, integrator=integrator, linearise=linearise,
+        poses=poses, flags=flags, functions=functions,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Constants, ForceElement, ForceField, Reader, Shape
-from cutjoint.elements.forces.on_road import OnRoad, ground_fields, read_ground
+from cutjoint.elements.forces.on_road import GROUND_FIELDS, OnRoad, read_ground
 from cutjoint.elements.interaction import Axis, Carrier, Point
 from cutjoint.elements.interactions import RoadContact
 from cutjoint.elements.terms import Scalar
@@ -32,7 +32,6 @@ class Tyre(OnRoad):
     ``constants`` maps ``stiffness``, ``radius``, ``spin_inertia`` (kg m2, of the wheel's turning about its axis, which
     no coordinate stands for: its gyroscopic moment acts on the body) and the Calspan names ``A0 .. A4, B1, B3, B4, SN, AF1, AF2``
     to values.  Without ``lateral``, in a reduced model, nothing pushes it sideways and it does not align.
-    ``friction`` is a factor of SN, None where there is none: an expression that may change, like those of the ground.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -44,7 +43,7 @@ class Tyre(OnRoad):
             ForceField("radius", Shape.NUMBER, unit=_UNITS["radius"]), ForceField("stiffness", Shape.NUMBER, unit=_UNITS["stiffness"]),
             ForceField("spin_inertia", Shape.NUMBER, 0, unit=_UNITS["spin_inertia"]),
             ForceField("calspan", Constants("Calspan", "Constants of the Calspan tyre.", CALSPAN)),
-            *ground_fields(friction="1"),
+            *GROUND_FIELDS,
         ),
         interaction=RoadContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
         laws=(),
@@ -53,7 +52,6 @@ class Tyre(OnRoad):
 
     constants: Mapping[str, Scalar]
     lateral: bool = True
-    friction: Scalar | None = None
 
     @classmethod
     def read(cls, reader: Reader) -> Self:
@@ -62,7 +60,7 @@ class Tyre(OnRoad):
         constants |= {name: reader.number("calspan", name, unit="") for name in CALSPAN}
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
-            constants=constants, **read_ground(reader, friction="1"),
+            constants=constants, **read_ground(reader),
         )  # fmt: skip
 
     @property
@@ -73,12 +71,12 @@ class Tyre(OnRoad):
     @property
     def expressions(self) -> tuple[Scalar, ...]:
         """The ground under the wheel, and its friction."""
-        return (*self.ground.values(), *(() if self.friction is None else (self.friction,)))
+        return tuple(self.ground.values())
 
     @property
     def measured(self) -> frozenset[str]:
-        """No quantity of a wheel on a ground of its own: that may read other elements."""
-        return frozenset() if self.expressions else super().measured
+        """No quantity of a wheel whose ground reads other elements."""
+        return frozenset() if self.ground_reads_elements else super().measured
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the tyre's image: -1 of sideways quantities."""

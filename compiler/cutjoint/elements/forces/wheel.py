@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import ForceElement, ForceField, Law, Mirror, Reader, Shape
-from cutjoint.elements.forces.on_road import OnRoad, ground_fields, read_ground
+from cutjoint.elements.forces.on_road import GROUND_FIELDS, OnRoad, read_ground
 from cutjoint.elements.interaction import Axis, Carrier, Point
 from cutjoint.elements.interactions import RollingContact
 from cutjoint.elements.terms import Scalar, Vector
@@ -31,7 +31,7 @@ class Wheel(OnRoad):
     the road's normal.  They act on the body where the wheel's plane meets the road, if the wheel touches it.  Their variables are the
     ``deflection`` (m) in the wheel's plane with its rate, ``loaded_radius`` (m), ``vx`` (m/s) of the centre along the rolling direction,
     ``vy`` (m/s) of the contact to the left, ``spin`` (rad/s) about the axis, ``camber`` (rad, the top leaning to the right), and ``turn``
-    (rad/s) about the normal, and ``road_friction``, a factor that patches of the road have.  ``free_radius`` is in m.
+    (rad/s) about the normal, and ``road_friction``, a factor that patches of the road and the ground have.  ``free_radius`` is in m.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
@@ -41,7 +41,7 @@ class Wheel(OnRoad):
             ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),
             ForceField("axis", Shape.DIRECTION, words=" (to the left when rolling forward)"), ForceField("radius", Shape.NUMBER, unit="m"),
             ForceField("force", Shape.TRIPLE), ForceField("moment", Shape.TRIPLE, (0, 0, 0)), ForceField("let", Shape.NAMES, {}),
-            *ground_fields(),
+            *GROUND_FIELDS,
         ),
         interaction=RollingContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
         laws=("force", "moment"),
@@ -74,8 +74,8 @@ class Wheel(OnRoad):
 
     @property
     def measured(self) -> frozenset[str]:
-        """The motion of the contact, unless it has a ground of its own: that may read other elements."""
-        return frozenset() if self.ground else frozenset(_MOTION)
+        """The motion of the contact, unless the ground reads other elements."""
+        return frozenset() if self.ground_reads_elements else frozenset(_MOTION)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the wheel, whose sideways motion and forces count the other way."""

@@ -85,7 +85,7 @@ class RoadContact(WheelContact):
         return Explanation(
             notes=(*_NOTES, *(_GROUND if force.expressions else ()), *page.either((), ("$c$ is the wheel centre.",))),
             actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
-            constants=tuple((letters.get(name, name), page.number(value)) for name, value in (*force.constants.items(), *_ground(force))),
+            constants=tuple((letters.get(name, name), page.number(x)) for name, x in (*force.constants.items(), *explain_ground(force))),
         )
 
 
@@ -121,12 +121,8 @@ _GROUND = (
 
 def explain_ground(wheel: OnRoad) -> tuple[tuple[str, Scalar], ...]:
     """The ground under a wheel, by words."""
-    words = {"ground_height": "ground height", "ground_slope": "ground slope", "ground_bank": "bank b"}
+    words = {"ground_height": "ground height", "ground_slope": "ground slope", "ground_bank": "bank b", "friction": "friction"}
     return tuple((words[name], value) for name, value in wheel.ground.items())
-
-
-def _ground(tyre: Tyre) -> tuple[tuple[str, Scalar], ...]:
-    return (*explain_ground(tyre), *(() if tyre.friction is None else (("friction", tyre.friction),)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,12 +178,13 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
         own = m.scalar(wheel.ground_bank, {})
         bank = own if bank is None else b.add(bank, own)
     n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
+    friction = lookup("road_friction") if "friction" in m.road else b.number(1.0)
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, n)
     e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
     return Ground(
         n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance,
-        friction=lookup("road_friction") if "friction" in m.road else b.number(1.0),
+        friction=_with(m, b.mul, friction, wheel.friction),
     )  # fmt: skip
 
 
@@ -197,7 +194,7 @@ def touch_road(m: Mechanics, tyre: Tyre, centre: Motion, wheel_axis: Motion) -> 
     road = meet_road(m, tyre, place, axis)
     n, n_z, e_x, e_y, e_z = road.n, road.n_z, road.e_x, road.e_y, road.e_z
     constants = {name: m.scalar(value, {}) for name, value in tyre.constants.items()}
-    constants["SN"] = b.mul(_with(m, b.mul, constants["SN"], tyre.friction), road.friction)
+    constants["SN"] = b.mul(constants["SN"], road.friction)
     deflection = b.sub(constants["radius"], road.clearance)
     load = _where_positive(b, deflection, b.mul(b.mul(constants["stiffness"], deflection), n_z))
     rolling, drift = b.dot(e_x, velocity), b.dot(e_y, velocity)
