@@ -14,7 +14,7 @@ from cutjoint.program.schedule import schedule
 from cutjoint.topology.records import Topology
 
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
-_OFTEN = frozenset({"evaluate", "project", "guard", "events"})
+_OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events"})
 
 #: Functions that find the multipliers of loops that functions close, which takes long without lanes.
 _WITH_MULTIPLIERS = frozenset({"report", "energy"})

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <span>
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/falling_residuals.hpp"
@@ -22,8 +23,9 @@ namespace cutjoint {
 ///
 /// Each iteration is a step of `project` for the remaining gap: the next one closes the part that a penalty leaves.  Near a singular pose
 /// much of the gap is left.  Then T w = gap is solved with T = -Phi_v project, and `project` w closes it.  Directions in which T is below
-/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the gap is rounding, or falls no further and is
-/// below 1e-10, or 1e-6 in directions that are left alone.
+/// 1e-6 are left alone, since closing them would take a leap.  The iteration ends when the gap is rounding, or below 1e-12 and a thousandth of what
+/// it was, so that little is left beside the error of the step that opened it; or when it falls no further and is below 1e-10, or 1e-6 in directions
+/// that are left alone.
 ///
 /// Of several instances side by side each goes as if it were alone.
 template <Mechanism M>
@@ -92,34 +94,33 @@ class Projection {
 
   Mask close_positions(StateOf<M>& state, Mask going) {
     is_measured_ = false;
-    return close(state, going, state.q, gap_, Cause::loops_open,
-                 [&] { retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data()); });
+    return close(state, going, state.q, gap_, Cause::loops_open);
   }
 
-  Mask close_speeds(StateOf<M>& state, Mask going) {
-    return close(state, going, state.v, other_, Cause::speeds_open, [&] {
-      for (std::size_t i = 0; i < dz_.size(); ++i) state.v[i] = before_[i] + dz_[i];
-    });
-  }
+  Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_open); }
 
-  /// Steps that `move` what is open: the gap is the residual, in gap_, or its rate, in other_.  Returns the instances of which it stays open.
-  template <class Moved, class Move>
-  Mask close(StateOf<M>& state, Mask going, Moved& moved, const Equations<M>& open, Cause cause, Move move) {
+  /// Steps that move coordinates or speeds by what is open: the residual, in gap_, or its rate, in other_.  Returns the instances of which it stays
+  /// open.  No template, which the flags of another file might compile.
+  Mask close(StateOf<M>& state, Mask going, std::span<Real> moved, const Equations<M>& open, Cause cause) {
     iterations_ = 0;
     if (gap_.empty() || !Instances::any(going)) return Instances::all_if(false);
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
     is_measured_ = true;
-    const Real size = Real(1) + largest(moved);
+    const Real size = Real(1) + largest(moved), little = where(left < Real(1e-9), left / Real(1000), Real(1e-12));
     Mask active = Instances::without(going, left <= rounding() * size), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
       std::copy(moved.begin(), moved.end(), before_.begin());
       find_step(state, open, active, weak, singular);
-      move();
+      if (cause == Cause::loops_open) retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), moved.data());
+      else
+        for (std::size_t i = 0; i < dz_.size(); ++i) moved[i] = before_[i] + dz_[i];
       const Real next = measure(state, open);
       const Mask fallen = Instances::both(active, next < left), odd = Instances::without(active, Instances::is_number(next));
-      for (std::size_t i = 0; i < moved.size(); ++i) Instances::take(Instances::without(Instances::all_if(true), fallen), before_[i], moved[i]);
-      is_measured_ = !Instances::any(Instances::without(Instances::all_if(true), fallen));
+      const Mask stays = Instances::without(Instances::all_if(true), fallen);
+      is_measured_ = !Instances::any(stays);
+      if (!is_measured_)
+        for (std::size_t i = 0; i < moved.size(); ++i) Instances::take(stays, before_[i], moved[i]);
       if (Instances::any(odd)) give_up(state, odd);
       lost = Instances::either(lost, odd);
       active = Instances::without(active, odd);
@@ -131,7 +132,7 @@ class Projection {
         measure(state, open);
         is_measured_ = true;
       }
-      active = Instances::without(active, left <= rounding() * size);
+      active = Instances::without(active, left <= where(little < rounding() * size, rounding() * size, little));
     }
     const Mask close = Instances::either(left <= allowed(size), Instances::both(singular, left <= Real(1e-6) * size));
     const Mask failed = Instances::without(Instances::without(going, lost), close);
@@ -147,7 +148,8 @@ class Projection {
       singular = Instances::either(Instances::without(singular, solved), Instances::without(solved, all_found));
     }
     if (Instances::any(Instances::without(active, solved))) mechanism_.project(state.q.data(), open.data(), dz_.data());
-    for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, solver_.step()[i], dz_[i]);
+    if (Instances::any(solved))
+      for (std::size_t i = 0; i < dz_.size(); ++i) Instances::take(solved, solver_.step()[i], dz_[i]);
   }
 
   /// A step `project` w with T w = open; of which instances all of w was found.
