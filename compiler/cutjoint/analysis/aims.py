@@ -165,7 +165,7 @@ class _Search:
                 break
             ways = self._ways(at.q)
             slopes = self._slopes(at.q) @ ways
-            weight = np.sqrt(damping * max(np.vdot(slopes, slopes), 1e-12)) * np.eye(ways.shape[1])
+            weight = np.sqrt(damping * max(float(np.vdot(slopes, slopes)), 1e-12)) * np.eye(ways.shape[1])
             step = -ways @ np.linalg.lstsq(np.vstack([slopes, weight]), np.concatenate([at.left, np.zeros(len(weight))]))[0]
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(initial=0.0), 1e-300))
             after = self.reach(retract(self._equations, at.q, step))

@@ -38,7 +38,8 @@ def command(
         read = read_model(model, opened=opened, functions=functions)
         read = leave_to_host(read) if hosted else read
         if target == WASM:
-            said = _write_module(with_inputs(read, pushed=pushed, grounded=grounded), scene, method, out, integrator, linearise=linearise, poses=poses)
+            stepped = with_inputs(read, pushed=pushed, grounded=grounded)
+            said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, poses=poses)
             options.out.print(said, markup=False)
             return
         artifact = compile_model(
