@@ -87,7 +87,7 @@ class Marker(Part):
     at: Point
 
 
-#: What follows from quantities.
+#: An expression or a table over quantities.
 Lookup: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
     told_by(
