@@ -6,7 +6,7 @@ differences lose 1e-13 of a velocity over their step of 1e-3 s); residual and ra
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 import sympy
 
-from cutjoint.model.read import read_model
+from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.recursive.equations import formulate_recursive
+from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import COORDINATES, GROUND, JointForce, JointKind, Model, Scene, Tyre, Wheel
 from cutjoint.topology.build import build_topology
 from tests.mechanisms import random_models
@@ -54,9 +56,9 @@ def assert_agree(found: Solution, expected: Solution, numerics: Numerics) -> Non
     assert relative_error(found.correction, expected.correction, 0.1 * numerics.penalty) < solved
 
 
-def compare(model: Model, seed: int, motion: float = 1.0) -> None:
+def compare(model: Model, seed: int, motion: float = 1.0, roads: Mapping[str, Flat] | None = None) -> None:
     """A random model at a random state with random multipliers."""
-    blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS)
+    blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS, roads=roads or {})
     rng = np.random.default_rng(seed)
     q, v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
     at, multipliers = Instant(q=q, v=v, t=0.37, motion=motion), 10 * rng.standard_normal(dense.m)
@@ -68,6 +70,35 @@ def assert_same_step(blocks: BlockMechanism, dense: DenseMechanism, at: Instant,
     """Check the step that closes a gap, to rounding times the system's condition."""
     expected, condition = dense.project(at, gap, numerics)
     assert relative_error(blocks.project(at, gap, numerics), expected, 0.01) < 1e-11 + 50 * EPS * condition
+
+
+ROTOR = """
+cutjoint: 1
+name: rotor
+gravity: [0, 0, -9.81]
+bodies:
+  arm: {mass: 2, centre_of_mass: [0.3, 0.1, 0], inertia: [0.1, 0.2, 0.3]}
+  wheel: {mass: 3, centre_of_mass: [1, %s, 0], inertia: {principal: [0.4, 0.7, 0.4], x: any, y: [%s]}}
+joints:
+  hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: [1, 2, 3]}
+  bearing: {kind: revolute, bodies: [arm, wheel], at: [1, 0, 0], axis: [%s]}
+forces:
+  contact: {kind: wheel, body: wheel, centre: [1, 0, 0], axis: [0, 1, 0], radius: 0.3, force: [0, 0, 0]}
+"""
+
+
+@pytest.mark.parametrize(("axis", "of_body", "offset", "turns"), [
+    ("0, 1, 0", "0, 1, 0", "0.2", False), ("0.2, 1, -0.1", "0.2, 1, -0.1", "0", False), ("0, 1, 0", "0, 1, 0.1", "0", True),
+    ("0, 0, 1", "0, 0, 1", "0.2", True),
+])  # fmt: skip
+def test_a_wheel_about_its_axis_of_symmetry(axis: str, of_body: str, offset: str, turns: bool) -> None:
+    """Its angle is in its inertia where axis or centre are others."""
+    model = read_model_text(ROTOR % (offset, of_body, axis), "rotor.yaml")
+    compare(model, 3, roads={"contact": Flat()})
+    program = schedule_recursive(formulate_recursive(build_topology(model), SCENE, ()), lanes=True)
+    (evaluate,) = (f for f in program.functions if f.name == "evaluate")
+    reached = program.graph.reachable([r.scalar for r in evaluate.results])
+    assert (sum(program.graph.nodes[n].op == "cos" for n in reached) == 2) == turns
 
 
 # Random models

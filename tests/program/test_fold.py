@@ -187,6 +187,7 @@ def small(differ: str) -> tuple[Builder, dict[str, object], list[tuple[object, .
     y = {
         "constants": [b.add(b.scale(b.number(k + 2.0), x[k]), p) for k in range(2)],
         "signs": [b.cross(p, b.neg(x[0])), b.cross(p, x[1])],
+        "the sign of a sum": [b.neg(b.add(b.scale(b.number(2.0), x[0]), p)), b.add(b.scale(b.number(3.0), x[1]), p)],
         "a missing term": [b.add(b.scale(b.number(2.0), x[0]), p), b.scale(b.number(3.0), x[1])],
         "an outside block": [b.cross(x[0], p), b.cross(x[1], b.scale(b.number(2.0), p))],
         "an operation": [b.cross(x[0], p), b.add(x[1], p)],
@@ -195,7 +196,9 @@ def small(differ: str) -> tuple[Builder, dict[str, object], list[tuple[object, .
     return b, {"sum": b.add(y[0], y[1]), "first": y[0]}, [tuple(y)]  # type: ignore[return-value]
 
 
-@pytest.mark.parametrize("differ", ["constants", "signs", "a missing term", "an outside block", "an operation", "a shape"])
+@pytest.mark.parametrize(
+    "differ", ["constants", "signs", "the sign of a sum", "a missing term", "an outside block", "an operation", "a shape"]
+)
 def test_members_may_differ_in(differ: str) -> None:
     b, results, families = small(differ)
     folded = fold(b, families, results)  # type: ignore[arg-type]
@@ -210,6 +213,14 @@ def test_members_may_differ_in(differ: str) -> None:
         assert lanes[folded[target]].ravel() == pytest.approx(expected, rel=1e-14)
         found = [scalars[r.scalar] for r in program.functions[0].results if r.target == target]
         assert found == pytest.approx(expected, rel=1e-14)
+
+
+def test_the_negation_of_a_sum_stands_beside_a_sum() -> None:
+    """Both in lanes from their arguments on: nothing else is gathered."""
+    b, results, families = small("the sign of a sum")
+    program = schedule(b, [("folded", fold(b, families, results))])  # type: ignore[arg-type]
+    gathered = [node.args for node in program.graph.nodes if node.op == "gather"]
+    assert {program.graph.nodes[a].op for args in gathered for a in args} == {"symbol"}
 
 
 @pytest.mark.parametrize("case", ["a term twice", "a member in two families"])

@@ -220,3 +220,19 @@ def test_constants_that_are_not_folded_are_computed_when_parameters_load() -> No
     graph = Graph()
     nothing, compared = graph.call("log", (graph.const(-1.0),)), graph.call("lt", (graph.lane_const([1.0, 2.0]), graph.const(1.5)))
     assert [graph.nodes[n].binding for n in (nothing, compared)] == [BindingTime.PARAM] * 2
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("x", [0.0, -0.3, 1.0, 7.0, -1e9])
+def test_cosine_and_double_sine_of_an_arc_tangent_need_neither(sign: float, x: float) -> None:
+    """Of either sign, whichever of the factors has the smaller number."""
+    for first in (True, False):
+        graph = Graph()
+        two = graph.const(2.0) if first else 0
+        angle = graph.call("atan", (graph.symbol("x", 0, BindingTime.ITERATION),))
+        angle = angle if sign > 0 else graph.neg(angle)
+        sine = graph.call("sin", (graph.mul(two if first else graph.const(2.0), angle),))
+        found = interpret_scalars(graph, [graph.call("cos", (angle,)), sine], {"x": np.array([x])}, {})
+        assert found[graph.call("cos", (angle,))] == pytest.approx(math.cos(math.atan(x)), rel=1e-15, abs=1e-16)
+        assert found[sine] == pytest.approx(math.sin(2 * sign * math.atan(x)), rel=1e-14, abs=1e-15)
+        assert not {"sin", "cos"} & {graph.nodes[n].op for n in graph.reachable([graph.call("cos", (angle,)), sine])}

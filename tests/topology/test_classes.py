@@ -73,3 +73,16 @@ def test_the_members_of_a_chain_have_no_lanes() -> None:
     classes = build_topology(read_model_text(four_bar_text(7), "four_bar.yaml")).classes
     assert classes
     assert not any(c.independent or c.lanes for c in classes)
+
+
+@pytest.mark.parametrize(("law", "sizes"), [("drive", [4]), ("drive*rate", [2, 2])])
+def test_a_part_may_lack_what_drives_others(law: str, sizes: list[int]) -> None:
+    """A law over inputs alone is a number, as the 0 of a corner that nothing drives; one over the motion is not."""
+    forces = "".join(
+        f"  push_{side}: {{kind: joint_force, joint: {side}.lower_hinge, law: {law if 'rear' in side else 0}}}\n"
+        for side in ("front_left", "front_right", "rear_left", "rear_right")
+    )
+    drive = f"parameters:\n  drive: {{value: 0, unit: {'N*m*s' if 'rate' in law else 'N*m'}, binding: input}}\n"
+    text = CAR.read_text().replace("bodies:\n", f"{drive}forces:\n{forces}bodies:\n", 1)
+    model = cut_at(read_model_text(text, "car.yaml"), {"upper_ball", "rod_inner_ball"})
+    assert sorted(len(c.roots) for c in build_topology(model).classes) == sizes

@@ -78,14 +78,16 @@ class _Folding:
             return _Plan("const", family)
         if family in self.apart:
             return _Plan("gather", family)
-        spines = [self._spine(b) for b in family]
+        spines, bare = [self._spine(b) for b in family], tuple(b.args[0] if b.op == "neg" else b for b in family)
+        signs = tuple(-1.0 if b.op == "neg" else 1.0 for b in family)
         if len({len(spine) for spine in spines}) > 1:
+            if len({len(self._spine(b)) for b in bare}) == 1:
+                return _Plan("signed", family, (bare,), signs)  # a sum, and the negation of one
             return _Plan("sum", family, self._aligned(spines))
         if len({(b.op, b.data, len(b.args), tuple(a.shape for a in b.args)) for b in family}) == 1 and first.op != "symbol":
             return _Plan("same", family, tuple(zip(*(b.args for b in family), strict=True)))
         if any(b.op == "neg" for b in family):
-            signs = tuple(-1.0 if b.op == "neg" else 1.0 for b in family)
-            return _Plan("signed", family, (tuple(b.args[0] if b.op == "neg" else b for b in family),), signs)
+            return _Plan("signed", family, (bare,), signs)
         if len(spines[0]) > 1:
             return _Plan("sum", family, self._aligned(spines))
         if len({(b.op, tuple(a.shape for a in b.args)) for b in family}) == 1 and first.args:

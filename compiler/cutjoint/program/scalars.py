@@ -2,7 +2,7 @@
 
 Constants are folded, zeros and ones vanish, sums and products are ordered, and a negation travels up to where an addition
 absorbs it, so that ``a - b`` and ``b - a`` share one node.  Rounding is that of IEEE arithmetic on the
-expression as written, but for ``a/c`` with a constant c, which becomes a product with 1/c.
+expression as written, but for ``a/c`` with a constant c, which becomes a product with 1/c, and for `Graph._of_arc_tangent`.
 """
 
 from __future__ import annotations
@@ -263,6 +263,8 @@ class Graph:
                 pass  # left to the run, where it gives NaN as IEEE arithmetic does
         if function == "where" and (values[0] is not None or args[1] == args[2]):
             return args[2] if values[0] == 0.0 else args[1]
+        if (rational := self._of_arc_tangent(function, args[0])) is not None:
+            return rational
         if function in ("sin", "atan", "tan", "asin", "sinh", "tanh"):
             return self._odd(function, args[0])
         if function in ("cos", "abs", "cosh"):
@@ -270,6 +272,20 @@ class Graph:
             args = args if minus is None else (minus,)
         when = max((BindingTime.PARAM, *(self.nodes[a].binding for a in args)))  # what is not folded is computed once
         return self._make(function, args, table, binding=when if table is None else max(when, BindingTime.STEP))
+
+    def _of_arc_tangent(self, function: str, a: int) -> int | None:
+        """cos(atan(x)) = 1/sqrt(1 + x^2) and sin(2 atan(x)) = 2 x/(1 + x^2), as tyres have them; None of anything else."""
+        node = self.nodes[self.signless(a)]
+        if function == "sin" and node.op == "mul" and 2.0 in map(self.value, node.args):
+            (angle,) = (x for x in node.args if self.value(x) != 2.0)
+            if self.nodes[angle].op == "atan":
+                (x,) = self.nodes[angle].args
+                found = self.div(self.mul(self.const(2.0), x), self.add(self.const(1.0), self.mul(x, x)))
+                return found if self.signless(a) == a else self.neg(found)
+        if function == "cos" and node.op == "atan":
+            (x,) = node.args
+            return self.div(self.const(1.0), self.call("sqrt", (self.add(self.const(1.0), self.mul(x, x)),)))
+        return None
 
     def _odd(self, function: str, a: int) -> int:
         minus = self._negated(a)

@@ -209,6 +209,9 @@ def _reading(law: Scalar, instance: str) -> str:
 
 @lru_cache(maxsize=4096)
 def _shape(law: Scalar) -> str:
-    """A law with its numbers taken out."""
+    """A law with its numbers taken out; one over parameters, inputs and quantities alone is a number too, as the drive of one wheel and the
+    0 of another."""
+    if all(symbol.name.startswith(("p_", "@")) for symbol in law.free_symbols):
+        return "number"
     placeholder = sympy.Symbol("number")
     return sympy.srepr(law.replace(lambda e: e.is_Number, lambda e: placeholder)) if law.args else type(law).__name__

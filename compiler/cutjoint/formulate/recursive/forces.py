@@ -18,7 +18,7 @@ from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order
-from cutjoint.model.records import COORDINATES, GROUND, Body, Force, LawForce, Model, Scene
+from cutjoint.model.records import COORDINATES, GROUND, Body, Force, LawForce, Model, Scene, Wheel
 from cutjoint.program.blocks import Block
 
 
@@ -26,14 +26,15 @@ def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
     """M_i and the weight and inertia forces of every body."""
     b = k.builder
     by_name = {body.name: body for body in model.bodies}
+    wheels = {force.body for force in model.forces if isinstance(force, Wheel)}
     for name in k.motions:
         body = by_name[name]
         equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
         with b.section("body", name, equation, body.span.place):
-            system.M[name], system.Q[name] = _body(k, body, k.direction(GROUND, model.gravity))
+            system.M[name], system.Q[name] = _body(k, body, k.direction(GROUND, model.gravity), turns=name in wheels)
 
 
-def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
+def _body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[Block, Block]:
     b = k.builder
     if body.is_massless:
         return b.zero(6, 6), b.zero(6)
@@ -41,7 +42,8 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
     c = b.name(k.point(body.name, body.centre_of_mass), "c", body.name)
     xx, yy, zz, xy, xz, yz = (k.translator.scalar(x) for x in body.inertia)
     tensor = b.mirror(b.stack([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    J = b.name(b.sandwich(k.frames[body.name].R, tensor), "J", body.name)
+    rotor = _rotor(k, body) if turns else None
+    J = b.name(b.sandwich(k.frames[body.name].R, tensor) if rotor is None else rotor, "J", body.name)
     moment = b.scale(mass, c)
     corner = b.neg(b.skew(moment))
     M = b.stack([
@@ -52,6 +54,27 @@ def _body(k: Kinematics, body: Body, gravity: Block) -> tuple[Block, Block]:
     pull = b.scale(mass, b.sub(gravity, b.cross(w, k.velocity(body.name, c))))
     torque = b.sub(b.cross(c, pull), b.cross(w, b.mul(J, w)))
     return b.mirror(M), b.stack([[pull], [torque]])
+
+
+def _rotor(k: Kinematics, body: Body) -> Block | None:
+    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that turns about its axis of symmetry a, on which its centre of mass is: no
+    angle is in it.  None of any other body."""
+    b, t = k.builder, k.motions[body.name].tree_joint
+    if t.joint.kind != "revolute":
+        return None
+    axis, (xx, yy, zz, xy, xz, yz) = t.joint.axes[0], body.inertia
+    arm = [c - o for c, o in zip(body.centre_of_mass, t.joint.at, strict=True)]
+    if any(arm[i] * axis[j] != arm[j] * axis[i] for i, j in ((0, 1), (1, 2), (2, 0))):
+        return None
+    inertia, column = sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), sympy.Matrix(axis)
+    along = (column.T * inertia * column)[0]
+    across = (xx + yy + zz - along) / 2
+    rest = inertia - across * sympy.eye(3) - (along - across) * column * column.T
+    if any(entry != 0 and not (entry.is_number and abs(entry) <= 1e-15 * sympy.Max(along, across)) for entry in rest):
+        return None
+    a = k.direction(t.parent, axis)
+    radial, more = k.translator.scalar(across), k.translator.scalar(along - across)
+    return b.mirror(b.add(b.scale(radial, b.identity(3)), b.mul(b.scale(more, a), b.transpose(a))))
 
 
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
