@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.pipeline import compile_interpreted
-from cutjoint.importing.read import import_file
+from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.importing.read import import_file
+from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model

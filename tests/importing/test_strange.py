@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.importing.read import Imported, import_file
+from cutjoint.importing.document import Imported, import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model
 from cutjoint.topology.reading import read_model

@@ -5,48 +5,40 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from cutjoint.compile.pipeline import compile_interpreted
-from cutjoint.importing.read import import_file
+from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model
 from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text
+from cutjoint_bench.robots import PinocchioRobot
 from tests.conftest import needs_cpp
-from tests.oracles.pinocchio_robot import PinocchioRobot
 
 LEG = Path(__file__).with_name("leg.urdf")
 BODIES = ("thigh", "shank", "crank", "rod", "rotor")
 
 
-def at(x: float, y: float, z: float) -> np.ndarray:
-    pose = np.eye(4)
-    pose[:3, 3] = x, y, z
-    return pose
-
-
 @needs_cpp
 def test_accelerations_are_those_of_pinocchio() -> None:
-    columns = [f"{body}.{quantity}" for body in BODIES for quantity in ("ax", "ay", "az", "wx", "wy", "wz", "roll", "pitch", "yaw")]
-    text = import_file(LEG).text.replace("outputs: [motor.angle]", f"outputs: [{', '.join(columns)}]")
+    imported = import_file(LEG)
+    angles = [f"{joint}.{quantity}" for joint in imported.joints if joint != "sole" for quantity in ("angle", "angle_rate")]
+    columns = [*angles, *(f"{body}.a{c}" for body in BODIES for c in "xyz")]
+    text = imported.text.replace("outputs: [motor.angle]", f"outputs: [{', '.join(columns)}]")
     text = text.replace("motion: {end: 1}", "motion: {end: 1, output_step: 0.05, rates: {yaw.angle_rate: 1, motor.angle_rate: 2}}")
     model = read_model_text(text, "leg.yaml")
     run = simulate(compile_interpreted(model, model.scenes["motion"]), accuracy=1e-9)
-    loop = ("rod", at(0, 0, -0.3), "shank", at(-0.11960079923851836, 0.02, 0.005980026647627538), 3)
-    oracle = PinocchioRobot(LEG, [loop], {"geared": ("motor", -5)})
+    oracle = PinocchioRobot(LEG)
     damped = oracle.model.joints[oracle.model.getJointId("yaw")].idx_v
     for row in range(len(run["t"])):
-        angles = {b: [run[f"{b}.{a}"][row] for a in ("roll", "pitch", "yaw")] for b in BODIES}
-        rotations = {b: pin.rpy.rpyToMatrix(*found) for b, found in angles.items()}
-        spins = {b: np.array([run[f"{b}.w{c}"][row] for c in "xyz"]) for b in BODIES}
-        q, v = oracle.coordinates(rotations, spins)
+        q, v = oracle.state({name: (run[f"{name}.angle"][row], run[f"{name}.angle_rate"][row]) for name in oracle.model.names[1:]})
         tau = np.zeros(oracle.model.nv)
         tau[damped] = -0.2 * v[damped]
-        expected = oracle.accelerations(q, v, tau)
+        expected = oracle.solve(q, v, tau)
+        assert (expected.freedom, expected.gap < 1e-9, expected.slip < 1e-6) == (2, True, True)
         for body in BODIES:
-            assert [run[f"{body}.a{c}"][row] for c in "xyz"] == pytest.approx(expected[body], abs=1e-9)
+            assert [run[f"{body}.a{c}"][row] for c in "xyz"] == pytest.approx(expected.accelerations[body], abs=1e-9)
 
 
 def test_what_a_file_becomes(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -10,6 +10,7 @@ import click
 from cutjoint.commands import options, table
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
+from cutjoint.export.urdf import write_urdf
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.opening import with_inputs
@@ -18,6 +19,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files, write_whole
+from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import find_case
 from cutjoint.topology.reading import read_model
 from cutjoint.view.graph import picture_graph
@@ -30,7 +32,7 @@ def command(
     method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], grounded: tuple[str, ...], out: Path,
     functions: Path | None,
 ) -> None:  # fmt: skip
-    """Write MODEL as a program for another simulator, which runs one scene there, or as an FMU."""
+    """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF file with loops."""
     if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
@@ -47,6 +49,12 @@ def command(
         poses=poses or None, push=pushed or None, ground=grounded or None, functions=functions,
         **({} if content is None else {content: True}),
     )  # fmt: skip
+    if peer == table.URDF:
+        if asked or scene:
+            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to urdf, which has bodies and joints alone")
+        checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
+        export_urdf(checked, options.read_parameters(changes), model, out)
+        return
     exporter = EXPORTERS.load(peer)
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
@@ -67,6 +75,23 @@ def command(
 def _output(model: Model, name: str) -> Output:
     element, _, quantity = name.rpartition(".")
     return Output(element=element, quantity=quantity, span=model.span)
+
+
+def export_urdf(model: Model, parameters: Mapping[str, float], path: Path, out: Path) -> None:
+    """Write a model as a URDF file; errors as of `write_urdf`.
+
+    Raises:
+        RunError: the file's name does not end as those of URDF do, or there is no such parameter.
+        OutputError: the file is the model, or cannot be written.
+    """
+    if out.suffix != ".urdf" or out.is_dir():
+        raise RunError(f"--out {out}: a URDF is one file whose name ends in .urdf")
+    require_apart({"the model": path}, documents=[("--out", out)])
+    text, left_out = write_urdf(model, parameter_values(model, parameters))
+    write_whole(out, text)
+    for sentence in left_out:
+        options.out.print(sentence, markup=False)
+    options.out.print(f"{len(model.bodies)} bodies, {len(model.joints)} joints in {out}", markup=False)
 
 
 #: The optional contents of an FMU, by their options: sources, a binary.

@@ -33,7 +33,7 @@ from cutjoint.package.extensions import EXPORTERS, Door
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 #: The format of `cutjoint export` that is no other simulator, but is imported by many.
-FMU = "fmu"
+FMU, URDF = "fmu", "urdf"
 
 #: A bound of a range that is as good as none for a reader.
 _FAR = 1e100
@@ -217,8 +217,8 @@ OPTIONS: Mapping[str, Row] = {
         "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "grounded": click.option("--ground", "grounded", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
         "NAME.ground_height, ground_slope, ground_bank and friction; * in NAME stands for any text, '*' for all wheels."),
-    "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU], required=True, help="The other simulator, for which "
-        "cutjoint-bench is needed, or an FMU for those that import one."),
+    "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU, URDF], required=True, help="The other simulator, for "
+        "which cutjoint-bench is needed, an FMU for those that import one, or a URDF file."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
         "the scene that are motions of bodies and markers."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise."),
@@ -249,7 +249,7 @@ OPTIONS: Mapping[str, Row] = {
     "compile.out": click.option("--out", type=_FOLDER, required=True, help="Folder for the C++ and the simulator."),
     "import.out": click.option("--out", type=_FILE, help="Model file; FILE's name with .yaml behind it, in the present folder, otherwise."),
     "explain.out": click.option("--out", type=_FILE, help="Markdown file; standard output otherwise."),
-    "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the FMU's file."),
+    "export.out": click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for the program, or the file."),
     "modes.out": click.option("--out", type=_FILE, help="JSON file for all numbers."),
     "realtime.out": click.option("--out", type=_FILE, help="CSV file for the time of each step."),
     "schema.out": click.option("--out", type=_FILE, help="JSON file; standard output otherwise."),

@@ -1,25 +1,28 @@
-"""A robot as the text of a model file: a line an element, names kept, comments where something was decided."""
+"""A file of another program as the text of a model file: a line an element, names kept, comments where something was decided."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.closing import Closed, Relation, solve_couplings
-from cutjoint.importing.robot import Array, Drive, Joint, Link, Loop, Robot
-from cutjoint.model.mass import TOLERANCE
+from cutjoint.importing.closing import Closed, Relation, close, solve_couplings
+from cutjoint.importing.mjcf import read_mjcf
+from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump
+from cutjoint.importing.sdf import read_sdf
+from cutjoint.importing.urdf import read_urdf
+from cutjoint.importing.xml import Node
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
 from cutjoint.model.text import escaped
+from cutjoint.package.locations import AnyPath
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-13
-#: The square of a radius of gyration below which a body is a point, m2.
-_POINT = 1e-12
 #: The speed at which dry friction is nearly all there, rad/s or m/s.
 _CREEP = 0.01
 #: The most outputs of a file without drives.
@@ -28,10 +31,15 @@ _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
 _MESHES = (".stl", ".obj", ".glb")
 #: The longest part of a path that is looked up.
 _LONGEST = 200
+#: So often is a direction rounded.
+_TRIALS = 5
 
 
 class Document:
-    """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves."""
+    """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves.
+
+    ``bodies`` and ``joints`` have the model's names by those of links and joints.
+    """
 
     def __init__(self, robot: Robot, closed: Closed, folder: Path, *, free: bool) -> None:
         self._notes: dict[str, list[str]] = {note: [] for note in robot.notes}
@@ -39,12 +47,14 @@ class Document:
         self._sections: dict[str, dict[str, Any]] = {
             key: {} for key in ("parameters", "bodies", "joints", "gears", "forces", "markers", "outputs")
         }
-        self._names: dict[str, str] = {}
+        self.bodies: dict[str, str] = {}
+        self.joints: dict[str, str] = {}
         self._taken: set[str] = {"ground"}
+        self._welds: dict[str, dict[str, Any]] = {}
         self._carriers = {link.name: "ground" for link in robot.root()}
         if free:
             self._float()
-        for link, carrier in _lump(robot):
+        for link, carrier in lump(robot):
             self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
         for joint in robot.outwards():
             self._add_joint(joint)
@@ -55,7 +65,7 @@ class Document:
         for drive in robot.drives:
             self._add_drive(drive)
         if not self._sections["outputs"]:
-            able = [name for name, joint in robot.joints.items() if name in self._names and joint.kind in _COORDINATE]
+            able = [name for name in self.joints if robot.joints[name].kind in _COORDINATE]
             self._sections["outputs"] = {self._coordinate(name): True for name in able[:_OUTPUTS]}
 
     def text(self, source: str, left_out: Mapping[str, int]) -> str:
@@ -77,7 +87,7 @@ class Document:
         in_loops, driven = self._robot.in_loops(), {drive.joint for drive in self._robot.drives}
         self._taken = {"motion"}
         for name, start in self._robot.starts.items():
-            able = {j: x for j, x in start.items() if j in self._names and (j not in in_loops or j in driven)}
+            able = {j: x for j, x in start.items() if j in self.joints and (j not in in_loops or j in driven)}
             moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
             positions = {key: value for key, value in moved.items() if value}
             yield f"  {self._name(name, 'scene')}: {_flow({'end': 1, **({'positions': positions} if positions else {})})}"
@@ -114,7 +124,7 @@ class Document:
         return name
 
     def _coordinate(self, joint: str) -> str:
-        return f"{self._names[joint]}.{_COORDINATE[self._robot.joints[joint].kind]}"
+        return f"{self.joints[joint]}.{_COORDINATE[self._robot.joints[joint].kind]}"
 
     # bodies
 
@@ -125,31 +135,36 @@ class Document:
         name = self._add_body(root)
         joint = self._name(f"{name}_free")
         self._sections["joints"][joint] = {"kind": "free", "bodies": ["ground", name], "at": [0, 0, 0]}
+        self._weld_shaft(name)
 
     def _add_body(self, link: Link) -> str:
-        name = self._carriers[link.name] = self._name(link.name, "body")
+        name = self.bodies[link.name] = self._carriers[link.name] = self._name(link.name, "body")
         pose = self._closed.poses[link.name]
         body: dict[str, Any] = {"massless": True} if link.mass == 0 else {"mass": link.mass}
         if link.mass:
             body["centre_of_mass"] = _vector(pose.rotation @ link.centre + pose.place)
         inertia = pose.rotation @ link.inertia @ pose.rotation.T
-        excess, about = _excess(link)
+        too_much, about = excess(link)
         noise = _NOISE * np.abs(inertia).max()
-        if excess:
+        if too_much:
             axis = pose.rotation @ about
-            inertia = inertia - excess * np.outer(axis, axis)
-        if np.abs(inertia).max() > max(noise, _POINT * link.mass):
-            body["inertia"] = _inertia(inertia, noise)
+            inertia = inertia - too_much * np.outer(axis, axis)
+        if np.abs(inertia).max() > max(noise, POINT * link.mass):
+            body["inertia"] = _inertia(inertia, noise) if link.mass else _shaft(inertia, noise)
         if picture := self._picture(link):
             body["visual"] = picture
         self._sections["bodies"][name] = body
-        if excess:
+        if too_much:
             shaft = self._name(f"{name}_excess")
-            self._sections["bodies"][shaft] = {"massless": True, "inertia": {"axial": _short(excess), "axis": _direction(axis)}}
-            joint = self._name(f"{shaft}_weld")
-            self._sections["joints"][joint] = {"kind": "fixed", "bodies": [name, shaft], "at": _vector(pose.place)}
+            self._sections["bodies"][shaft] = {"massless": True, "inertia": {"axial": _short(too_much), "axis": _direction(axis)}}
+            self._welds[name] = {"kind": "fixed", "bodies": [name, shaft], "at": _vector(pose.place)}
             self._note("moments of inertia larger than the sum of the two others, as no body has; a shaft has what is too much", link.name)
         return name
+
+    def _weld_shaft(self, body: str) -> None:
+        if body in self._welds:
+            weld = self._welds[body]
+            self._sections["joints"][self._name(f"{weld['bodies'][1]}_weld")] = weld
 
     def _picture(self, link: Link) -> dict[str, Any]:
         picture: dict[str, Any] = {}
@@ -187,13 +202,14 @@ class Document:
                 self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
             return
         child = self._add_body(link)
-        name = self._names[joint.name] = self._name(joint.name, "joint")
+        name = self.joints[joint.name] = self._name(joint.name, "joint")
         element: dict[str, Any] = {"kind": joint.kind, "bodies": [parent, child], "at": _vector(pose.place)}
         if joint.kind in _COORDINATE:
             element["axis"] = _direction(pose.rotation @ joint.axis)
         if joint.armature:
             element["armature"] = joint.armature
         self._sections["joints"][name] = element
+        self._weld_shaft(child)
         self._resist(name, element, joint, float(self._closed.q[joint.name][0]) if joint.name in self._closed.q else 0.0)
 
     def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: float) -> None:
@@ -238,7 +254,7 @@ class Document:
         self._resist(name, element, loop, 0.0)
 
     def _add_gear(self, relation: Relation) -> None:
-        joints = [self._names[joint] for joint in (relation.follower, *relation.ratios)]
+        joints = [self.joints[joint] for joint in (relation.follower, *relation.ratios)]
         self._sections["gears"][self._name(relation.name, "gear")] = {"joints": joints, **self._law(relation)}
 
     def _law(self, relation: Relation) -> dict[str, Any]:
@@ -254,41 +270,18 @@ class Document:
 
     def _add_drive(self, drive: Drive) -> None:
         joint = self._robot.joints[drive.joint]
-        if joint.kind not in _COORDINATE or drive.joint not in self._names:
+        if joint.kind not in _COORDINATE or drive.joint not in self.joints:
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
         name = self._name(drive.name, "input")
         unit = ("N*m" if joint.kind == "revolute" else "N") if drive.unit is None else drive.unit
         self._sections["parameters"][name] = {"value": 0, **({"unit": unit} if unit else {}), "binding": "input"}
-        force = self._name(f"{self._names[drive.joint]}_motor")
+        force = self._name(f"{self.joints[drive.joint]}_motor")
         offset = _short(float(self._closed.q[drive.joint][0]) + drive.offset)
         position = f"(position + {offset!r})" if offset else "position"
         law = drive.law.format(input=name, position=position, rate="rate")
-        self._sections["forces"][force] = {"kind": "joint_force", "joint": self._names[drive.joint], "law": law}
+        self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[drive.joint], "law": law}
         self._sections["outputs"][self._coordinate(drive.joint)] = True
-
-
-def _is_negative(link: Link) -> bool:
-    moments = np.linalg.eigvalsh(link.inertia)
-    return bool(link.mass < 0 or moments[0] < -max(TOLERANCE * abs(moments[2]), _POINT * link.mass))
-
-
-def _lump(robot: Robot) -> Iterator[tuple[str, str]]:
-    """Add links with a negative moment of inertia to those that they are welded to: such parts may be of a sound body."""
-    for joint in reversed(list(robot.outwards())):
-        link, carrier = robot.links[joint.child], robot.links[joint.parent]
-        if not joint.freedom and _is_negative(link) and link.mass >= 0:
-            yield link.name, carrier.name
-            carrier.add(link, joint.moved(np.zeros(0)))
-
-
-def _excess(link: Link) -> tuple[float, Array]:
-    """By how much the largest principal moment of a link is larger than the sum of the others, kg m2, and its direction."""
-    if _is_negative(link):
-        link.node.refuse("has a negative mass or principal moment of inertia", "correct its inertial")
-    moments, axes = np.linalg.eigh(link.inertia)
-    excess = moments[2] - moments[1] - moments[0]
-    return (float(excess), axes[:, 2]) if link.mass and excess > TOLERANCE * moments[2] else (0.0, axes[:, 2])
 
 
 def _legal(name: str) -> str:
@@ -314,13 +307,27 @@ def _direction(axis: Array) -> str | list[float | int]:
     for i, name in enumerate("xyz"):
         if abs(axis[i]) > 1 - 1e-12:
             return name if axis[i] > 0 else f"-{name}"
-    return _vector(axis)
+    for _ in range(_TRIALS):  # of length one, it shall be written the same again
+        short = _vector(axis)
+        axis = np.array(short) / np.linalg.norm(short)
+        if _vector(axis) == short:
+            break
+    return short
 
 
 def _inertia(matrix: Array, noise: float) -> list[float | int]:
     entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     short = [_short(x) if abs(x) > noise else 0 for x in entries]
     return short if any(short[3:]) else short[:3]
+
+
+def _shaft(matrix: Array, noise: float) -> list[float | int] | dict[str, Any]:
+    """The inertia of a body without mass, by its axis where it has one."""
+    moments, axes = np.linalg.eigh(matrix)
+    if np.abs(moments[:2]).max() > _NOISE * moments[2]:
+        return _inertia(matrix, noise)
+    axis = forward(axes[:, 2])
+    return {"axial": _short(moments[2]), "axis": _direction(axis)}
 
 
 def _flow(value: Any) -> str:
@@ -334,3 +341,47 @@ def _flow(value: Any) -> str:
     if isinstance(value, str):
         return value if re.fullmatch(r"-?[A-Za-z][A-Za-z0-9_./]*", value) else json.dumps(value)
     return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+#: Readers by the endings of files.
+READERS: dict[str, Callable[[Path], tuple[Robot, Node]]] = {".urdf": read_urdf, ".sdf": read_sdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """The ``text`` of a model file; ``notes`` are sentences of decisions, ``left_out`` counts tags and attributes that were not taken.
+
+    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, where
+    the model's are zero.
+    """
+
+    text: str
+    notes: tuple[str, ...]
+    left_out: dict[str, int]
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    zero: Mapping[str, Array]
+
+
+def is_foreign(path: AnyPath) -> bool:
+    """Return whether a file is one of another program, by its ending."""
+    return Path(path).suffix.lower() in READERS
+
+
+def name_of(path: Path) -> Path:
+    """The name of the model file that a file becomes: robot.urdf.yaml of robot.urdf."""
+    return path.with_name(f"{path.name}.yaml")
+
+
+def import_file(path: Path, *, free: bool = False) -> Imported:
+    """A file of another program as a model file; with ``free`` its base moves freely, else it stands on the ground unless the file says it.
+
+    Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.
+    """
+    robot, root = READERS[path.suffix.lower()](path)
+    robot.leave_out_idle()
+    closed = close(robot)
+    document = Document(robot, closed, path.parent, free=free)
+    left_out = dict(root.left_out())
+    text = document.text(path.name, left_out)
+    return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.q)

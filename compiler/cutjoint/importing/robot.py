@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.importing.xml import Node
+from cutjoint.model.mass import TOLERANCE
 
 Array: TypeAlias = NDArray[np.float64]
 
+#: The square of a radius of gyration below which a body is a point, m2.
+POINT = 1e-12
 #: Coordinates of the joint kinds: turns about the axis, displacements along it, all turns, everything.
 FREEDOMS = {"fixed": 0, "revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
 
@@ -244,6 +247,35 @@ class Robot:
         for joint in self.outwards():
             placed[joint.child] = placed[joint.parent] @ joint.moved(q.get(joint.name, np.zeros(joint.freedom)))
         return placed
+
+
+def is_negative(link: Link) -> bool:
+    moments = np.linalg.eigvalsh(link.inertia)
+    return bool(link.mass < 0 or moments[0] < -max(TOLERANCE * abs(moments[2]), POINT * link.mass))
+
+
+def lump(robot: Robot) -> Iterator[tuple[str, str]]:
+    """Add links with a negative moment of inertia to those that they are welded to: such parts may be of a sound body."""
+    for joint in reversed(list(robot.outwards())):
+        link, carrier = robot.links[joint.child], robot.links[joint.parent]
+        if not joint.freedom and is_negative(link) and link.mass >= 0:
+            yield link.name, carrier.name
+            carrier.add(link, joint.moved(np.zeros(0)))
+
+
+def excess(link: Link) -> tuple[float, Array]:
+    """By how much the largest principal moment of a link is larger than the sum of the others, kg m2, and its direction."""
+    if is_negative(link):
+        link.node.refuse("has a negative mass or principal moment of inertia", "correct its inertial")
+    moments, axes = np.linalg.eigh(link.inertia)
+    left = moments[2] - moments[1] - moments[0]
+    axis = forward(axes[:, 2])
+    return (float(left), axis) if link.mass and left > TOLERANCE * moments[2] else (0.0, axis)
+
+
+def forward(axis: Array) -> Array:
+    """An axis in that of its two directions whose largest component is positive."""
+    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
 
 
 def rotation_about(vector: Array) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from cutjoint.importing.read import import_file, is_foreign, name_of
+from cutjoint.importing.document import import_file, is_foreign, name_of
 from cutjoint.model import read
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.functions import supply
