@@ -34,23 +34,43 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_, Base::step_,
       Base::still_, Base::v_, Base::values_, Base::vdot_;
   using Steps = typename Simulation::Steps;
+  static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
   static constexpr bool is_explicit = requires { typename Steps::Scheme; };
 
+  /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
+  static constexpr bool goes_on = !is_explicit && !Base::has_system;
+
   /// Get ready for a part from a state to another; false where its end has no derivative.
-  bool find_part(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    return is_explicit || find_rule(mechanism, from, end, h);
+  bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if constexpr (is_explicit) return true;
+    else if constexpr (seeks_multipliers) return find_rule(simulation, from, end, h);
+    else return (!is_stale_ && h == inverse_of_) || find_inverse(simulation, from, end, h);
   }
 
   /// From the beginning of the part to its end along directions; false where that has no derivative.
-  bool go(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
-    return is_explicit ? go_by_slopes(mechanism, from, h, number) : go_by_rule(mechanism, from, h, number);
+  bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    M& mechanism = simulation.mechanism();
+    if constexpr (is_explicit) return go_by_slopes(mechanism, from, h, number);
+    else if constexpr (seeks_multipliers) return go_by_rule(mechanism, from, h, number);
+    else return go_by_fixed_point(mechanism, from, end, h);
   }
+
+  /// Parts that follow get ready anew, not as one before.
+  void forget_part() { is_stale_ = true; }
+  bool can_get_ready_anew() const { return !is_explicit && !seeks_multipliers && !is_stale_; }
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation) {
     if constexpr (seeks_multipliers) return close_rates(), true;
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
   }
+
+  /// Inputs where the mechanism is.
+  void take_inputs([[maybe_unused]] M& mechanism) {
+    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
+  }
+
+  std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
 
  private:
   static constexpr bool seeks_multipliers = Base::has_system && m > 0;
@@ -89,44 +109,109 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     }
   };
 
-  /// The end of a step by the trapezoidal rule as its fixed point has it, and how accelerations found there follow from those that lead there: 1 less
-  /// that is decomposed.  False where the fixed point has no number, or no derivative.
-  bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    std::copy(from.q.begin(), from.q.end(), from_.begin());
+  /// The end of a step by the trapezoidal rule as Newton's iteration has it, and how accelerations and multipliers found there follow from those that lead there:
+  /// 1 less that is decomposed.  False where there is no number, or no derivative.
+  bool find_rule(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    M& mechanism = simulation.mechanism();
+    set_out(simulation, from, h);
     from_values_ = from.q;
+    stage_ = end;
+    mechanism.begin_step(end.t, 1.0);
+    if (!go_to_end(mechanism)) return false;
+    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+    if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
+    find_projection();
+    return true;
+  }
+
+  /// From the beginning of a part that does not change along directions.
+  void set_out(Simulation& simulation, const StateOf<M>& from, double h) {
+    std::copy(from.q.begin(), from.q.end(), from_.begin());
     for (std::size_t i = 0; i < n; ++i) {
       speeds_[i] = from.v[i] + h / 2 * from.vdot[i];
       way_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
     }
-    stage_ = end;
     du_.fill(Dual());
-    mechanism.begin_step(end.t, 1.0);
-    if constexpr (seeks_multipliers) {
-      if (!go_to_end(mechanism)) return false;
-      std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-      if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
-      find_projection();
-      return true;
-    } else {
-      return iterate_rule(mechanism, h) && go_to_end(mechanism) && decompose_rule(mechanism, h);
-    }
+    this->dheld_.fill(Dual());
+    for (Dual& x : this->parameters_) x.slope = Slopes{};
+    this->load_parameters(simulation);
+    loaded_ = no_row;
   }
 
-  /// The fixed point, where multipliers belong to accelerations that close the loops.
-  bool iterate_rule(M& mechanism, double h) {
-    Fixed<double, n> next;
-    Fixed<double, m> correction;
-    double factor = 1.0;
-    Progress progress(factor);
-    for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
-      lead_stage(h);
-      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), next.data(), correction.data());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += correction[i];
-      stage_.vdot.swap(next);
-      for (std::size_t i = 0; i < n; ++i) next[i] -= stage_.vdot[i];
-      progress.add(this->size_of(next), this->size_of(stage_.vdot));
+  /// The inverse of 1 less how the accelerations f at the end follow from those, a, that lead there, by which `find_end` goes on; false where there is none.
+  bool find_inverse(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    set_out(simulation, from, h);
+    enter_end(simulation.mechanism(), end);
+    for (std::size_t first = 0; first < n; first += directions) {
+      const std::size_t number = std::min(directions, n - first);
+      for (std::size_t i = 0; i < n; ++i) found_[i] = end.vdot[i];
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = end.lambda[i];
+      for (std::size_t k = 0; k < number; ++k) found_[first + k].slope[k] = 1.0;
+      lead(h);
+      for (int pass = 0; pass < (m > 0 ? 2 : 1); ++pass) evaluate();
+      for (std::size_t k = 0, j = first; k < number; ++k, ++j)
+        for (std::size_t i = 0; i < n; ++i) matrix_[j * n + i] = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
     }
-    return progress.is_finite();
+    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
+    squares_->decompose(1e-14);
+    for (std::size_t j = 0; j < n; ++j) {
+      place_.fill(0.0);
+      place_[j] = 1.0;
+      squares_->solve(place_.data(), inverse_.data() + j * n, still_.data());
+    }
+    inverse_of_ = h;
+    is_stale_ = false;
+    return squares_->rank() == n;
+  }
+
+  /// Accelerations at coordinates, speeds and multipliers, which it corrects.
+  void evaluate() {
+    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] += correction_[i];
+  }
+
+  void enter_end(M& mechanism, const StateOf<M>& end) {
+    mechanism.begin_step(end.t, 1.0);
+    take_inputs(mechanism);
+    mechanism_.begin_step(end.t, 1.0);
+  }
+
+  /// The end of a step by the rule's fixed point along directions.
+  bool go_by_fixed_point(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    leave_start(from, h);
+    for (std::size_t i = 0; i < n; ++i) found_[i] = {end.vdot[i], vdot_[i]};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], lambda_[i]};
+    enter_end(mechanism, end);
+    if (!find_end(h)) return false;
+    lead(h);
+    vdot_ = found_;
+    return true;
+  }
+
+  /// Accelerations and multipliers of the fixed point, numbers and slopes, from near ones: what f(a) differs from a by goes through the inverse.  The first two
+  /// changes tell by which factor errors fall; rounding may be as large as penalties make it.  False where it does not come to an end.
+  bool find_end(double h) {
+    double factor = 1.0, before = 0.0;
+    for (int iteration = 1; iteration <= most_iterations; ++iteration) {
+      lead(h);
+      evaluate();
+      for (std::size_t i = 0; i < n; ++i) vdot_[i] -= found_[i];
+      step_.fill(Dual());
+      for (std::size_t j = 0; j < n; ++j)
+        for (std::size_t i = 0; i < n; ++i) {
+          step_[i].value += inverse_[j * n + i] * vdot_[j].value;
+          step_[i].slope += inverse_[j * n + i] * vdot_[j].slope;
+        }
+      for (std::size_t i = 0; i < n; ++i) found_[i] += step_[i];
+      const double share = largest_share(step_, found_);
+      if (!(share <= std::numeric_limits<double>::max())) return false;
+      if (iteration == 2) factor = share / before;
+      is_stale_ = iteration > 5;
+      const bool is_rounding = iteration > 2 && share > before / 2 && share <= 1e-5;
+      if (share * std::min(1.0, factor) <= 1e-10 || is_rounding) return true;
+      before = share;
+    }
+    return false;
   }
 
   /// Newton's solution, with multipliers that close the loops at the end: by the decomposition, from the end of the step, whose accelerations are projected.
@@ -148,14 +233,14 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return progress.is_finite();
   }
 
-  /// How what the rule leaves of found accelerations, and of multipliers that it seeks, follows from these.
+  /// How what the rule leaves of found accelerations and multipliers follows from these.
   bool decompose_rule(M& mechanism, double h) {
     for (std::size_t first = 0; first < n + sought; first += directions) {
       const std::size_t number = std::min(directions, n + sought - first);
       for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
       for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
       for (std::size_t k = 0; k < number; ++k) (first + k < n ? found_[first + k] : lambda_[first + k - n]).slope[k] = 1.0;
-      if (!leave(mechanism, h, number)) return false;
+      if (!leave(h, number)) return false;
       for (std::size_t k = 0, j = first; k < number; ++k, ++j) {
         for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : rates_.moves[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
         for (std::size_t i = 0; i < sought && j < n; ++i) loops_[j * m + i] = phi_[i].slope[k];
@@ -163,14 +248,12 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     }
     squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
     squares_->decompose(1e-14);
-    if constexpr (seeks_multipliers) {
-      for (std::size_t j = 0; j < m; ++j) {
-        std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
-        squares_->solve(place_.data(), values_.data(), still_.data());
-        for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
-      }
-      ends_.decompose(loops_);
+    for (std::size_t j = 0; j < sought; ++j) {
+      std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
+      squares_->solve(place_.data(), values_.data(), still_.data());
+      for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
     }
+    ends_.decompose(loops_);
     return squares_->rank() == n;
   }
 
@@ -209,36 +292,35 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
 
   /// Its end along directions.
   bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const Dual before(from.vdot[i], vdot_[i]);
-      speeds_[i] = v_[i] + h / 2 * before;
-      way_[i] = h * v_[i] + h * h / 4 * before;
-      found_[i] = stage_.vdot[i];
-    }
-    from_ = q_;
+    leave_start(from, h);
+    for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
     mechanism.begin_step(stage_.t, 1.0);
     if (!go_to_end(mechanism)) return false;
     for (std::size_t i = 0; i < sought; ++i) lambda_[i] = stage_.lambda[i];
-    if (!leave(mechanism, h, number)) return false;
-    Fixed<Along, n> left, step, room;
+    if (!leave(h, number)) return false;
+    Fixed<Along, n> left, step;
+    Fixed<Along, m> open, pull;
     for (std::size_t i = 0; i < n; ++i) left[i].slope = vdot_[i].slope;
-    if constexpr (seeks_multipliers) {
-      Fixed<Along, m> open, pull;
-      for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
-      solve(left, open, step, pull);
-    } else {
-      squares_->solve(left.data(), step.data(), room.data());
-    }
+    for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
+    solve(left, open, step, pull);
     for (std::size_t i = 0; i < n; ++i) found_[i].slope = step[i].slope;
     lead(h);
     return true;
   }
 
-  /// The accelerations of the coordinates and speeds to which found ones lead, with the multipliers that are sought, or with those that belong to them; false
-  /// where one is no number.
-  bool leave(M& mechanism, double h, std::size_t number) {
+  /// Where the beginning leads along directions, but for accelerations at the end.
+  void leave_start(const StateOf<M>& from, double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const Dual before(from.vdot[i], vdot_[i]);
+      speeds_[i] = v_[i] + h / 2 * before;
+      way_[i] = h * v_[i] + h * h / 4 * before;
+    }
+    from_ = q_;
+  }
+
+  /// The accelerations of the coordinates and speeds to which found ones lead, with the multipliers that are sought; false where one is no number.
+  bool leave(double h, std::size_t number) {
     lead(h);
-    if constexpr (!seeks_multipliers) return this->find_accelerations(mechanism, number);
     mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
     for (const Dual& x : vdot_)
@@ -326,11 +408,6 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return true;
   }
 
-  /// Inputs where the mechanism is.
-  void take_inputs([[maybe_unused]] M& mechanism) {
-    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
-  }
-
   /// The projection of a step's end; false where loops stay open.
   bool close_loops() {
     if constexpr (m > 0) {
@@ -341,52 +418,61 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return true;
   }
 
-  /// Moves until a gap and its derivatives are rounding.
+  /// Moves until a gap and its derivatives are rounding, or the next one leaves no more.
   template <class Numbers, class Measure, class Move>
   bool close(const Fixed<Dual, m>& gap, Numbers& numbers, Measure measure, Move move, Numbers& before) {
-    double least = std::numeric_limits<double>::infinity();
-    for (int iteration = 0, stalled = 0; iteration < 50 && stalled < 2; ++iteration) {
+    constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+    double factor = 1.0, last = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < 50; ++iteration) {
       measure();
       const double left = largest_share(gap, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
-      stalled = left < least / 2 ? 0 : stalled + 1;
-      least = std::min(least, left);
-      if (left <= 64 * std::numeric_limits<double>::epsilon()) break;
+      if (iteration > 0) factor = left / last;
+      if (left <= rounding || (factor > 0.5 && left <= 1e-9)) return true;
       before = numbers;
       mechanism_.project(q_.data(), gap.data(), step_.data());
       move();
+      if (left * std::min(1.0, factor) <= rounding && iteration > 0) return true;
+      last = left;
     }
-    return least <= 1e-9;
+    return false;
   }
 
-  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; of differences to these where they are as many.
+  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; not a number where one is none.
   template <class Numbers, class Others>
   static double largest_share(const Numbers& numbers, const Others& others) {
-    std::array<double, directions> most{}, size{};
-    double value = 0.0, scale = 0.0;
-    const auto raise = [](double& largest, double x) {
-      if (largest == largest && !(std::abs(x) <= largest)) largest = std::abs(x);
-    };
-    for (std::size_t i = 0; i < numbers.size(); ++i) {
-      Dual x = numbers[i];
-      if constexpr (std::is_same_v<Numbers, Others>) x -= others[i];
-      raise(value, x.value);
-      for (std::size_t k = 0; k < directions; ++k) raise(most[k], x.slope[k]);
+    const Dual most = largest(numbers), size = largest(others);
+    double share = most.value / (1.0 + size.value);
+    for (std::size_t k = 0; k < directions; ++k) {
+      const double along = size.slope[k] == 0.0 ? most.slope[k] : most.slope[k] / size.slope[k];
+      if (!(along <= share)) share = along;
+      if (along != along) break;
     }
-    for (const Dual& x : others) {
-      raise(scale, x.value);
-      for (std::size_t k = 0; k < directions; ++k) raise(size[k], x.slope[k]);
-    }
-    double share = value / (1.0 + scale);
-    for (std::size_t k = 0; k < directions; ++k) raise(share, size[k] == 0.0 ? most[k] : most[k] / size[k]);
     return share;
+  }
+
+  /// The largest number and derivatives; not a number where one is none.
+  template <class Numbers>
+  static Dual largest(const Numbers& numbers) {
+    Dual most, odd;
+    for (const Dual& x : numbers) {
+      const Slopes size = x.slope < 0.0 ? -x.slope : x.slope;
+      most.slope = size > most.slope ? size : most.slope;
+      most.value = std::max(most.value, std::abs(x.value));
+      odd.slope += 0.0 * x.slope;
+      odd.value += 0.0 * x.value;
+    }
+    return most + odd;
   }
 
   StateOf<M> stage_{M::sizes.coordinates, n, m};
   Fixed<Dual, M::sizes.coordinates> from_;
   Coordinates<M> from_values_;
   Fixed<Dual, n> speeds_, way_, found_;
-  Fixed<double, n * n> matrix_;
+  Fixed<double, n * n> matrix_, inverse_;
+  static constexpr int most_iterations = 30;
+  double inverse_of_ = 0.0;  ///< the length of step that the inverse is of
+  bool is_stale_ = true;     ///< whether another inverse is sought next
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
   std::optional<dense::LeastSquares<double>> squares_;
