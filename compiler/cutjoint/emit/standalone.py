@@ -438,7 +438,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
-        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + n * n + 3 * n + 2 * state + q + 64  # of a step's derivatives
+        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + 2 * n * n + 4 * n + 2 * state + q + 64  # of a step's derivatives
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)

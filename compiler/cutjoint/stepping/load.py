@@ -9,6 +9,7 @@ from pathlib import Path
 from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
+from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.opening import with_inputs
@@ -74,10 +75,15 @@ def load_scene(
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
-        states=len(mechanism.state.states), held=mechanism.held, has_poses=bool(standalone.poses),
+        states=len(mechanism.state.states), carried=_carried(mechanism), has_poses=bool(standalone.poses),
         steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
         begin=partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None,
     ))  # fmt: skip
+
+
+def _carried(mechanism: RecursiveEquations) -> int:
+    """The number of rows that a matrix of directions has behind those of states: what controllers hold, and what steps go on with."""
+    return mechanism.held + len(mechanism.coordinate_names) + 2 * len(mechanism.speed_names) + len(mechanism.equation_names)
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:

@@ -111,7 +111,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
       if (by[i] < -1 || by[i] >= Model::inputs + Model::parameters) return no_such_index;
     for (int i = 0; i < reported; ++i)
       if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
-    if (!all_finite(matrix, (states + held) * directions)) return not_finite;
+    if (!all_finite(matrix, static_cast<int>(Derivatives::rows) * directions)) return not_finite;
     return Base::status_of(s, s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
                                                   {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
   }
@@ -141,8 +141,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
  protected:
   static constexpr int freedoms = Model::freedoms, joint_speeds = Model::joint_speeds, all_speeds = Model::speeds,
-                       states = 2 * freedoms + all_speeds - joint_speeds,
-                       held = static_cast<int>(Model::Sim::Mechanism::sizes.held);
+                       states = 2 * freedoms + all_speeds - joint_speeds;
 
   /// A status of calls that need independent coordinates, which then have been chosen.
   static int ask(CheckedMinimal* s) {

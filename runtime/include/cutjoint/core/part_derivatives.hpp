@@ -6,12 +6,9 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <optional>
-#include <type_traits>
 
 #include "cutjoint/core/coefficients.hpp"
-#include "cutjoint/core/dense.hpp"
-#include "cutjoint/core/derivatives.hpp"
+#include "cutjoint/core/rule_derivatives.hpp"
 
 namespace cutjoint {
 
@@ -19,275 +16,47 @@ namespace cutjoint {
 ///
 /// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
-///
-/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It closes the rates of loops at the smallest cost in the
-/// norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms>
-class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
+class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
  public:
-  using Base = Derivatives<Simulation, D, S, freedoms>;
+  using Base = RuleDerivatives<Simulation, D, S, freedoms>;
   using typename Base::M;
 
  protected:
-  using typename Base::Progress;
-  using Base::m, Base::n;
-  using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_, Base::step_,
-      Base::still_, Base::v_, Base::values_, Base::vdot_;
+  using Base::m, Base::n, Base::seeks_multipliers;
+  using Base::charts, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
   using Steps = typename Simulation::Steps;
   static constexpr bool is_explicit = requires { typename Steps::Scheme; };
 
+  /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
+  static constexpr bool goes_on = !is_explicit && !Base::has_system;
+
   /// Get ready for a part from a state to another; false where its end has no derivative.
-  bool find_part(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    return is_explicit || find_rule(mechanism, from, end, h);
+  bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if constexpr (is_explicit) return true;
+    else if constexpr (seeks_multipliers) return this->find_rule(simulation, from, end, h);
+    else return (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
   }
 
   /// From the beginning of the part to its end along directions; false where that has no derivative.
-  bool go(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
-    return is_explicit ? go_by_slopes(mechanism, from, h, number) : go_by_rule(mechanism, from, h, number);
+  bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    M& mechanism = simulation.mechanism();
+    if constexpr (is_explicit) return go_by_slopes(mechanism, from, h, number);
+    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, h, number);
+    else return this->go_by_fixed_point(mechanism, from, end, h);
   }
+
+  /// Parts that follow get ready anew, not as one before.
+  void forget_part() { is_stale_ = true; }
+  bool can_get_ready_anew() const { return !is_explicit && !seeks_multipliers && !is_stale_; }
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation) {
-    if constexpr (seeks_multipliers) return close_rates(), true;
+    if constexpr (seeks_multipliers) return this->close_rates(), true;
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
   }
 
  private:
-  static constexpr bool seeks_multipliers = Base::has_system && m > 0;
-  static constexpr std::size_t sought = seeks_multipliers ? m : 0;
-
-  /// What multipliers move, by columns, and the pull that closes gaps; where equations depend on each other some pull in vain.
-  struct Pulls {
-    Fixed<double, sought * n> moves;
-    Fixed<double, sought * sought> closed;
-    Fixed<double, sought> scales, left, right;
-    Fixed<std::size_t, sought> order;
-    std::optional<dense::LeastSquares<double>> squares;
-
-    /// Of what moves close, by columns.
-    void decompose(const Fixed<double, sought * n>& loops) {
-      for (std::size_t j = 0; j < sought; ++j) {
-        double most = 0.0;
-        for (std::size_t i = 0; i < sought; ++i) {
-          double& sum = closed[j * sought + i] = 0.0;
-          for (std::size_t l = 0; l < n; ++l) sum += loops[l * sought + i] * moves[j * n + l];
-          most = std::max(most, std::abs(sum));
-        }
-        scales[j] = most > 0.0 ? 1.0 / most : 1.0;
-        for (std::size_t i = 0; i < sought; ++i) closed[j * sought + i] *= scales[j];
-      }
-      squares.emplace(dense::Matrix<double>{closed.data(), sought, sought}, order.data(), left.data(), right.data());
-      squares->decompose(1e-9);
-    }
-
-    /// The pull for a gap, which is overwritten.
-    template <class Numbers>
-    void solve(Numbers& gap, Numbers& pull) const {
-      Numbers room;
-      squares->solve(gap.data(), pull.data(), room.data());
-      for (std::size_t j = 0; j < sought; ++j) pull[j] *= scales[j];
-    }
-  };
-
-  /// The end of a step by the trapezoidal rule as its fixed point has it, and how accelerations found there follow from those that lead there: 1 less
-  /// that is decomposed.  False where the fixed point has no number, or no derivative.
-  bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    std::copy(from.q.begin(), from.q.end(), from_.begin());
-    from_values_ = from.q;
-    for (std::size_t i = 0; i < n; ++i) {
-      speeds_[i] = from.v[i] + h / 2 * from.vdot[i];
-      way_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
-    }
-    stage_ = end;
-    du_.fill(Dual());
-    mechanism.begin_step(end.t, 1.0);
-    if constexpr (seeks_multipliers) {
-      if (!go_to_end(mechanism)) return false;
-      std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-      if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
-      find_projection();
-      return true;
-    } else {
-      return iterate_rule(mechanism, h) && go_to_end(mechanism) && decompose_rule(mechanism, h);
-    }
-  }
-
-  /// The fixed point, where multipliers belong to accelerations that close the loops.
-  bool iterate_rule(M& mechanism, double h) {
-    Fixed<double, n> next;
-    Fixed<double, m> correction;
-    double factor = 1.0;
-    Progress progress(factor);
-    for (int iteration = 0; iteration < 200 && !progress.is_over(); ++iteration) {
-      lead_stage(h);
-      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), next.data(), correction.data());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += correction[i];
-      stage_.vdot.swap(next);
-      for (std::size_t i = 0; i < n; ++i) next[i] -= stage_.vdot[i];
-      progress.add(this->size_of(next), this->size_of(stage_.vdot));
-    }
-    return progress.is_finite();
-  }
-
-  /// Newton's solution, with multipliers that close the loops at the end: by the decomposition, from the end of the step, whose accelerations are projected.
-  bool solve_rule(M& mechanism, double h) {
-    Fixed<double, n> left, change;
-    Fixed<double, m> open, rate, pull;
-    double factor = 1.0;
-    Progress progress(factor);
-    for (int iteration = 0; iteration < 50 && !progress.is_over(); ++iteration) {
-      lead_stage(h);
-      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), left.data(), pull.data());
-      mechanism.constraint_residual(stage_.q.data(), stage_.v.data(), open.data(), rate.data());
-      for (std::size_t i = 0; i < n; ++i) left[i] -= stage_.vdot[i];
-      solve(left, open, change, pull);
-      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += change[i];
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += pull[i];
-      progress.add(this->size_of(change), this->size_of(stage_.vdot));
-    }
-    return progress.is_finite();
-  }
-
-  /// How what the rule leaves of found accelerations, and of multipliers that it seeks, follows from these.
-  bool decompose_rule(M& mechanism, double h) {
-    for (std::size_t first = 0; first < n + sought; first += directions) {
-      const std::size_t number = std::min(directions, n + sought - first);
-      for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
-      for (std::size_t k = 0; k < number; ++k) (first + k < n ? found_[first + k] : lambda_[first + k - n]).slope[k] = 1.0;
-      if (!leave(mechanism, h, number)) return false;
-      for (std::size_t k = 0, j = first; k < number; ++k, ++j) {
-        for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : rates_.moves[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
-        for (std::size_t i = 0; i < sought && j < n; ++i) loops_[j * m + i] = phi_[i].slope[k];
-      }
-    }
-    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
-    squares_->decompose(1e-14);
-    if constexpr (seeks_multipliers) {
-      for (std::size_t j = 0; j < m; ++j) {
-        std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
-        squares_->solve(place_.data(), values_.data(), still_.data());
-        for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
-      }
-      ends_.decompose(loops_);
-    }
-    return squares_->rank() == n;
-  }
-
-  /// The projection of speeds at the end, by the masses there, and the pull that it takes.
-  void find_projection() {
-    Fixed<double, sought * n> by_speeds;
-    for (std::size_t i = 0; i < n; ++i) v_[i] = stage_.v[i];
-    for (std::size_t first = 0; first < n; first += directions) {
-      const std::size_t number = std::min(directions, n - first);
-      for (std::size_t k = 0; k < number; ++k) v_[first + k].slope[k] = 1.0;
-      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      for (std::size_t k = 0; k < number; ++k) {
-        for (std::size_t i = 0; i < m; ++i) by_speeds[(first + k) * m + i] = phid_[i].slope[k];
-        v_[first + k].slope = Slopes{};
-      }
-    }
-    rates_.decompose(by_speeds);
-    Fixed<double, m> gap;
-    for (std::size_t i = 0; i < m; ++i) gap[i] = phid_[i].value;
-    rates_.solve(gap, pull_);
-  }
-
-  /// How accelerations and multipliers have to change so that nothing is left of both equations; what is left is overwritten.
-  template <class Number>
-  void solve(Fixed<Number, n>& left, Fixed<Number, m>& open, Fixed<Number, n>& change, Fixed<Number, m>& pull) {
-    Fixed<Number, n> room;
-    squares_->solve(left.data(), change.data(), room.data());
-    for (std::size_t i = 0; i < m; ++i) {
-      open[i] *= -1.0;
-      for (std::size_t j = 0; j < n; ++j) open[i] -= loops_[j * m + i] * change[j];
-    }
-    ends_.solve(open, pull);
-    for (std::size_t j = 0; j < m; ++j)
-      for (std::size_t i = 0; i < n; ++i) change[i] += ends_.moves[j * n + i] * pull[j];
-  }
-
-  /// Its end along directions.
-  bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
-    for (std::size_t i = 0; i < n; ++i) {
-      const Dual before(from.vdot[i], vdot_[i]);
-      speeds_[i] = v_[i] + h / 2 * before;
-      way_[i] = h * v_[i] + h * h / 4 * before;
-      found_[i] = stage_.vdot[i];
-    }
-    from_ = q_;
-    mechanism.begin_step(stage_.t, 1.0);
-    if (!go_to_end(mechanism)) return false;
-    for (std::size_t i = 0; i < sought; ++i) lambda_[i] = stage_.lambda[i];
-    if (!leave(mechanism, h, number)) return false;
-    Fixed<Along, n> left, step, room;
-    for (std::size_t i = 0; i < n; ++i) left[i].slope = vdot_[i].slope;
-    if constexpr (seeks_multipliers) {
-      Fixed<Along, m> open, pull;
-      for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
-      solve(left, open, step, pull);
-    } else {
-      squares_->solve(left.data(), step.data(), room.data());
-    }
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step[i].slope;
-    lead(h);
-    return true;
-  }
-
-  /// The accelerations of the coordinates and speeds to which found ones lead, with the multipliers that are sought, or with those that belong to them; false
-  /// where one is no number.
-  bool leave(M& mechanism, double h, std::size_t number) {
-    lead(h);
-    if constexpr (!seeks_multipliers) return this->find_accelerations(mechanism, number);
-    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    for (const Dual& x : vdot_)
-      for (std::size_t k = 0; k < number; ++k)
-        if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
-    return true;
-  }
-
-  /// Speeds that the projection of Newton's iteration leaves: v less what the masses let a pull move, by which the rates of loops stay closed.
-  void close_rates() {
-    if constexpr (seeks_multipliers) {
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i] + pull_[i];
-      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), found_.data(), correction_.data());
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
-      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-      for (std::size_t i = 0; i < n; ++i) v_[i] += found_[i] - vdot_[i];
-      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      Fixed<Along, m> open, pull;
-      for (std::size_t i = 0; i < m; ++i) open[i].slope = phid_[i].slope;
-      rates_.solve(open, pull);
-      for (std::size_t j = 0; j < m; ++j)
-        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * pull[j].slope;
-    }
-  }
-
-  bool go_to_end(M& mechanism) {
-    if (!this->enter(mechanism, stage_)) return false;
-    mechanism_.begin_step(stage_.t, 1.0);
-    return true;
-  }
-
-  /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers.
-  void lead_stage(double h) {
-    Fixed<double, n> way;
-    for (std::size_t i = 0; i < n; ++i) {
-      stage_.v[i] = speeds_[i].value + h / 2 * stage_.vdot[i];
-      way[i] = way_[i].value + h * h / 4 * stage_.vdot[i];
-    }
-    retract<double>(charts(), from_values_.data(), way.data(), stage_.q.data());
-  }
-
-  void lead(double h) {
-    for (std::size_t i = 0; i < n; ++i) {
-      v_[i] = speeds_[i] + h / 2 * found_[i];
-      delta_[i] = way_[i] + h * h / 4 * found_[i];
-    }
-    retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
-  }
-
   /// An explicit method, whose last stage begins the next step.
   bool go_by_slopes(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
@@ -320,15 +89,10 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
       mechanism_.begin_step(stage_.t, 1.0);
       if (!this->find_accelerations(mechanism, number)) return false;
     }
-    take_inputs(mechanism);
+    this->take_inputs(mechanism);
     mechanism_.begin_step(stage_.t, 1.0);
     normalise<Dual>(charts(), q_.data());
     return true;
-  }
-
-  /// Inputs where the mechanism is.
-  void take_inputs([[maybe_unused]] M& mechanism) {
-    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
   }
 
   /// The projection of a step's end; false where loops stay open.
@@ -341,58 +105,25 @@ class PartDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return true;
   }
 
-  /// Moves until a gap and its derivatives are rounding.
+  /// Moves until a gap and its derivatives are rounding, or the next one leaves no more.
   template <class Numbers, class Measure, class Move>
   bool close(const Fixed<Dual, m>& gap, Numbers& numbers, Measure measure, Move move, Numbers& before) {
-    double least = std::numeric_limits<double>::infinity();
-    for (int iteration = 0, stalled = 0; iteration < 50 && stalled < 2; ++iteration) {
+    constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+    double factor = 1.0, last = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < 50; ++iteration) {
       measure();
-      const double left = largest_share(gap, numbers);
+      const double left = this->largest_share(gap, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
-      stalled = left < least / 2 ? 0 : stalled + 1;
-      least = std::min(least, left);
-      if (left <= 64 * std::numeric_limits<double>::epsilon()) break;
+      if (iteration > 0) factor = left / last;
+      if (left <= rounding || (factor > 0.5 && left <= 1e-9)) return true;
       before = numbers;
       mechanism_.project(q_.data(), gap.data(), step_.data());
       move();
+      if (left * std::min(1.0, factor) <= rounding && iteration > 0) return true;
+      last = left;
     }
-    return least <= 1e-9;
+    return false;
   }
-
-  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; of differences to these where they are as many.
-  template <class Numbers, class Others>
-  static double largest_share(const Numbers& numbers, const Others& others) {
-    std::array<double, directions> most{}, size{};
-    double value = 0.0, scale = 0.0;
-    const auto raise = [](double& largest, double x) {
-      if (largest == largest && !(std::abs(x) <= largest)) largest = std::abs(x);
-    };
-    for (std::size_t i = 0; i < numbers.size(); ++i) {
-      Dual x = numbers[i];
-      if constexpr (std::is_same_v<Numbers, Others>) x -= others[i];
-      raise(value, x.value);
-      for (std::size_t k = 0; k < directions; ++k) raise(most[k], x.slope[k]);
-    }
-    for (const Dual& x : others) {
-      raise(scale, x.value);
-      for (std::size_t k = 0; k < directions; ++k) raise(size[k], x.slope[k]);
-    }
-    double share = value / (1.0 + scale);
-    for (std::size_t k = 0; k < directions; ++k) raise(share, size[k] == 0.0 ? most[k] : most[k] / size[k]);
-    return share;
-  }
-
-  StateOf<M> stage_{M::sizes.coordinates, n, m};
-  Fixed<Dual, M::sizes.coordinates> from_;
-  Coordinates<M> from_values_;
-  Fixed<Dual, n> speeds_, way_, found_;
-  Fixed<double, n * n> matrix_;
-  Fixed<double, n> left_, right_;
-  Fixed<std::size_t, n> order_;
-  std::optional<dense::LeastSquares<double>> squares_;
-  Fixed<double, sought * n> loops_;  ///< what accelerations at the end close of the loops, by columns
-  Pulls ends_, rates_;               ///< of the rule and of its projection
-  Fixed<double, sought> pull_;       ///< that of the projection
 };
 
 }  // namespace cutjoint

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <limits>
 
 #include "cutjoint/core/part_derivatives.hpp"
 
@@ -28,10 +29,16 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     for (const Block& block : blocks_)
       if (block.matrix) std::fill_n(block.matrix, states * block.width, 0.0);
     for (std::size_t i = 0; by_state && i < states; ++i) by_state[i * states + i] = 1.0;
-    return take(simulation, minimal);
+    is_loaded_ = false;
+    open(simulation, minimal, nullptr);
+    return take(simulation);
   }
 
-  /// Directions of a run: how states change along each, and behind them what controllers hold, a matrix (states + held, number) by rows, and what
+  /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
+  /// how much those of accelerations and multipliers differ from what states give them.
+  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds + M::sizes.equations;
+
+  /// Directions of a run: how states change along each, behind them what controllers hold and what goes on, a matrix (rows, number) by rows, and what
   /// changes beside them, the number of an input, that of a parameter behind those of inputs, or -1.
   struct Directions {
     double* matrix;
@@ -50,27 +57,14 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
   Fault play(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Course course) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
-    if constexpr (M::sizes.held > 0) {
-      simulation_ = &simulation;
-      minimal_ = &minimal;
-      const auto& sampling = simulation.sampling();
-      for (std::size_t i = 0; i < sampling.size(); ++i)
-        if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
-          if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
-    }
-    if (const Fault fault = report(simulation, minimal, course)) return fault;
-    for (long i = 1; i <= steps; ++i) {
-      if (minimal.is_poor(simulation.starter(), simulation.state()))
-        if (const Fault fault = choose_again(simulation, minimal)) return fault;
-      if (const Fault fault = take(simulation, minimal)) return fault;
-      if (i % course.every == 0)
-        if (const Fault fault = report(simulation, minimal, course)) return fault;
-    }
-    return {};
+    open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
+    if (const Fault fault = find_carried()) return fault;
+    const Fault fault = go_on(steps, course), left = find_states();
+    return fault ? fault : left;
   }
 
  private:
-  using Base::n, Base::joints, Base::is_explicit;
+  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::no_row, Base::loaded_;
   using Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
   static constexpr bool is_adaptive = Steps::adaptive;
@@ -86,10 +80,41 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     int at(std::size_t column) const { return by ? by[column] : first < 0 ? -1 : first + static_cast<int>(column); }
   };
 
-  Fault take(Simulation& simulation, Minimal& minimal) {
-    const auto before = simulation.memory();
+  void open(Simulation& simulation, Minimal& minimal, double* carried) {
     simulation_ = &simulation;
     minimal_ = &minimal;
+    carried_ = carried;
+    simulation.complete_state();
+    load_all();
+    this->forget_part();
+  }
+
+  /// All that stays during the steps; parameters are loaded with the directions.
+  void load_all() {
+    this->load(*simulation_, *minimal_);
+    loaded_ = no_row;
+  }
+
+  Fault go_on(long steps, Course& course) {
+    Simulation& simulation = *simulation_;
+    if constexpr (M::sizes.held > 0) {
+      const auto& sampling = simulation.sampling();
+      for (std::size_t i = 0; i < sampling.size(); ++i)
+        if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
+          if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
+    }
+    if (const Fault fault = report(course)) return fault;
+    is_loaded_ = false;
+    for (long i = 1; i <= steps; ++i) {
+      if (const Fault fault = take(simulation)) return fault;
+      if (i % course.every == 0)
+        if (const Fault fault = report(course)) return fault;
+    }
+    return {};
+  }
+
+  Fault take(Simulation& simulation) {
+    const auto before = simulation.memory();
     const auto sample = blocks_[0].held > 0 ? &follow_sample : nullptr;
     Fault fault;
     if constexpr (is_adaptive) {
@@ -121,48 +146,86 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     return columns;
   }
 
-  /// A row of outputs at the present state, and how they change along directions.
-  Fault report(Simulation& simulation, Minimal& minimal, Course& course) {
-    if (course.number == 0) return {};
+  /// Do something for all directions, several side by side, which begin with a number and are so many.
+  template <class Use>
+  Fault for_rows(Use use) {
     const std::size_t columns = count_columns();
-    simulation_ = &simulation;
-    const double* known = simulation.report();
-    for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
-    if (const Fault fault = this->begin(simulation, minimal)) return fault;
-    for (std::size_t first = 0; first < columns; first += directions) {
-      const std::size_t number = std::min(directions, columns - first);
-      begin_row(first, number);
-      if (const Fault fault = this->derive(simulation.mechanism(), minimal, number)) return fault;
-      for (std::size_t i = 0; i < course.number; ++i)
-        for (std::size_t k = 0; k < number; ++k)
-          course.slopes[i * columns + first + k] = this->columns_[static_cast<std::size_t>(course.outputs[i])].slope[k];
-    }
-    course.slopes += course.number * columns;
+    for (std::size_t first = 0; first < columns; first += directions)
+      if (const Fault fault = use(first, std::min(directions, columns - first))) return fault;
     return {};
   }
 
-  /// Choose other independent coordinates in the present state, and put their changes in the place of those of the former ones.
-  Fault choose_again(Simulation& simulation, Minimal& minimal) {
-    const auto before = minimal.choice();
-    if (const Fault fault = minimal.choose(simulation.starter(), simulation.state())) return fault;
-    const auto after = minimal.choice();
-    simulation_ = &simulation;
-    minimal_ = &minimal;
+  /// A row of outputs at the present state, and how they change along directions.
+  Fault report(Course& course) {
+    if (course.number == 0) return {};
     const std::size_t columns = count_columns();
-    for (std::size_t first = 0; first < columns; first += directions) {
-      const std::size_t number = std::min(directions, columns - first);
-      minimal.restore(before);
-      if (const Fault fault = this->begin(simulation, minimal)) return fault;
-      begin_row(first, number);
-      mechanism_.begin_step(simulation.state().t, 1.0);
-      this->find_coordinates(minimal);
-      this->find_speeds(minimal);
-      minimal.restore(after);
-      std::copy(after.reference.begin(), after.reference.end(), reference_.begin());
+    const double* known = simulation_->report();
+    for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
+    const auto& state = simulation_->complete_state();
+    const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault odd = enter_row(state, first, number)) return odd;
+      if constexpr (Base::has_system) {
+        this->system_.begin_step(state.t, 1.0);
+        this->system_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
+      } else {
+        mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
+      }
+      for (std::size_t i = 0; i < course.number; ++i)
+        for (std::size_t k = 0; k < number; ++k)
+          course.slopes[i * columns + first + k] = this->columns_[static_cast<std::size_t>(course.outputs[i])].slope[k];
+      return {};
+    });
+    course.slopes += course.number * columns;
+    return fault;
+  }
+
+  /// From changes of states to those of all that goes on from step to step.
+  Fault find_carried() {
+    const auto& state = simulation_->complete_state();
+    std::copy(state.vdot.begin(), state.vdot.end(), known_.begin());
+    double* const carried = carried_;
+    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      carried_ = nullptr;
+      const Fault fault = enter_row(state, first, number);
+      carried_ = carried;
+      if (fault) return fault;
+      visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
+        for (std::size_t k = 0; k < number && is_rest; ++k) x.slope[k] += row[k];
+      });
+      keep_row(first, number);
+      return {};
+    });
+  }
+
+  /// From these to changes of states, of coordinates that are chosen anew where they have become poor.
+  Fault find_states() {
+    const auto& state = simulation_->complete_state();
+    if (minimal_->is_poor(simulation_->starter(), simulation_->state()))
+      if (const Fault fault = minimal_->choose(simulation_->starter(), simulation_->state())) return fault;
+    std::copy(minimal_->choice().reference.begin(), minimal_->choice().reference.end(), reference_.begin());
+    return for_rows([&](std::size_t first, std::size_t number) -> Fault {
+      if (const Fault fault = enter_row(state, first, number)) return fault;
       end_row(first, number);
-    }
-    minimal.restore(after);
-    return {};
+      if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
+      visit_carried(first, [&](const Dual& x, double* row, bool is_rest) {
+        for (std::size_t k = 0; k < number && is_rest; ++k) row[k] = goes_on ? row[k] - x.slope[k] : 0.0;
+      });
+      return {};
+    });
+  }
+
+  /// Visit numbers that go on from step to step, with their changes along directions from one on, and whether these are a rest that states do not tell.
+  template <class Visit>
+  void visit_carried(std::size_t first, Visit use) {
+    double* row = carried_ + first;
+    const auto all = [&](auto& numbers, bool is_rest) {
+      for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
+    };
+    all(q_, false), all(v_, false), all(vdot_, true), all(lambda_, true);
+  }
+
+  void keep_row(std::size_t first, std::size_t number) {
+    visit_carried(first, [number](const Dual& x, double* row, bool) { std::copy_n(&x.slope[0], number, row); });
   }
 
   /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
@@ -183,21 +246,27 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   /// A controller comes to hold the values of a sample, which change as the present state does.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
     if constexpr (M::sizes.held > 0) {
-      if (const Fault fault = this->begin(*simulation_, *minimal_)) return fault;
+      const auto& state = simulation_->complete_state();
       Fixed<Dual, M::sizes.held> next;
-      for (std::size_t first = 0; first < blocks_[0].width; first += directions) {
-        const std::size_t number = std::min(directions, blocks_[0].width - first);
-        begin_row(first, number);
-        if (!this->derive_motion(simulation_->mechanism(), *minimal_, number)) return this->not_finite();
+      bool changes = false;
+      const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
+        if (const Fault odd = enter_row(state, first, number)) return odd;
         if constexpr (Base::has_system) {
-          this->system_.begin_step(this->state_->t, 1.0);
+          this->system_.begin_step(state.t, 1.0);
           this->system_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
         } else {
           mechanism_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
         }
         for (std::size_t i = at; i < at + held; ++i)
-          for (std::size_t k = 0; k < number; ++k) blocks_[0].matrix[(states + i) * blocks_[0].width + first + k] = next[i].slope[k];
-      }
+          for (std::size_t k = 0; k < number; ++k) {
+            double& slope = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
+            changes = changes || slope != next[i].slope[k];
+            slope = next[i].slope[k];
+          }
+        return {};
+      });
+      if (changes) known_.fill(std::numeric_limits<double>::quiet_NaN());
+      return fault;
     }
     return {};
   }
@@ -217,26 +286,61 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
-    Simulation& simulation = *simulation_;
-    Starter<M>& starter = simulation.starter();
-    M& mechanism = simulation.mechanism();
-    this->load(simulation, *minimal_);
-    const std::size_t columns = count_columns();
-    const Fault no_end{.cause = Cause::accelerations_not_finite, .t = end.t};
-    if (columns > 0 && !this->find_part(mechanism, from, end, h)) return no_end;
-    for (std::size_t first = 0; first < columns; first += directions) {
-      const std::size_t number = std::min(directions, columns - first);
-      mechanism.begin_step(from.t, 1.0);
-      begin_row(first, number);
-      if (!this->enter(mechanism, from)) return this->not_finite();
-      if (const Fault fault = minimal_->decompose(starter, from)) return fault;
-      if (!this->derive_motion(mechanism, *minimal_, number)) return this->not_finite();
-      if (!this->go(mechanism, from, h, number)) return no_end;
-      if (!this->close_end(simulation)) return {.cause = Cause::pose_singular, .t = end.t};
-      end_row(first, number);
+    if (!is_loaded_) load_all();
+    is_loaded_ = true;
+    if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
+    const Fault fault = for_rows([&](std::size_t first, std::size_t number) { return follow_row(from, end, h, first, number); });
+    std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
+    simulation_->mechanism().begin_step(end.t, 1.0);
+    return fault;
+  }
+
+  Fault follow_row(const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t first, std::size_t number) {
+    for (;;) {
+      if (const Fault fault = enter_row(from, first, number)) return fault;
+      if (this->go(*simulation_, from, end, h, number)) break;
+      if (!this->can_get_ready_anew()) return no_end(end);
+      this->forget_part();
+      if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
     }
-    mechanism.begin_step(end.t, 1.0);
+    if (!this->close_end(*simulation_)) return {.cause = Cause::pose_singular, .t = end.t};
+    if (carried_) keep_row(first, number);
+    else end_row(first, number);
     return {};
+  }
+
+  static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
+
+  /// Coordinates, speeds, accelerations and multipliers of a state along directions.
+  Fault enter_row(const StateOf<M>& state, std::size_t first, std::size_t number) {
+    M& mechanism = simulation_->mechanism();
+    mechanism.begin_step(state.t, 1.0);
+    begin_row(first, number);
+    if (!carried_ || !std::equal(known_.begin(), known_.end(), state.vdot.begin()) || !goes_on)
+      if (!this->enter(mechanism, state)) return this->not_finite();
+    if (!carried_) {
+      if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
+      return this->derive_motion(mechanism, *minimal_, number) ? Fault{} : this->not_finite();
+    }
+    return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
+  }
+
+  /// The same of what goes on from step to step; accelerations that have been found anew are functions of the rest.
+  bool take_row(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
+    this->state_ = &state;
+    this->take_inputs(mechanism);
+    mechanism_.begin_step(state.t, 1.0);
+    std::copy(state.q.begin(), state.q.end(), q_.begin());
+    std::copy(state.v.begin(), state.v.end(), v_.begin());
+    const bool is_known = goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
+    if (is_known) {
+      std::copy(state.vdot.begin(), state.vdot.end(), vdot_.begin());
+      std::copy(state.lambda.begin(), state.lambda.end(), lambda_.begin());
+    }
+    visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
+      for (std::size_t k = 0; k < number && (is_known || !is_rest); ++k) x.slope[k] = row[k];
+    });
+    return is_known || this->find_accelerations(mechanism, number);
   }
 
   /// Visit columns of the matrices as if they stood side by side: the direction, the matrix, and the column in it.
@@ -258,14 +362,16 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     du_.fill(Dual());
     for (Dual& x : parameters_) x.slope = Slopes{};
     this->dheld_.fill(Dual());
-    visit(first, number, [this](std::size_t k, const Block& block, std::size_t column) {
+    std::size_t row = plain_row;
+    visit(first, number, [&](std::size_t k, const Block& block, std::size_t column) {
       for (std::size_t i = 0; i < states; ++i) dx_[i].slope[k] = block.matrix[i * block.width + column];
       for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].slope[k] = block.matrix[(states + i) * block.width + column];
       const int by = block.at(column), parameter = by - static_cast<int>(inputs);
-      if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].slope[k] = 1.0;
+      if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].slope[k] = 1.0, row = first;
       else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].slope[k] = 1.0;
     });
-    this->load_parameters(*simulation_);
+    if (row != loaded_) this->load_parameters(*simulation_);
+    loaded_ = row;
   }
 
   /// Independent coordinates and rates at the end.
@@ -280,9 +386,14 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     });
   }
 
+  static constexpr std::size_t plain_row = no_row - 1;  ///< is loaded where no parameter changes
+
   Simulation* simulation_ = nullptr;
   Minimal* minimal_ = nullptr;
   std::array<Block, 3> blocks_{};
+  double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
+  Fixed<double, n> known_;     ///< the accelerations whose changes these have
+  bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
   Fault followed_;                                     ///< why one of its steps has no derivative

@@ -1,0 +1,378 @@
+// Derivatives of the end of a step by the trapezoidal rule.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+
+#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/derivatives.hpp"
+
+namespace cutjoint {
+
+/// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
+///
+/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It closes the rates of loops at the smallest cost in the
+/// norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
+template <class Simulation, Sized D, Sized S, std::size_t freedoms>
+class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
+ public:
+  using Base = Derivatives<Simulation, D, S, freedoms>;
+  using typename Base::M;
+
+ protected:
+  using typename Base::Progress;
+  using Base::m, Base::n;
+  using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
+      Base::step_, Base::still_, Base::v_, Base::values_, Base::vdot_;
+  static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
+  static constexpr bool seeks_multipliers = Base::has_system && m > 0;
+  static constexpr std::size_t sought = seeks_multipliers ? m : 0;
+  static constexpr int most_iterations = 30;
+
+  /// What multipliers move, by columns, and the pull that closes gaps; where equations depend on each other some pull in vain.
+  struct Pulls {
+    Fixed<double, sought * n> moves;
+    Fixed<double, sought * sought> closed;
+    Fixed<double, sought> scales, left, right;
+    Fixed<std::size_t, sought> order;
+    std::optional<dense::LeastSquares<double>> squares;
+
+    /// Of what moves close, by columns.
+    void decompose(const Fixed<double, sought * n>& loops) {
+      for (std::size_t j = 0; j < sought; ++j) {
+        double most = 0.0;
+        for (std::size_t i = 0; i < sought; ++i) {
+          double& sum = closed[j * sought + i] = 0.0;
+          for (std::size_t l = 0; l < n; ++l) sum += loops[l * sought + i] * moves[j * n + l];
+          most = std::max(most, std::abs(sum));
+        }
+        scales[j] = most > 0.0 ? 1.0 / most : 1.0;
+        for (std::size_t i = 0; i < sought; ++i) closed[j * sought + i] *= scales[j];
+      }
+      squares.emplace(dense::Matrix<double>{closed.data(), sought, sought}, order.data(), left.data(), right.data());
+      squares->decompose(1e-9);
+    }
+
+    /// The pull for a gap, which is overwritten.
+    template <class Numbers>
+    void solve(Numbers& gap, Numbers& pull) const {
+      Numbers room;
+      squares->solve(gap.data(), pull.data(), room.data());
+      for (std::size_t j = 0; j < sought; ++j) pull[j] *= scales[j];
+    }
+  };
+
+  /// The end of a step by the trapezoidal rule as Newton's iteration has it, and how accelerations and multipliers found there follow from those that lead there:
+  /// 1 less that is decomposed.  False where there is no number, or no derivative.
+  bool find_rule(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    M& mechanism = simulation.mechanism();
+    set_out(simulation, from, h);
+    from_values_ = from.q;
+    stage_ = end;
+    mechanism.begin_step(end.t, 1.0);
+    if (!go_to_end(mechanism)) return false;
+    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+    if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
+    find_projection();
+    return true;
+  }
+
+  /// From the beginning of a part that does not change along directions.
+  void set_out(Simulation& simulation, const StateOf<M>& from, double h) {
+    std::copy(from.q.begin(), from.q.end(), from_.begin());
+    for (std::size_t i = 0; i < n; ++i) {
+      speeds_[i] = from.v[i] + h / 2 * from.vdot[i];
+      way_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
+    }
+    du_.fill(Dual());
+    this->dheld_.fill(Dual());
+    for (Dual& x : this->parameters_) x.slope = Slopes{};
+    this->load_parameters(simulation);
+    loaded_ = no_row;
+  }
+
+  /// The inverse of 1 less how the accelerations f at the end follow from those, a, that lead there, by which `find_end` goes on; false where there is none.
+  bool find_inverse(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    set_out(simulation, from, h);
+    enter_end(simulation.mechanism(), end);
+    for (std::size_t first = 0; first < n; first += directions) {
+      const std::size_t number = std::min(directions, n - first);
+      for (std::size_t i = 0; i < n; ++i) found_[i] = end.vdot[i];
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = end.lambda[i];
+      for (std::size_t k = 0; k < number; ++k) found_[first + k].slope[k] = 1.0;
+      lead(h);
+      for (int pass = 0; pass < (m > 0 ? 2 : 1); ++pass) evaluate();
+      for (std::size_t k = 0, j = first; k < number; ++k, ++j)
+        for (std::size_t i = 0; i < n; ++i) matrix_[j * n + i] = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
+    }
+    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
+    squares_->decompose(1e-14);
+    for (std::size_t j = 0; j < n; ++j) {
+      place_.fill(0.0);
+      place_[j] = 1.0;
+      squares_->solve(place_.data(), inverse_.data() + j * n, still_.data());
+    }
+    inverse_of_ = h;
+    is_stale_ = false;
+    return squares_->rank() == n;
+  }
+
+  /// Accelerations at coordinates, speeds and multipliers, which it corrects.
+  void evaluate() {
+    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] += correction_[i];
+  }
+
+  void enter_end(M& mechanism, const StateOf<M>& end) {
+    mechanism.begin_step(end.t, 1.0);
+    take_inputs(mechanism);
+    mechanism_.begin_step(end.t, 1.0);
+  }
+
+  /// The end of a step by the rule's fixed point along directions.
+  bool go_by_fixed_point(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    leave_start(from, h);
+    for (std::size_t i = 0; i < n; ++i) found_[i] = {end.vdot[i], vdot_[i]};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], lambda_[i]};
+    enter_end(mechanism, end);
+    if (!find_end(h)) return false;
+    lead(h);
+    vdot_ = found_;
+    return true;
+  }
+
+  /// Accelerations and multipliers of the fixed point, numbers and slopes, from near ones: what f(a) differs from a by goes through the inverse.  The first two
+  /// changes tell by which factor errors fall; rounding may be as large as penalties make it.  False where it does not come to an end.
+  bool find_end(double h) {
+    double factor = 1.0, before = 0.0;
+    for (int iteration = 1; iteration <= most_iterations; ++iteration) {
+      lead(h);
+      evaluate();
+      for (std::size_t i = 0; i < n; ++i) vdot_[i] -= found_[i];
+      step_.fill(Dual());
+      for (std::size_t j = 0; j < n; ++j)
+        for (std::size_t i = 0; i < n; ++i) {
+          step_[i].value += inverse_[j * n + i] * vdot_[j].value;
+          step_[i].slope += inverse_[j * n + i] * vdot_[j].slope;
+        }
+      for (std::size_t i = 0; i < n; ++i) found_[i] += step_[i];
+      const double share = largest_share(step_, found_);
+      if (!(share <= std::numeric_limits<double>::max())) return false;
+      if (iteration == 2) factor = share / before;
+      is_stale_ = iteration > 5;
+      const bool is_rounding = iteration > 2 && share > before / 2 && share <= 1e-5;
+      if (share * std::min(1.0, factor) <= 1e-10 || is_rounding) return true;
+      before = share;
+    }
+    return false;
+  }
+
+  /// Newton's solution, with multipliers that close the loops at the end: by the decomposition, from the end of the step, whose accelerations are projected.
+  bool solve_rule(M& mechanism, double h) {
+    Fixed<double, n> left, change;
+    Fixed<double, m> open, rate, pull;
+    double factor = 1.0;
+    Progress progress(factor);
+    for (int iteration = 0; iteration < 50 && !progress.is_over(); ++iteration) {
+      lead_stage(h);
+      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), left.data(), pull.data());
+      mechanism.constraint_residual(stage_.q.data(), stage_.v.data(), open.data(), rate.data());
+      for (std::size_t i = 0; i < n; ++i) left[i] -= stage_.vdot[i];
+      solve(left, open, change, pull);
+      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += change[i];
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += pull[i];
+      progress.add(this->size_of(change), this->size_of(stage_.vdot));
+    }
+    return progress.is_finite();
+  }
+
+  /// How what the rule leaves of found accelerations and multipliers follows from these.
+  bool decompose_rule(M& mechanism, double h) {
+    for (std::size_t first = 0; first < n + sought; first += directions) {
+      const std::size_t number = std::min(directions, n + sought - first);
+      for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
+      for (std::size_t k = 0; k < number; ++k) (first + k < n ? found_[first + k] : lambda_[first + k - n]).slope[k] = 1.0;
+      if (!leave(h, number)) return false;
+      for (std::size_t k = 0, j = first; k < number; ++k, ++j) {
+        for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : rates_.moves[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
+        for (std::size_t i = 0; i < sought && j < n; ++i) loops_[j * m + i] = phi_[i].slope[k];
+      }
+    }
+    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
+    squares_->decompose(1e-14);
+    for (std::size_t j = 0; j < sought; ++j) {
+      std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
+      squares_->solve(place_.data(), values_.data(), still_.data());
+      for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
+    }
+    ends_.decompose(loops_);
+    return squares_->rank() == n;
+  }
+
+  /// The projection of speeds at the end, by the masses there, and the pull that it takes.
+  void find_projection() {
+    Fixed<double, sought * n> by_speeds;
+    for (std::size_t i = 0; i < n; ++i) v_[i] = stage_.v[i];
+    for (std::size_t first = 0; first < n; first += directions) {
+      const std::size_t number = std::min(directions, n - first);
+      for (std::size_t k = 0; k < number; ++k) v_[first + k].slope[k] = 1.0;
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      for (std::size_t k = 0; k < number; ++k) {
+        for (std::size_t i = 0; i < m; ++i) by_speeds[(first + k) * m + i] = phid_[i].slope[k];
+        v_[first + k].slope = Slopes{};
+      }
+    }
+    rates_.decompose(by_speeds);
+    Fixed<double, m> gap;
+    for (std::size_t i = 0; i < m; ++i) gap[i] = phid_[i].value;
+    rates_.solve(gap, pull_);
+  }
+
+  /// How accelerations and multipliers have to change so that nothing is left of both equations; what is left is overwritten.
+  template <class Number>
+  void solve(Fixed<Number, n>& left, Fixed<Number, m>& open, Fixed<Number, n>& change, Fixed<Number, m>& pull) {
+    Fixed<Number, n> room;
+    squares_->solve(left.data(), change.data(), room.data());
+    for (std::size_t i = 0; i < m; ++i) {
+      open[i] *= -1.0;
+      for (std::size_t j = 0; j < n; ++j) open[i] -= loops_[j * m + i] * change[j];
+    }
+    ends_.solve(open, pull);
+    for (std::size_t j = 0; j < m; ++j)
+      for (std::size_t i = 0; i < n; ++i) change[i] += ends_.moves[j * n + i] * pull[j];
+  }
+
+  /// Its end along directions.
+  bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+    leave_start(from, h);
+    for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
+    mechanism.begin_step(stage_.t, 1.0);
+    if (!go_to_end(mechanism)) return false;
+    for (std::size_t i = 0; i < sought; ++i) lambda_[i] = stage_.lambda[i];
+    if (!leave(h, number)) return false;
+    Fixed<Along, n> left, step;
+    Fixed<Along, m> open, pull;
+    for (std::size_t i = 0; i < n; ++i) left[i].slope = vdot_[i].slope;
+    for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
+    solve(left, open, step, pull);
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step[i].slope;
+    lead(h);
+    return true;
+  }
+
+  /// Where the beginning leads along directions, but for accelerations at the end.
+  void leave_start(const StateOf<M>& from, double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const Dual before(from.vdot[i], vdot_[i]);
+      speeds_[i] = v_[i] + h / 2 * before;
+      way_[i] = h * v_[i] + h * h / 4 * before;
+    }
+    from_ = q_;
+  }
+
+  /// The accelerations of the coordinates and speeds to which found ones lead, with the multipliers that are sought; false where one is no number.
+  bool leave(double h, std::size_t number) {
+    lead(h);
+    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+    for (const Dual& x : vdot_)
+      for (std::size_t k = 0; k < number; ++k)
+        if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
+    return true;
+  }
+
+  /// Speeds that the projection of Newton's iteration leaves: v less what the masses let a pull move, by which the rates of loops stay closed.
+  void close_rates() {
+    if constexpr (seeks_multipliers) {
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i] + pull_[i];
+      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), found_.data(), correction_.data());
+      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
+      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
+      for (std::size_t i = 0; i < n; ++i) v_[i] += found_[i] - vdot_[i];
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      Fixed<Along, m> open, pull;
+      for (std::size_t i = 0; i < m; ++i) open[i].slope = phid_[i].slope;
+      rates_.solve(open, pull);
+      for (std::size_t j = 0; j < m; ++j)
+        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * pull[j].slope;
+    }
+  }
+
+  bool go_to_end(M& mechanism) {
+    if (!this->enter(mechanism, stage_)) return false;
+    mechanism_.begin_step(stage_.t, 1.0);
+    return true;
+  }
+
+  /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers.
+  void lead_stage(double h) {
+    Fixed<double, n> way;
+    for (std::size_t i = 0; i < n; ++i) {
+      stage_.v[i] = speeds_[i].value + h / 2 * stage_.vdot[i];
+      way[i] = way_[i].value + h * h / 4 * stage_.vdot[i];
+    }
+    retract<double>(charts(), from_values_.data(), way.data(), stage_.q.data());
+  }
+
+  void lead(double h) {
+    for (std::size_t i = 0; i < n; ++i) {
+      v_[i] = speeds_[i] + h / 2 * found_[i];
+      delta_[i] = way_[i] + h * h / 4 * found_[i];
+    }
+    retract<Dual>(charts(), from_.data(), delta_.data(), q_.data());
+  }
+
+  /// The largest number, by 1 + the largest of others, or derivative, by the largest along its direction; not a number where one is none.
+  template <class Numbers, class Others>
+  static double largest_share(const Numbers& numbers, const Others& others) {
+    const Dual most = largest(numbers), size = largest(others);
+    double share = most.value / (1.0 + size.value);
+    for (std::size_t k = 0; k < directions; ++k) {
+      const double along = size.slope[k] == 0.0 ? most.slope[k] : most.slope[k] / size.slope[k];
+      if (!(along <= share)) share = along;
+      if (along != along) break;
+    }
+    return share;
+  }
+
+  /// The largest number and derivatives; not a number where one is none.
+  template <class Numbers>
+  static Dual largest(const Numbers& numbers) {
+    Dual most, odd;
+    for (const Dual& x : numbers) {
+      const Slopes size = x.slope < 0.0 ? -x.slope : x.slope;
+      most.slope = size > most.slope ? size : most.slope;
+      most.value = std::max(most.value, std::abs(x.value));
+      odd.slope += 0.0 * x.slope;
+      odd.value += 0.0 * x.value;
+    }
+    return most + odd;
+  }
+
+  /// Inputs where the mechanism is.
+  void take_inputs([[maybe_unused]] M& mechanism) {
+    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
+  }
+
+  std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded
+
+  StateOf<M> stage_{M::sizes.coordinates, n, m};
+  Fixed<Dual, M::sizes.coordinates> from_;
+  Coordinates<M> from_values_;
+  Fixed<Dual, n> speeds_, way_, found_;
+  Fixed<double, n * n> matrix_, inverse_;
+  double inverse_of_ = 0.0;  ///< the length of step that the inverse is of
+  bool is_stale_ = true;     ///< whether another inverse is sought next
+  Fixed<double, n> left_, right_;
+  Fixed<std::size_t, n> order_;
+  std::optional<dense::LeastSquares<double>> squares_;
+  Fixed<double, sought * n> loops_;  ///< what accelerations at the end close of the loops, by columns
+  Pulls ends_, rates_;               ///< of the rule and of its projection
+  Fixed<double, sought> pull_;       ///< that of the projection
+};
+
+}  // namespace cutjoint
