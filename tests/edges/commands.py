@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 
 import click
 
@@ -14,8 +15,9 @@ from .values import MODEL, ROBOT, STUDY, TABLE
 _CHOICES = {"peer": "exudyn"}
 #: Commands that take minutes where nothing is wrong.
 LONG = ("bench",)
-#: Commands that refuse any call with the press, which has no wheels, and no scene that prescribes a motion.
-UNSUITED = ("inverse", "kinematics")
+#: Commands that refuse any call with the press, which has no wheels, and no scene that prescribes a motion, and what takes a package
+#: that may not be there.
+UNSUITED = ("inverse", "kinematics", *(() if find_spec("ziglang") else ("drive",)))
 #: Options that keep a call short, where a command has them.
 _SHORT = {"--end": "0.01", "--method": "recursive"}
 #: The command for which such an option goes with another value of its choice alone.
@@ -25,7 +27,7 @@ _BESIDE = {"over": ["--view=out_view.html"], "beside": ["--plots=out_plots"]}
 #: Files other than models that options and arguments read.
 READ = {"cases": TABLE, "study": STUDY, "file": ROBOT}
 #: Options and arguments that read a file of which users have none here.
-_UNREADY = ("over", "fmus", "beside", "functions")
+_UNREADY = ("over", "fmus", "beside", "functions", "replay")
 
 
 def commands() -> dict[str, click.Command]:

@@ -15,7 +15,7 @@ from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion
-from cutjoint.view.page import SCRIPTS, Camera, Failure, PlotColumn, make_page
+from cutjoint.view.page import DRIVING, SCRIPTS, Camera, Failure, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.conftest import needs_cpp
 from tests.view.browser import Page
@@ -230,7 +230,7 @@ def test_scripts_end_where_they_end(file: Path) -> None:
 
 
 def test_all_parts_of_the_script_are_in_the_page() -> None:
-    assert sorted(SCRIPTS) == sorted(file.stem for file in (templates_folder() / "view" / "page").glob("*.js"))
+    assert sorted((*SCRIPTS, *DRIVING)) == sorted(file.stem for file in (templates_folder() / "view" / "page").glob("*.js"))
 
 
 def test_the_libraries_have_their_licences() -> None:

@@ -21,6 +21,7 @@ from cutjoint.methods import (
     PRECISIONS,
     SOLVERS,
     Events,
+    Formulation,
     Implementation,
     Loops,
     join_and,
@@ -256,6 +257,18 @@ OPTIONS: Mapping[str, Row] = {
     "sweep.out": click.option("--out", type=_FILE, help="Parquet file; STUDY's name with .parquet, in the present folder, otherwise."),
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
+    "drive.scene": _FIRST_SCENE,
+    "drive.method": _one_of("--method", names=lambda: names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL),
+        default=DEFAULT_METHOD, show_default=True,
+        help="Formulation."),
+    "drive.out": click.option("--out", type=_FILE, help="Page (.html); MODEL's name with .html, in the present folder, otherwise."),
+    "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT", help="The input or parameter that steers, and its values at full "
+        "left and right; by its name otherwise."),
+    "drive.replay": click.option("--replay", type=_READ, help="A drive that the page has saved (JSON): its table (CSV), by code for this "
+        "machine."),
+    "throttle": click.option("--throttle", metavar="NAME=FULL", help="The input or parameter that drives, and its value at full throttle."),
+    "brake": click.option("--brake", metavar="NAME=FULL", help="The input or parameter that brakes, and its value at full brake."),
+    "ranges": click.option("--range", "ranges", metavar="NAME=LOW,HIGH", multiple=True, help="The ends of another input or parameter."),
     "live": click.option("--live", metavar="PORT", type=Setting("live"), help="Follow a running host instead: a page at "
         "http://localhost:PORT/ shows the poses that come as datagrams at UDP port PORT."),
     "shared": click.option("--shared", is_flag=True, help="Let other machines send poses and see the page."),

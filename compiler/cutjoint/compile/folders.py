@@ -126,6 +126,13 @@ class Standalone:
         return next(name for name in self.files if name.endswith(".h"))
 
     @property
+    def mark(self) -> str:
+        """The digest in the C header: of the model, its scene's steps and the version."""
+        found = re.search(r'_DIGEST "(\w+)"', self.files[self.header])
+        assert found is not None
+        return found[1]
+
+    @property
     def simulator(self) -> str:
         """The name of the program that reads a run file and prints a table."""
         return simulator_of(self.name)
@@ -180,11 +187,9 @@ class Standalone:
         """
         if hosted := functions_of_host(self.parts.stepped.topology.model):
             raise RunError(f"target wasm: function '{hosted[0]}' is left to a host, and modules call none; give its code by --functions")
-        mark = re.search(r'_DIGEST "(\w+)"', self.files[self.header])
-        assert mark is not None
         facts = {
             "name": self.name, "scene": self.parts.stepped.scene.name, "method": self.method, "integrator": self.integrator,
-            "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": mark[1],
+            "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": self.mark,
         }  # fmt: skip
         return with_section(build_module(self.name, self.files, self.digest, flags), json.dumps(facts).encode())
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
 from cutjoint.formulate.records import RecursiveEquations
@@ -64,7 +65,6 @@ def load_scene(
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise)
     standalone = alone()
-    mechanism = generated.equations.mechanism
 
     def build() -> Path:
         return with_rollout(alone(side_by_side=True)).build_library(flags)
@@ -72,12 +72,21 @@ def load_scene(
     hosted = _functions_of(model, functions or {})
     fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
+    begin = partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None
+    return open_standalone(standalone, flags, lanes=lanes, functions=hosted, begin=begin)
+
+
+def open_standalone(standalone: Standalone, flags: Sequence[str] = FLAGS, **more: Any) -> Simulation:
+    """Compile a folder as a library, or find it in the cache, and open it; ``more`` is of `Library`.
+
+    Raises:
+        ToolchainError: the C++ compiler failed.
+    """
+    equations, mechanism = standalone.parts.stepped, standalone.parts.mechanism
     return Simulation(Library(
         standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(generated.equations.equation_names), freedoms=standalone.freedoms,
-        states=len(mechanism.state.states), carried=_carried(mechanism), has_poses=bool(standalone.poses),
-        steps=standalone.steps, settings=standalone.settings, lanes=lanes, functions=hosted,
-        begin=partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None,
+        equations=len(equations.equation_names), freedoms=standalone.freedoms, states=len(mechanism.state.states),
+        carried=_carried(mechanism), has_poses=bool(standalone.poses), steps=standalone.steps, settings=standalone.settings, **more,
     ))  # fmt: skip
 
 

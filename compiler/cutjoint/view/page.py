@@ -15,6 +15,7 @@ from zlib import crc32
 import jinja2
 import numpy as np
 
+from cutjoint.compile.folders import module_script
 from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Plot, Vector
 from cutjoint.package.locations import templates_folder
@@ -60,44 +61,63 @@ SCRIPTS = (
     "live", "controls",
 )  # fmt: skip
 
+#: More files of pages with a simulation that runs, before the last.
+DRIVING = ("drive",)
+
 #: The number of last rows of a failed run that are played slowly.
 LAST_ROWS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """A simulation for a page: its ``module`` of WebAssembly, and ``facts`` about its steps and what moves its inputs."""
+
+    module: bytes
+    facts: Mapping[str, object]
 
 
 def make_page(
     *, title: str, scene: str, note: str, bodies: Sequence[str], glb: bytes, t: Array, columns: Sequence[PlotColumn], camera: Camera,
     failure: Failure | None = None, motions: Sequence[Motion] = (), over: GhostRun | None = None,
     graph: Graph | None = None, sliders: Sliders | None = None, is_live: bool = False, plots: Sequence[Plot] = (),
+    drive: Drive | None = None,
 ) -> str:  # fmt: skip
     """The page of a .glb file and the columns of its run; names are data there, whatever they are.  One that is live asks where it comes
-    from for poses.  Named ``plots`` are chosen as columns are."""
+    from for poses, one to ``drive`` has its simulation inside.  Named ``plots`` are chosen as columns are."""
     folder = templates_folder() / "view"
     about = {
         "title": title, "scene": scene, "note": note, "bodies": list(bodies), "outlook": asdict(camera), "rows": int(t.size),
         "failure": None if failure is None else {**asdict(failure), "since": float(t[-min(t.size, LAST_ROWS)])},
         "motions": [{"name": m.name, "facts": list(m.facts)} for m in motions], "period": PERIOD,
         **({"live": True} if is_live else {}),
+        **({"drive": drive.facts} if drive else {}),
         "sliders": None if sliders is None else sliders.facts,
         "graph": None if graph is None else asdict(graph),
         "over": None if over is None else {"name": over.name, "rows": int(over.drawing.t.size), "columns": list(over.columns)},
         "plots": [asdict(plot) for plot in plots if {plot.x, *plot.y} <= {"t", *(c.name for c in columns)}],
         "columns": [{"name": c.name, "unit": c.unit, "bodies": list(c.bodies)} for c in columns],
     }  # fmt: skip
-    moving = [] if sliders is None else [sliders.script]
-    scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script()]
+    moving = [] if sliders is None or drive else [sliders.script]
+    scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script(driving=drive is not None)]
     data = {"about": as_data(about), "glb": _encoded(glb), "table": _table(t, [c.values for c in columns])}
+    if drive is not None:
+        data["module"] = _encoded(drive.module)
     if over is not None:
         data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": _table(over.drawing.t, [*over.columns.values()])}
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), is_live=is_live, data=[(name, crc32(text.encode()), text) for name, text in data.items()],
+        title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None,
+        data=[(name, crc32(text.encode()), text) for name, text in data.items()],
         scripts=scripts, hashes=[script_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],
     )  # fmt: skip
 
 
-def own_script() -> str:
-    """The page's own script."""
-    parts = [(templates_folder() / "view" / "page" / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
+def own_script(*, driving: bool = False) -> str:
+    """The page's own script; one that is ``driving`` has a simulation and its host too."""
+    names = (*SCRIPTS[:-1], *DRIVING, SCRIPTS[-1]) if driving else SCRIPTS
+    parts = [(templates_folder() / "view" / "page" / f"{name}.js").read_text(encoding="utf-8") for name in names]
+    if driving:
+        parts.insert(0, module_script())
     return "\n".join(["'use strict';", "(() => {", *parts, "})();", ""])
 
 

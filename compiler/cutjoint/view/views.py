@@ -30,7 +30,7 @@ from cutjoint.view.ghost import GhostRun
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
-from cutjoint.view.page import LAST_ROWS, Failure, PlotColumn, find_failure, make_page
+from cutjoint.view.page import LAST_ROWS, Drive, Failure, PlotColumn, find_failure, make_page
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import Placed, find_sizes
 from cutjoint.view.sliders import Sliders, coordinates_of, make_sliders
@@ -40,6 +40,9 @@ PAGE, GLTF = ".html", ".glb"
 
 #: The largest number of shown rows of a run, and of their bytes: a page opens at once, and nobody sees more.
 _ROWS, _BYTES = 2000, 1_800_000
+
+#: m; so far ahead the road of a page goes in which a car is driven.
+_AROUND = 300.0
 
 #: m; pictures have numbers of 32 bits, and squares of larger ones are none.
 _FAR = 1e18
@@ -172,12 +175,26 @@ def live_page(model: Model, scene: Scene, parameters: Mapping[str, float]) -> st
     return content
 
 
-def _content(kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool = False) -> str | bytes:
+def drive_page(model: Model, scene: Scene, parameters: Mapping[str, float], drive: Drive) -> str:
+    """The page of a scene's start whose simulation then runs; errors as of `live_page`."""
+    content = _content(PAGE, _in_reach(Path(model.name), show_start(model, scene, parameters)), None, drive=drive)
+    assert isinstance(content, str)
+    return content
+
+
+def _content(
+    kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool = False, drive: Drive | None = None
+) -> str | bytes:  # fmt: skip
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
+    placed = replace(placed, far=_AROUND if drive else 0.0)
     has_arrows = kind == PAGE and not shown.motions  # forces are known at the times of a run alone
     drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
+    camera = find_camera(placed, drawing)
+    if drive and not (shown.scene.road.left or shown.scene.road.right or shown.scene.road.parts):  # flat ground has no end in the page
+        drawing = replace(drawing, nodes=tuple(node for node in drawing.nodes if "road" not in node.about))
+        camera = replace(camera, road=False, floor=0.0 if camera.road else camera.floor)
     times = motion_times()
     moving = {motion.name: draw(_placed(shown, motion.poses, times), times) for motion in shown.motions}
     glb = write_gltf(drawing, moving or None)
@@ -185,8 +202,8 @@ def _content(kind: str, shown: ViewSpec, over: GhostRun | None, *, is_live: bool
         return glb
     return make_page(
         title=shown.model.name, scene=shown.scene.name, note=shown.note, bodies=[b.name for b in shown.model.bodies], glb=glb, t=shown.t,
-        columns=shown.columns, camera=find_camera(placed, drawing), failure=shown.failure, motions=shown.motions,
-        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=shown.scene.plots,
+        columns=shown.columns, camera=camera, failure=shown.failure, motions=shown.motions,
+        over=over, graph=shown.graph, sliders=shown.sliders, is_live=is_live, plots=() if drive else shown.scene.plots, drive=drive,
     )  # fmt: skip
 
 

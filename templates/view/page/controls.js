@@ -21,10 +21,12 @@ by('names').addEventListener('change', redraw);
 by('forces').addEventListener('change', (e) => showArrows(e.target.checked));
 by('home').addEventListener('click', () => { by('look').value = ''; home(); });
 by('video').hidden = !(last > first) || typeof MediaRecorder === 'undefined';
-by('play').addEventListener('click', () => play(!state.playing));
-by('time').addEventListener('input', (e) => { play(false); setTime(first + Number(e.target.value) * (last - first)); });
+if (!about.drive) {
+  by('play').addEventListener('click', () => play(!state.playing));
+  by('time').addEventListener('input', (e) => { play(false); setTime(first + Number(e.target.value) * (last - first)); });
+}
 addEventListener('keydown', (e) => {
-  if (/^(select|input|button)$/i.test(e.target.tagName)) return;
+  if (about.drive || /^(select|input|button)$/i.test(e.target.tagName)) return;
   if (e.key === ' ') { e.preventDefault(); play(!state.playing); }
   if (e.key === 'ArrowRight' || e.key === 'ArrowLeft') setTime(t[Math.min(Math.max(row() + (e.key === 'ArrowRight' ? 1 : -1), 0), t.length - 1)]);
 });
@@ -33,7 +35,7 @@ addEventListener('keydown', (e) => {
 window.cutjoint = {
   setTime, choose, play,
   /** The pixel in the picture at which a body's centre of mass is at a time, s. */
-  project(body, time) { if (!about.live) setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
+  project(body, time) { if (!about.live && !about.drive) setTime(time); camera.updateMatrixWorld(); return place(nodes.get(body)).slice(0, 2); },
   /** The pixel of the ball around what failed. */
   mark() { camera.updateMatrixWorld(); return place(marks[0]).slice(0, 2); },
   /** The pixel at which the ghost of a body is. */
@@ -74,8 +76,9 @@ async function begin() {
   showFailure();
   showMotions();
   showGraph();
-  if (!about.live) showSliders();
+  if (!about.live && !about.drive) showSliders();
   showLive();
+  if (about.drive) await showDrive();
   document.body.dataset.ready = 'yes';
 }
 

@@ -10,10 +10,10 @@ const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
 });
 const about = JSON.parse(held('about'));
 const numbers = new Float32Array(bytes('table'));
-const t = numbers.subarray(0, about.rows);
+let t = numbers.subarray(0, about.rows);
 const columns = about.columns.map((c, i) => measured({ ...c, values: numbers.subarray((i + 1) * about.rows, (i + 2) * about.rows) }));
 const { outlook } = about;
-const [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length - 1]];
+let [first, last] = about.motions.length ? [0, about.period] : [t[0], t[t.length - 1]];
 const state = { time: first, playing: false, body: '', chosen: columns.slice(0, 1).map((c) => c.name), over: '', follow: outlook.follow };
 
 /** The text of an element, which is as it was written: its CRC-32 (ISO/IEC 13239) is beside it. */

@@ -114,7 +114,7 @@ function dress() {
   for (const [material, colour] of tarmac) material.color.copy(colour).multiplyScalar(night ? 0.3 : 1);
   if (grid) scene.remove(grid);
   grid = undefined;
-  if (!outlook.road) {
+  if (!outlook.road || about.drive) {
     const about10 = 10 ** Math.floor(Math.log10(outlook.extent / 4)), share = outlook.extent / 4 / about10;
     cell = about10 * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
     grid = floor(new Color(style.getPropertyValue('--floor')));

@@ -105,7 +105,7 @@ function drawPlot() {
   let pressedAt = 0;
   plot.over.addEventListener('mousedown', (e) => { pressedAt = e.offsetX; });
   plot.over.addEventListener('click', (e) => {
-    if (over || Math.abs(e.offsetX - pressedAt) > 3) return;  // a stretch that was drawn is zoomed to
+    if (over || about.drive || Math.abs(e.offsetX - pressedAt) > 3) return;  // a stretch that was drawn is zoomed to
     play(false);
     setTime(plot.posToVal(e.offsetX, 'x'));
   });

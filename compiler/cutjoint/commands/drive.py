@@ -1,0 +1,59 @@
+"""`cutjoint drive`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cutjoint.commands import options, table
+from cutjoint.package.errors import RunError
+from cutjoint.run.outputs import OutputError, require_apart
+from cutjoint.run.result_files import write_table, write_whole
+from cutjoint.topology.reading import read_model
+from cutjoint.view.drive import Ends, make_drive, replay_drive
+from cutjoint.view.views import PAGE, drive_page
+
+
+@table.command("drive")
+def command(
+    model: Path, scene: str | None, method: str, dt: float | None, opened: tuple[str, ...], changes: tuple[str, ...],
+    functions: Path | None, steer: str | None, throttle: str | None, brake: str | None, ranges: tuple[str, ...], replay: Path | None,
+    out: Path | None,
+) -> None:  # fmt: skip
+    """Write a page in which MODEL runs against the clock, and keys, sliders, touches or a gamepad move its inputs."""
+    ending = PAGE if replay is None else ".csv"
+    out = Path(f"{model.stem}{ending}") if out is None else out
+    if out.suffix != ending:
+        raise OutputError(f"--out {out}: no such kind of file; write a name that ends in {ending}")
+    require_apart({"the model": model, "--replay": replay}, documents=[("--out", out)])
+    checked, chosen = options.take_case(read_model(model, opened=opened, functions=functions), scene)
+    parameters = options.read_parameters(changes)
+    roles = {
+        role: _read_ends(f"--{role}", text, 2 if role == "steer" else 1)
+        for role, text in (("steer", steer), ("throttle", throttle), ("brake", brake)) if text is not None
+    }  # fmt: skip
+    if replay is not None:
+        with options.progress_bar(f"compiling {model.name}"):
+            table = replay_drive(checked, chosen, replay, method=method)
+        write_table(out, table.units, table.text)
+        options.console_beside(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
+        return
+    with options.progress_bar(f"compiling {model.name}"):
+        drive = make_drive(
+            checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=[_read_ends("--range", text, 2) for text in ranges]
+        )
+        page = drive_page(checked, chosen, parameters, drive)
+    write_whole(out, page)
+    options.console_beside(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB", markup=False)
+
+
+def _read_ends(option: str, text: str, count: int) -> Ends:
+    """The ends of NAME, NAME=HIGH or NAME=LOW,HIGH.
+
+    Raises:
+        RunError: there is another number of values, or one is no number.
+    """
+    name, _, said = text.partition("=")
+    values = [options.read_parameters((f"{name}={each.strip()}",), option)[name] for each in said.split(",")] if said else []
+    if len(values) not in (0, count):
+        raise RunError(f"{option} {text}: write {name}={'LOW,HIGH' if count == 2 else 'FULL'}, or {name} alone")
+    return Ends(name=name, low=values[0] if count == 2 and values else None, high=values[-1] if values else None)

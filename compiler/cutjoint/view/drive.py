@@ -1,0 +1,245 @@
+"""A page in which a simulation runs: the generated code as a module of WebAssembly, and the inputs as keys and sliders."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.pipeline import generate
+from cutjoint.elements.interaction import Wheel
+from cutjoint.export.laws import Numbers
+from cutjoint.formulate.inputs import input_parameters, open_parameters
+from cutjoint.methods import DEFAULT_METHOD
+from cutjoint.model.errors import nearest
+from cutjoint.model.quantities import bodies_of
+from cutjoint.model.records import Binding, Model, Parameter, Scene
+from cutjoint.package.errors import RunError
+from cutjoint.run.inputs import given_inputs, require_unit
+from cutjoint.run.run_file import parameter_values
+from cutjoint.stepping.load import open_standalone
+from cutjoint.stepping.simulation import Simulation
+from cutjoint.view.page import Drive
+from cutjoint.view.records import Array
+from cutjoint.view.sizes import find_sizes, named_looks
+
+#: The roles of a car's inputs, by words in their names.
+_ROLES: Mapping[str, re.Pattern[str]] = {
+    "steer": re.compile(r"steer|rack"), "throttle": re.compile(r"throttle|accel|gas|drive|engine"), "brake": re.compile(r"brak"),
+}  # fmt: skip
+
+#: The keys of what a car does, and of other inputs in their order, by the codes of the UI Events standard: down and up.
+_CAR_KEYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "steer": (("ArrowLeft", "KeyA"), ("ArrowRight", "KeyD")), "throttle": ((), ("ArrowUp", "KeyW")), "brake": ((), ("ArrowDown", "KeyS")),
+}
+_PAIRS = (("ArrowLeft", "ArrowRight"), ("ArrowDown", "ArrowUp"), ("KeyA", "KeyD"), ("KeyS", "KeyW"), ("KeyJ", "KeyL"), ("KeyK", "KeyI"))
+
+_OF_CARS = _PAIRS[:4]
+
+#: The reach of an input from its value at rest: of lengths as a share of the mechanism's extent, of moments of its weight at one metre, of
+#: forces its weight, else in SI units.
+_OF_EXTENT, _OF_MOMENT = 0.1, 0.1
+_REACH = {"rad": 0.5, "m/s": 10.0, "rad/s": 10.0}
+#: Moments that drive a wheel of a car, and that brake it, as a share of the weight at one metre.
+_MOMENTS = {"throttle": 0.03, "brake": 0.1}
+
+#: Flags of the code of a replay: products and sums are not contracted, as in the page.
+REPLAYED = ("-O2", "-ffp-contract=off")
+
+#: Rows of the record in a second, and the wheels of what is driven as a car.
+_ROWS, _WHEELS = 60.0, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ends:
+    """The words of an option about an input or parameter: its ``name``, and its values at the full push to either side, None where it says
+    none."""
+
+    name: str
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """The table of a drive: ``rows`` (rows, 1 + outputs) with the time first, and the ``units`` of columns by name."""
+
+    units: Mapping[str, str]
+    rows: Array
+
+    @property
+    def text(self) -> str:
+        """The table as CSV, in all digits."""
+        return "\n".join([",".join(self.units), *(",".join(map(repr, row)) for row in self.rows.tolist()), ""])
+
+
+def make_drive(
+    model: Model, scene: Scene, parameters: Mapping[str, float], *, method: str = DEFAULT_METHOD, dt: float | None = None,
+    roles: Mapping[str, Ends] | None = None, ranges: Sequence[Ends] = (),
+) -> Drive:  # fmt: skip
+    """The simulation of a scene for a page, with ``parameters`` (SI units) changed and steps of ``dt`` (s), by default the scene's.
+
+    ``roles`` have the input or parameter of "steer", "throttle" and "brake", ``ranges`` the ends of others.  Ends follow from units, weight
+    and extent where nothing says them.
+
+    Raises:
+        RunError: a name is none of an input or a parameter, or a unit is another.
+        others: as of `pipeline.generate`, `make_standalone` and `Standalone.build_module`.
+    """
+    rests = {p.name: p.value for p in input_parameters(model)}
+    values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
+    numbers = Numbers.of(model, scene, parameters)
+    masses = {body.name: numbers.number(body.mass) for body in model.bodies}
+    is_car = sum(isinstance(look, Wheel) for force in model.forces for _, look in named_looks(force)) >= _WHEELS
+    weight = 9.81 * sum(masses.values())
+    axes = _Axes(
+        model=model, values=values, weight=weight, extent=find_sizes(model, scene, numbers).extent,
+        roles={**(_find_roles(model) if is_car else {}), **(roles or {})}, ranges={each.name: each for each in ranges},
+    ).find()  # fmt: skip
+    alone = _simulated(model, scene, method)
+    step, elements = alone.settings.step if dt is None else dt, bodies_of(model)
+    facts = {
+        "dt": step, "every": max(1, round(max(1 / _ROWS, scene.output_step) / step)), "car": is_car, "axes": axes,
+        "body": max(masses, key=lambda name: masses[name], default=""), "given": {name: float(value) for name, value in parameters.items()},
+        "of": {o.column: list(elements.get(o.element, ())) for o in scene.outputs},
+    }  # fmt: skip
+    return Drive(module=alone.build_module(), facts=facts)
+
+
+def _simulated(model: Model, scene: Scene, method: str) -> Standalone:
+    return make_standalone(generate(model, scene, scene.outputs, method=method, poses=True), equal_steps=True)
+
+
+def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = REPLAYED) -> Replay:
+    """Take the steps of a drive that a page has saved (JSON) once more, by code for this machine.
+
+    Raises:
+        RunError: the file is no drive, or one of another model, scene or version.
+        SimulationError: the drive ended with this fault.
+        ToolchainError: the C++ compiler failed.
+    """
+    alone = _simulated(model, scene, method)
+    drive = _read_drive(path)
+    if drive["mark"] != alone.mark:
+        raise RunError(f"--replay {path}: a drive of '{drive['model']}', {drive['scene']}, in another version; drive the page of this one")
+    sim = open_standalone(alone, flags, lanes=None)
+    for name, value in drive["given"].items():
+        _give(sim, name, value)
+    sim.reset(dt=drive["dt"])
+    events, rows = iter([*drive["events"], (inf, "", 0.0)]), [[sim.time, *sim.outputs.array]]
+    at, name, value = next(events)
+    for step in range(drive["steps"]):
+        while at <= step:
+            _give(sim, name, value)
+            at, name, value = next(events)
+        sim.step()
+        if (step + 1) % drive["every"] == 0:
+            rows.append([sim.time, *sim.outputs.array])
+    units = {"t": "s", **{c.name: c.unit for c in alone.parts.stepped.columns}}
+    return Replay(units=units, rows=np.array(rows))
+
+
+def _give(sim: Simulation, name: str, value: float) -> None:
+    if name in sim.inputs:
+        sim.set_input(name, value)
+    else:
+        sim.parameters[name] = value
+
+
+def _read_drive(path: Path) -> dict[str, Any]:
+    """A drive's file with what it must have."""
+    try:
+        drive = json.loads(path.read_text(encoding="utf-8"))
+        if drive["cutjoint"] != "drive" or not all(isinstance(drive[key], kind) for key, kind in _OF_DRIVE.items()):
+            raise ValueError
+        for at, name, value in drive["events"]:
+            if not (isinstance(at, int) and isinstance(name, str) and isinstance(value, int | float)):
+                raise ValueError
+    except (ValueError, KeyError, TypeError):
+        raise RunError(f"--replay {path}: no drive; save one in a page of cutjoint drive as 'drive (JSON)'") from None
+    return dict(drive)
+
+
+#: The entries of a drive's file, and the kind of each.
+_OF_DRIVE: Mapping[str, Any] = {
+    "mark": str, "model": str, "scene": str, "dt": int | float, "given": dict, "steps": int, "every": int, "events": list,
+}  # fmt: skip
+
+
+def _find_roles(model: Model) -> dict[str, Ends]:
+    """The roles of a car's inputs, by their names: the first that fits has each."""
+    found: dict[str, Ends] = {}
+    for given in input_parameters(model):
+        role = next((role for role, pattern in _ROLES.items() if pattern.search(given.name.lower())), None)
+        if role is not None and role not in found:
+            found[role] = Ends(name=given.name)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Axes:
+    """The inputs and open parameters of a page, and how far each moves."""
+
+    model: Model
+    values: Mapping[str, float]
+    weight: float
+    extent: float
+    roles: Mapping[str, Ends]
+    ranges: Mapping[str, Ends]
+
+    def find(self) -> list[dict[str, Any]]:
+        """A description of each for the page; those with a role come first.
+
+        Raises:
+            RunError: an option names nothing that moves.
+        """
+        known = {p.name: p for p in (*input_parameters(self.model), *open_parameters(self.model))}
+        for ends in (*self.roles.values(), *self.ranges.values()):
+            if ends.name not in known:
+                raise RunError(_unknown(self.model, ends.name, known))
+            for value in (ends.low, ends.high):
+                if value is not None:
+                    require_unit(known[ends.name], value)
+        by_name = {ends.name: role for role, ends in self.roles.items()}
+        keys = iter([pair for pair in _PAIRS if not self.roles or pair not in _OF_CARS])
+        first = sorted(known, key=lambda name: list(self.roles).index(by_name[name]) if name in by_name else len(self.roles))
+        return [self._axis(known[name], by_name.get(name, ""), keys) for name in first]
+
+    def _axis(self, parameter: Parameter, role: str, keys: Iterator[tuple[str, str]]) -> dict[str, Any]:
+        is_input = parameter.binding is Binding.INPUT
+        pair = next(keys, None) if is_input and not role else None
+        minus, plus = _CAR_KEYS[role] if role else ((), ()) if pair is None else ((pair[0],), (pair[1],))
+        low, high = self._ends(parameter, role)
+        return {
+            "name": parameter.name, "unit": parameter.unit, "kind": "input" if is_input else "parameter", "role": role,
+            "rest": float(self.values[parameter.name]), "low": low, "high": high, "minus": minus, "plus": plus,
+        }  # fmt: skip
+
+    def _ends(self, parameter: Parameter, role: str) -> tuple[float, float]:
+        rest = float(self.values[parameter.name])
+        said = self.ranges.get(parameter.name) or self.roles.get(role) or Ends(name="")
+        reach = self._reach(parameter, role, rest)
+        low = rest if role in _MOMENTS else rest + reach if role == "steer" else rest - reach  # to the left is up, about z
+        high = rest - reach if role == "steer" else rest + reach
+        return float(low if said.low is None else said.low), float(high if said.high is None else said.high)
+
+    def _reach(self, parameter: Parameter, role: str, rest: float) -> float:
+        unit = parameter.unit
+        if role in _MOMENTS and unit == "N*m":
+            return _MOMENTS[role] * self.weight
+        if rest and not role:
+            return abs(rest) / 2
+        reach = {"m": _OF_EXTENT * self.extent, "N": self.weight, "N*m": _OF_MOMENT * self.weight, **_REACH}
+        return reach.get(unit, 0.5 if role == "steer" else 1.0)
+
+
+def _unknown(model: Model, name: str, known: Mapping[str, Parameter]) -> str:
+    hint = nearest(name, known, "it has") or "it has none"
+    return f"{model.span.file}: model '{model.name}' has no input or open parameter '{name}'; {hint.replace('it has:', 'it has')}"

@@ -1,0 +1,357 @@
+// A simulation that runs in the page: the clock, keys and sliders that move its inputs, its record, and the way back.
+const { drive } = about;
+
+/** Seconds of a frame that steps may take, that a frame makes up for at most, and between snapshots, curves and lines of figures. */
+const BUDGET = 0.03, MOST = 0.1, BETWEEN = 1, CURVES = 0.4, FIGURES = 0.25;
+/** Rows of the curves, and snapshots before every other one of the older half goes. */
+const SHOWN = 3000, KEPT = 1200;
+/** How fast keys move what they move, in ways from rest to its end a second: away, and back where it goes back by itself. */
+const PACE = { steer: [1.6, 3.5], throttle: [2, 5], brake: [4, 8], '': [0.5, 0] };
+const TURNED = { steer: 0, throttle: 7, brake: 6 };  // of a gamepad, by the standard mapping: an axis, and buttons
+
+/** Numbers that become more. */
+class Growing {
+  constructor() { [this.room, this.length] = [new Float64Array(256), 0]; }
+  push(value) {
+    if (this.length === this.room.length) { const more = new Float64Array(2 * this.length); more.set(this.room); this.room = more; }
+    this.room[this.length++] = value;
+  }
+  last(count) { return this.room.subarray(Math.max(0, this.length - count), this.length); }
+}
+
+const run = {
+  sim: undefined, core: undefined, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
+  late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
+};
+
+/** An input or a parameter that keys, a slider, a touch or a gamepad moves: `place` is from -1 to 1, where 0 is its value at rest. */
+class Axis {
+  constructor(about) {
+    Object.assign(this, about, { place: 0, wanted: 0, touched: about.role !== '', sent: undefined });
+  }
+  get value() {
+    const end = this.place < 0 ? this.low : this.high;
+    return this.rest + Math.abs(this.place) * (end - this.rest);
+  }
+  placeOf(value) {
+    const way = value - this.rest, far = Math.sign(way) === Math.sign(this.low - this.rest) ? this.rest - this.low : this.high - this.rest;
+    return far ? Math.min(Math.max(way / far, -1), 1) : 0;
+  }
+  /** The keys that are down, with a gamepad's axis or button. */
+  get pushed() {
+    const down = (keys) => Number(keys.some((key) => run.keys.has(key))), own = down(this.plus) - (this.low === this.rest ? 0 : down(this.minus));
+    return own || (run.pad ? this.of(run.pad) : 0);
+  }
+  of(pad) {
+    if (this.role === 'steer') { const at = pad.axes[TURNED.steer] ?? 0; return Math.abs(at) < 0.08 ? 0 : at; }
+    return this.role ? pad.buttons[TURNED[this.role]]?.value ?? 0 : 0;
+  }
+  /** One step of dt towards where it is pushed, or goes back by itself. */
+  move(dt) {
+    const pushed = this.pushed, [away, back] = PACE[this.role];
+    if (pushed && !this.touched) this.place = this.placeOf(run.sim.input(this.name));
+    if (pushed) { this.touched = true; this.wanted = away && !this.role ? this.place + Math.sign(pushed) : pushed; this.held = false; }
+    else if (back && !this.held) this.wanted = 0;
+    else if (!this.held) this.wanted = this.place;
+    const most = (pushed && Math.sign(pushed) === Math.sign(pushed - this.place) ? away : Math.max(back, away)) * dt;
+    const way = this.wanted - this.place;
+    this.place = Math.min(Math.max(this.held ? this.wanted : this.place + Math.min(Math.max(way, -most), most), -1), 1);
+  }
+  /** The slider's place, which stays until a key is pressed. */
+  put(place) { [this.wanted, this.held, this.touched] = [place, true, true]; }
+  /** Gives the simulation the value, where it is another one. */
+  send() {
+    if (!this.touched || this.value === this.sent) return;
+    this.sent = this.value;
+    run.events.push([run.step, this.name, this.value]);
+    if (this.kind === 'input') run.sim.setInput(this.name, this.value);
+    else run.sim.setParameter(this.name, this.value);
+  }
+  get state() { return [this.place, this.wanted, this.touched, this.held, this.sent]; }
+  set state(state) { [this.place, this.wanted, this.touched, this.held, this.sent] = state; }
+}
+
+/** One step with the inputs as they are; a fault ends the drive with the core's words. */
+function advance() {
+  for (const axis of run.axes) { axis.move(drive.dt); axis.send(); }
+  run.sim.step();
+  run.step++;
+  if (run.step % drive.every === 0) takeRow();
+  if (run.step % Math.round(BETWEEN / drive.dt) === 0) keep();
+}
+
+function takeRow() {
+  const outputs = run.sim.outputs;
+  run.times.push(run.sim.time);
+  run.core.outputs.forEach((_, i) => run.rows[i].push(outputs[i]));
+  run.axes.forEach((axis, i) => run.rows[run.core.outputs.length + i].push(axis.kind === 'input' ? run.sim.input(axis.name) : axis.value));
+}
+
+function keep() {
+  run.snapshots.push({ bytes: run.sim.save(), time: run.sim.time, step: run.step, rows: run.times.length, events: run.events.length, axes: run.axes.map((axis) => axis.state) });
+  if (run.snapshots.length > KEPT) run.snapshots = run.snapshots.filter((_, i) => i % 2 === 0 || i > KEPT / 2);
+}
+
+/** So many steps at once; false where the drive has ended. */
+function takeSteps(count) {
+  try {
+    for (let i = 0; i < count; i++) advance();
+    if (!Array.from(run.sim.poses).every(Number.isFinite)) throw new Error('a place is no finite number');
+    return true;
+  } catch (error) {
+    stop(error);
+    return false;
+  }
+}
+
+function stop(error) {
+  run.fault = error;
+  playDrive(false);
+  by('failure').hidden = false;
+  by('stopped').textContent = error.message;
+  by('place').textContent = `at ${run.sim.time.toFixed(3)} s`;
+  by('advice').textContent = 'The drive so far is kept: save it as CSV, go back by the slider of the time, or reset.';
+  by('slowly').hidden = true;
+  by('rescue').hidden = false;
+}
+
+/** Back to the last snapshot at a time or before; what came later is forgotten. */
+function goBack(time) {
+  playDrive(false);
+  const at = Math.max(0, run.snapshots.findLastIndex((each) => each.time <= time + 1e-9)), to = run.snapshots[at];
+  run.snapshots.length = at + 1;
+  run.sim.restore(to.bytes);
+  run.axes.forEach((axis, i) => { axis.state = to.axes[i]; });
+  run.events.length = to.events;
+  for (const row of [run.times, ...run.rows]) row.length = to.rows;
+  Object.assign(run, { step: to.step, rest: 0, fault: undefined, heading: undefined });
+  by('failure').hidden = true;
+  showDriven(true);
+}
+
+/** The start of the scene, with parameters as they were given. */
+function restart() {
+  run.sim?.free();
+  run.sim = run.core.create();
+  run.sim.setStep(drive.dt);
+  for (const [name, value] of Object.entries(drive.given)) run.sim[run.core.inputs.some((i) => i.name === name) ? 'setInput' : 'setParameter'](name, value);
+  run.axes = drive.axes.map((each) => new Axis(each));
+  Object.assign(run, { step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, heading: undefined });
+  run.rows = [...run.core.outputs, ...run.axes].map(() => new Growing());
+  by('failure').hidden = true;
+  run.sim.start();
+  for (const axis of run.axes) if (!axis.touched && axis.kind === 'input') axis.rest = run.sim.input(axis.name);
+  takeRow();
+  keep();
+}
+
+function playDrive(on) {
+  state.playing = on && !run.fault;
+  by('play').textContent = state.playing ? 'Pause' : 'Drive';
+  run.before = undefined;
+  run.keys.clear();
+  if (state.playing) requestAnimationFrame(driveFrame);
+  else showFigures();
+}
+
+/** Steps of equal length as the clock asks for them; what a frame cannot take is late, and the drive slower than the clock. */
+function driveFrame(now) {
+  if (!state.playing) return;
+  const elapsed = Math.min((now - (run.before ?? now)) / 1000, MOST), speed = Number(by('speed').value), began = performance.now(), { dt } = drive;
+  run.before = now;
+  run.rest += elapsed * speed;
+  run.wall += elapsed;
+  run.pad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad?.connected && pad.mapping === 'standard');
+  let goes = true;
+  while (goes && run.rest >= dt && performance.now() - began < 1000 * BUDGET) {
+    const count = Math.min(8, Math.floor(run.rest / dt));
+    goes = takeSteps(count);
+    run.rest -= count * dt;
+    run.simulated += count * dt;
+  }
+  run.physics += (performance.now() - began) / 1000;
+  run.frames++;
+  if (run.rest >= dt) { run.late++; run.rest = 0; }
+  showDriven(now - run.drawn > 1000 * CURVES);
+  if (now - run.told > 1000 * FIGURES) { run.told = now; showFigures(); }
+  if (goes && state.playing) requestAnimationFrame(driveFrame);
+}
+
+/** Bodies, eye, sliders and clock as they are now; curves too where they are asked for. */
+function showDriven(curves) {
+  const { poses } = run.sim, [from] = [nodes.get(drive.body)?.getWorldPosition(new Vector3())];
+  const rows = about.bodies.map((_, i) => poses.subarray(16 * i, 16 * i + 7));
+  follow(run.sim.time, ...rows);
+  last = Math.max(run.sim.time, 1e-9);
+  by('time').value = 1;
+  look(from);
+  for (const axis of run.axes) showAxis(axis);
+  const at = 16 * about.bodies.indexOf(drive.body);
+  if (drive.car) by('fast').textContent = (3.6 * Math.hypot(...poses.subarray(at + 7, at + 10))).toFixed(0);
+  if (!curves) return;
+  run.drawn = performance.now();
+  t = Float32Array.from(run.times.last(SHOWN));
+  columns.forEach((column, i) => Object.assign(column, measured({ ...column, values: Float32Array.from(run.rows[i].last(SHOWN)) })));
+  showValues();
+  if (plot && !state.over) plot.setData([t, ...state.chosen.map((name) => columns.find((c) => c.name === name)).filter(Boolean).map((c) => c.values)]);
+  else drawPlot();
+  cursor();
+}
+
+function showAxis(axis) {
+  const value = axis.touched || axis.kind === 'parameter' ? axis.value : run.sim.input(axis.name);
+  axis.output.textContent = `${+value.toPrecision(4)} ${axis.unit}`;
+  if (document.activeElement !== axis.input || !axis.held) axis.input.value = axis.touched ? axis.place : 0;
+  if (axis.bar) axis.bar.style.setProperty('--place', axis.place);
+}
+
+function showFigures() {
+  const share = run.wall > 0 ? run.simulated / run.wall : 0, speed = Number(by('speed').value);
+  const core = run.physics > 0 ? `; the core ${(run.simulated / run.physics).toPrecision(2)} times real time, ${(1000 * run.physics / Math.max(run.frames, 1)).toFixed(2)} ms a frame` : '';
+  by('pace').textContent = `${(share / speed).toFixed(2)} of the clock, ${run.late} late${core}`;
+}
+
+/** The eye behind a car, at the driver's place, or where it was turned to. */
+function look(from) {
+  const node = nodes.get(drive.body);
+  if (!node || run.camera === 'orbit') return;
+  const at = node.getWorldPosition(new Vector3()), turn = node.getWorldQuaternion(new Quaternion()), size = outlook.extent;
+  const ahead = new Vector3(1, 0, 0).applyQuaternion(turn), up = new Vector3(0, 1, 0);
+  if (run.camera === 'driver') {
+    camera.position.copy(at).addScaledVector(up, 0.22 * size);
+    orbit.target.copy(camera.position).addScaledVector(ahead, 4 * size);
+  } else {
+    const level = ahead.setY(0).normalize();
+    run.heading = run.heading && from && at.distanceTo(from) < size ? run.heading.lerp(level, 0.08).normalize() : level.clone();
+    camera.position.copy(at).addScaledVector(run.heading, -2.1 * size).addScaledVector(up, 0.75 * size);
+    orbit.target.copy(at).addScaledVector(run.heading, 0.8 * size);
+  }
+  camera.lookAt(orbit.target);
+  redraw();
+}
+
+function chooseCamera(name) {
+  run.camera = by('camera').value = name;
+  orbit.enabled = name === 'orbit';
+  camera.fov = name === 'driver' ? 60 : 35;
+  camera.updateProjectionMatrix();
+  if (name === 'orbit') { state.follow = drive.body; home(); }
+  else state.follow = '';
+  look();
+}
+
+/** The record as it is kept, in all digits: rows of outputs, then of what moved them. */
+function driveTable() {
+  const heads = [{ name: 't', unit: 's' }, ...run.core.outputs, ...run.axes].map(({ name, unit }) => (unit ? `${name} [${unit}]` : name));
+  const lines = Array.from({ length: run.times.length }, (_, i) => [run.times, ...run.rows].map((column) => column.room[i]).join(','));
+  return [heads.join(','), ...lines].join('\n') + '\n';
+}
+
+/** All that a replay needs: steps, and what was given before which. */
+const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, given: drive.given, steps: run.step, every: drive.every, events: run.events });
+
+const saveDrive = () => save(`${stem()}.csv`, new Blob([driveTable()], { type: 'text/csv' }));
+
+/** A line with a slider for each axis, the keys beside its name, and for a car bars over the picture. */
+function layAxes() {
+  const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓', Space: 'space' })[key] ?? key.replace(/^Key|^Digit/, '');
+  for (const axis of run.axes) {
+    const line = document.createElement('div'), label = document.createElement('label'), hint = document.createElement('kbd');
+    [axis.output, axis.input] = [document.createElement('output'), document.createElement('input')];
+    label.textContent = axis.name;
+    hint.textContent = [axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName).join(' ');
+    if (hint.textContent) label.append(' ', hint);
+    Object.assign(axis.input, { type: 'range', min: axis.low === axis.rest ? 0 : -1, max: 1, step: 'any', value: 0 });
+    axis.input.setAttribute('aria-label', axis.name);
+    axis.input.addEventListener('input', () => { const { name } = axis; run.axes.find((each) => each.name === name).put(Number(axis.input.value)); if (!state.playing) showAxis(run.axes.find((each) => each.name === name)); });
+    line.append(label, axis.output, axis.input);
+    by(axis.kind === 'input' ? 'inputs' : 'tunable').append(line);
+    axis.bar = axis.role ? by('bars').appendChild(Object.assign(document.createElement('i'), { className: axis.role, title: axis.name })) : undefined;
+    for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length) layPad(axis, side, keys[0], keyName(keys[0]));
+  }
+  by('tuning').hidden = !run.axes.some((axis) => axis.kind !== 'input');
+}
+
+/** A button that a thumb holds, as a key is held. */
+function layPad(axis, side, key, text) {
+  const pad = Object.assign(document.createElement('button'), { type: 'button', textContent: axis.role === 'steer' ? (side === 'minus' ? '◀' : '▶') : axis.role ? axis.role : text, ariaLabel: `${axis.name}, ${side}` });
+  pad.className = axis.role === 'steer' ? 'left' : 'right';
+  for (const [event, on] of [['pointerdown', true], ['pointerup', false], ['pointercancel', false], ['pointerleave', false]])
+    pad.addEventListener(event, (e) => { e.preventDefault(); run.keys[on ? 'add' : 'delete'](key); if (on && !state.playing && !run.fault) { playDrive(true); run.keys.add(key); } });
+  pad.addEventListener('contextmenu', (e) => e.preventDefault());
+  by('pads').append(pad);
+}
+
+const inField = (e) => /^(select|textarea)$/i.test(e.target.tagName) || (e.target.tagName === 'INPUT' && e.target.type !== 'range');
+const drives = (key) => run.axes.some((axis) => [...axis.minus, ...axis.plus].includes(key));
+
+function listen() {
+  addEventListener('keydown', (e) => {
+    if (inField(e) || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (drives(e.code)) {
+      e.preventDefault();
+      if (!state.playing && !run.fault && !e.repeat) playDrive(true);
+      run.keys.add(e.code);
+    } else if (e.code === 'Space' && e.target.tagName !== 'BUTTON') { e.preventDefault(); playDrive(!state.playing); }
+    else if (e.code === 'KeyR') resetDrive();
+    else if (e.code === 'KeyC') chooseCamera({ chase: 'driver', driver: 'orbit', orbit: 'chase' }[run.camera]);
+    else if (e.code === 'Backspace') { e.preventDefault(); goBack(run.sim.time - 3); }
+  });
+  addEventListener('keyup', (e) => run.keys.delete(e.code));
+  addEventListener('blur', () => run.keys.clear());
+  document.addEventListener('visibilitychange', () => { if (document.hidden && state.playing) playDrive(false); });
+  addEventListener('gamepaddisconnected', () => { run.pad = undefined; playDrive(false); });
+  by('play').addEventListener('click', () => playDrive(!state.playing));
+  by('again').addEventListener('click', () => resetDrive());
+  by('back').addEventListener('click', () => goBack(run.sim.time - 3));
+  by('time').addEventListener('input', (e) => { playDrive(false); by('clock').textContent = `back to ${(Number(e.target.value) * last).toFixed(1)} s`; });
+  by('time').addEventListener('change', (e) => goBack(Number(e.target.value) * last));
+  by('camera').addEventListener('change', (e) => chooseCamera(e.target.value));
+  by('rescue').addEventListener('click', saveDrive);
+}
+
+function resetDrive() {
+  playDrive(false);
+  const parts = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
+  restart();
+  run.axes.forEach((axis, i) => Object.assign(axis, parts[i]));
+  chooseCamera(run.camera);
+  showDriven(true);
+}
+
+/** The record of a step count by scripted keys, as fast as it goes: for tests and for a console. */
+const driven = {
+  /** Keys are [step, 'down' or 'up', code]. */
+  steps(count, keys = []) {
+    for (let i = 0; i < count && !run.fault; i++) {
+      for (const [at, how, code] of keys) if (at === run.step) run.keys[how === 'down' ? 'add' : 'delete'](code);
+      takeSteps(1);
+    }
+    showDriven(true);
+    return run.step;
+  },
+  goBack, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
+  shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },
+  outputs() { return Array.from(run.sim.outputs); },
+  simulation() { return run.sim; },
+};
+
+async function showDrive() {
+  document.body.classList.add('driving');
+  document.body.classList.remove('still', 'bare');
+  run.core = await instantiate(bytes('module'));
+  restart();
+  layAxes();
+  listen();
+  window.cutjoint.drive = driven;
+  columns.push(...[...run.core.outputs, ...run.axes].map(({ name, unit }) => ({ name, unit, bodies: drive.of[name] ?? [], values: new Float32Array(1), decimals: 3 })));
+  fill(by('column'), columns.map((c) => [c.name, c.name]), columns[0]?.name);
+  by('choice').hidden = !columns.length;
+  state.chosen = columns.slice(0, 1).map((c) => c.name);
+  listValues();
+  by('play').textContent = 'Drive';
+  by('hud').hidden = !drive.car;
+  chooseCamera(run.camera);
+  showDriven(true);
+  showFigures();
+}

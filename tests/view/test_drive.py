@@ -1,0 +1,212 @@
+"""Pages in which a simulation runs: keys move it, its motion is that of the native core with the same inputs, and faults are told."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_case
+from cutjoint.view.drive import Ends, make_drive
+from cutjoint.view.page import own_script
+from tests.conftest import MODELS, ROOT, needs_cpp
+from tests.view.browser import Page
+from tests.view.conftest import call
+from tests.view.files import Array
+from tests.view.pages import PICTURES, projected, require_silence
+
+needs_zig = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs ziglang of PyPI")
+
+DELTA = MODELS / "delta.yaml"
+RIGHT_THEN_UP = [[0, "down", "ArrowRight"], [200, "up", "ArrowRight"], [250, "down", "ArrowUp"], [400, "up", "ArrowUp"]]
+
+
+@pytest.fixture(scope="module")
+def delta(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    page = tmp_path_factory.mktemp("delta") / "delta.html"
+    call("drive", DELTA, "--out", page)
+    return page
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The car of a recipe."""
+    folder = tmp_path_factory.mktemp("car")
+    found = re.search(r'```yaml title="driven.yaml"\n(.*?)```', (ROOT / "docs/recipes.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert found is not None
+    (folder / "driven.yaml").write_text(found[1], encoding="utf-8")
+    (folder / "iltis.tir").write_bytes((MODELS / "iltis.tir").read_bytes())
+    options = ("--scene", "turns", "--steer", "steer=0.3,-0.3", "--brake", "brake=900", "--throttle", "drive=300")
+    call("drive", folder / "driven.yaml", *options, "--out", folder / "car.html")
+    return folder / "car.html"
+
+
+def rows_of(text: str) -> Array:
+    return np.array([[float(x) for x in line.split(",")] for line in text.splitlines()[1:]])
+
+
+def press(page: Page, *keys: str, up: bool = False) -> None:
+    """Keys as a keyboard gives them."""
+    for key in keys:
+        page._call("Input.dispatchKeyEvent", type="keyUp" if up else "keyDown", code=key, key=key)
+
+
+def steps(page: Page, count: int, keys: Sequence[Sequence[object]] = ()) -> None:
+    page.run(f"cutjoint.drive.steps({count}, {json.dumps(keys)})")
+
+
+@needs_cpp
+@needs_zig
+def test_a_drive_is_that_of_the_native_core(delta: Path, browser: Page, tmp_path: Path) -> None:
+    browser.open(delta)
+    steps(browser, 600, RIGHT_THEN_UP)
+    log, table = browser.run("cutjoint.drive.log()"), browser.run("cutjoint.drive.table()")
+    (tmp_path / "drive.json").write_text(log, encoding="utf-8")
+    call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "replay.csv")
+    here, there = rows_of((tmp_path / "replay.csv").read_text(encoding="utf-8")), rows_of(table)
+    assert {name for _, name, _ in json.loads(log)["events"]} == {"q1", "q2"}
+    assert here.shape == (1 + 600 // json.loads(log)["every"], 10)
+    assert np.abs(here - there[:, :10]).max() < 1e-9  # sines of two C libraries, as of folders on other processors
+    still = rows_of(table)[:, 10:]
+    assert np.ptp(still[:, 0]) > 0.04, "the first input was moved"
+    assert np.ptp(here[:, 1]) > 1e-3, "and so was the plate"
+
+
+@needs_cpp
+@needs_zig
+def test_keys_move_it_against_the_clock(delta: Path, browser: Page) -> None:
+    browser.open(delta)
+    assert not browser.run("cutjoint.drive.shown().playing")
+    press(browser, "ArrowRight")
+    end = time.monotonic() + 60
+    while browser.run("cutjoint.drive.shown().time") < 0.5:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    press(browser, "ArrowRight", up=True)
+    press(browser, "Space")
+    shown = browser.run("cutjoint.drive.shown()")
+    assert not shown["playing"]
+    assert shown["axes"]["q1"] > 0.05
+    assert {name for _, name, _ in json.loads(browser.run("cutjoint.drive.log()"))["events"]} == {"q1"}
+    outputs = dict(zip(("x", "y", "z"), browser.run("cutjoint.drive.outputs()"), strict=False))
+    assert np.abs(browser.run("cutjoint.project('plate', 0)") - projected(browser, np.array([*outputs.values()]))).max() < 1.0
+    assert "of the clock" in browser.run("document.getElementById('pace').textContent")
+    browser.picture(PICTURES / "drive-delta.png")
+    require_silence(browser)
+
+
+@needs_cpp
+@needs_zig
+def test_from_an_earlier_second_it_goes_on_bit_by_bit(delta: Path, browser: Page) -> None:
+    browser.open(delta)
+    keys = [[0, "down", "ArrowRight"], [1300, "up", "ArrowRight"]]
+    steps(browser, 2500, keys)
+    first = browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]")
+    browser.run("cutjoint.drive.goBack(1.9)")
+    shown = browser.run("cutjoint.drive.shown()")
+    assert (shown["step"], shown["snapshots"]) == (1000, 2)
+    assert browser.run("cutjoint.drive.outputs()") != pytest.approx(rows_of(first[0])[-1, 1:10], abs=1e-6)
+    steps(browser, 300, [[1000, "down", "ArrowRight"]])
+    steps(browser, 1200, keys)
+    assert browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]") == first
+    browser.run("cutjoint.drive.reset()")
+    assert browser.run("cutjoint.drive.shown().step") == 0
+    steps(browser, 2500, keys)
+    assert browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]") == first
+
+
+@needs_cpp
+@needs_zig
+def test_a_slider_stays_where_it_is_put_and_other_inputs_follow_the_scene(delta: Path, browser: Page) -> None:
+    browser.open(delta)
+    browser.run("(() => { const s = document.querySelector('#inputs input'); s.value = 0.5; s.dispatchEvent(new Event('input')); })()")
+    steps(browser, 500)
+    assert browser.run("cutjoint.drive.shown().axes.q1") == pytest.approx(0.25)
+    assert browser.run("cutjoint.drive.simulation().input('q1')") == pytest.approx(0.25)
+    assert browser.run("cutjoint.drive.simulation().input('q2')") == pytest.approx(0.3 * np.sin(6 * 0.5 - 2 * np.pi / 3), abs=1e-9)
+
+
+@needs_cpp
+@needs_zig
+def test_a_fault_is_told_and_the_drive_so_far_is_kept(delta: Path, browser: Page) -> None:
+    browser.open(delta)
+    steps(browser, 1100)
+    browser.run("cutjoint.drive.simulation().setInput('q1', 1e5)")
+    steps(browser, 200)
+    shown = browser.run("cutjoint.drive.shown()")
+    assert shown["fault"]
+    assert shown["step"] < 1300
+    assert browser.run("document.getElementById('stopped').textContent") == shown["fault"]
+    assert browser.run("['failure', 'rescue'].map((id) => document.getElementById(id).hidden)") == [False, False]
+    assert "delta.yaml:" in shown["fault"] or "step" in shown["fault"]
+    assert len(rows_of(browser.run("cutjoint.drive.table()"))) >= 1 + 1100 // 17
+    browser.picture(PICTURES / "drive-fault.png")
+    browser.run("cutjoint.drive.goBack(1e9)")
+    assert browser.run("document.getElementById('failure').hidden")
+    steps(browser, 100)
+    assert (browser.run("cutjoint.drive.shown().step"), browser.run("cutjoint.drive.shown().fault")) == (1100, "")
+
+
+@needs_cpp
+@needs_zig
+def test_a_car_turns_to_the_left_brakes_and_is_seen_from_behind(car: Path, browser: Page) -> None:
+    browser.open(car, size=(1280, 800))
+    names = ["x", "y", "vx", "yaw"]
+    steps(browser, 1500, [[0, "down", "ArrowUp"]])
+    fast = dict(zip(names, browser.run("cutjoint.drive.outputs()"), strict=False))
+    assert fast["vx"] > 20.3, "its throttle is open"
+    steps(browser, 1500, [[1500, "up", "ArrowUp"], [1500, "down", "KeyA"]])
+    left = dict(zip(names, browser.run("cutjoint.drive.outputs()"), strict=False))
+    assert left["yaw"] > 0.2
+    assert left["y"] > 1.0
+    assert browser.run("cutjoint.drive.shown().axes")["steer"] == pytest.approx(0.3)
+    eye, at = browser.run("cutjoint.eye().from"), np.array([left["x"], left["y"]])
+    ahead = np.array([np.cos(left["yaw"]), np.sin(left["yaw"])])
+    assert (np.array([eye[0], -eye[2]]) - at) @ ahead < -2.0, "the eye is behind it"
+    browser.picture(PICTURES / "drive-car.png")
+    steps(browser, 6000, [[3000, "up", "KeyA"], [3000, "down", "ArrowDown"]])
+    assert abs(browser.run("cutjoint.drive.outputs()")[2]) < 0.3, "it stands"
+    assert float(browser.run("document.getElementById('fast').textContent")) <= 1
+    browser._call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+    browser.picture(PICTURES / "drive-phone.png")
+    inside = "[...document.querySelectorAll('#pads button')].map((pad) => pad.getBoundingClientRect().right <= innerWidth)"
+    assert browser.run(inside) == [True] * 4
+    require_silence(browser)
+
+
+def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)
+    drive = make_drive(model, scene, {}, ranges=[Ends(name="q2", low=-0.1, high=0.2)], roles={"throttle": Ends(name="kp", high=900.0)})
+    axes = {axis["name"]: axis for axis in drive.facts["axes"]}  # type: ignore[attr-defined]
+    assert list(axes) == ["kp", "q1", "q2", "q3", "kd"]
+    assert [axis["plus"] for axis in axes.values()] == [("ArrowUp", "KeyW"), ("KeyL",), ("KeyI",), (), ()]
+    assert (axes["kp"]["low"], axes["kp"]["rest"], axes["kp"]["high"], axes["kp"]["kind"]) == (800, 800, 900, "parameter")
+    assert (axes["q1"]["low"], axes["q1"]["high"]) == (-0.5, 0.5)
+    assert (axes["q2"]["low"], axes["q2"]["high"]) == (-0.1, 0.2)
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--steer", "q9"), "model 'delta' has no input or open parameter 'q9'; it has kd, kp, q1, q2, q3"),
+    (("--steer", "q1=0.1"), "--steer q1=0.1: write q1=LOW,HIGH, or q1 alone"),
+    (("--throttle", "q1=1,2"), "--throttle q1=1,2: write q1=FULL, or q1 alone"),
+    (("--range", "q1=a,b"), "--range q1=a"),
+    (("--range", "q1=1 m,2 m"), "q1"),
+    (("--out", "x.txt"), "write a name that ends in .html"),
+    (("--replay", DELTA), "no drive; save one in a page of cutjoint drive as 'drive (JSON)'"),
+])  # fmt: skip
+def test_wrong_options_are_told(options: tuple[object, ...], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    assert said in call("drive", DELTA, *options, status=1)
+
+
+def test_pages_that_are_not_driven_have_no_part_of_it() -> None:
+    assert "class Simulation " in own_script(driving=True)
+    assert "class Simulation " not in own_script()
