@@ -82,10 +82,10 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states.  ``carried`` counts the numbers that directions of a run have beside states.  ``has_poses`` says whether it has
-    poses of bodies and markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the
-    steps of several together, if the method can.  ``functions`` are those that simulations call, by their names.  ``begin`` finds the coordinates and
-    speeds of the scene's start from parameters that a host has changed, where they follow from any.
+    first-order states. ``carried`` counts the numbers that directions of a run have beside states. ``has_poses`` says whether it has poses
+    of bodies and markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps
+    of several together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates
+    and speeds of the scene's start from parameters that a host has changed, where they follow from any.
 
     Raises:
         OSError: the file is no library.

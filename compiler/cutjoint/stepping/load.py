@@ -91,7 +91,7 @@ def open_standalone(standalone: Standalone, flags: Sequence[str] = FLAGS, **more
 
 
 def _carried(mechanism: RecursiveEquations) -> int:
-    """The number of rows that a matrix of directions has behind those of states: what controllers hold, and what steps go on with."""
+    """The number of rows behind those of states in a matrix of directions: held values, and the memory of steps."""
     return mechanism.held + len(mechanism.coordinate_names) + 2 * len(mechanism.speed_names) + len(mechanism.equation_names)
 
 
