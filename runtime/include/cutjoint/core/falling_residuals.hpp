@@ -63,7 +63,7 @@ class FallingResiduals {
   const Speeds<M>& step() const { return step_; }
 
  private:
-  static constexpr std::size_t most_tries = 24;
+  static constexpr std::size_t most_tries = 64;
 
   /// A direction, the step that answers it, and T of it.
   struct Try {

@@ -71,6 +71,13 @@ class Projection {
     return fault;
   }
 
+  /// Near a singular pose, until the next call, gaps close until they fall no further.  A gap of 1e-13 m leaves a place of 1e-9 m open along a
+  /// direction that the loops hold to 1e-4, and a speed of 1e-4 m/s beside it, which the next projection takes away with its energy.
+  void close_fully(bool fully) {
+    rounding_ = Real((fully ? 2 : 64) * std::numeric_limits<Scalar>::epsilon());
+    share_ = Real(fully ? 0 : 1e-3);
+  }
+
   /// The solver of what near-singular loops leave, for another use between calls.
   FallingResiduals<M>& solver() { return solver_; }
 
@@ -107,8 +114,9 @@ class Projection {
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
     is_measured_ = true;
-    const Real size = Real(1) + largest(moved), little = where(left < Real(1e-9), left / Real(1000), Real(1e-12));
-    Mask active = Instances::without(going, left <= rounding() * size), lost = Instances::all_if(false), weak = lost, singular = lost;
+    const Real size = Real(1) + largest(moved), least = rounding_ * size;
+    const Real little = share_ * where(left < Real(1e-9), left, Real(1e-9)), enough = where(little < least, least, little);
+    Mask active = Instances::without(going, left <= least), lost = Instances::all_if(false), weak = lost, singular = lost;
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
       std::copy(moved.begin(), moved.end(), before_.begin());
       find_step(state, open, active, weak, singular);
@@ -132,7 +140,7 @@ class Projection {
         measure(state, open);
         is_measured_ = true;
       }
-      active = Instances::without(active, left <= where(little < rounding() * size, rounding() * size, little));
+      active = Instances::without(active, left <= enough);
     }
     const Mask close = Instances::either(left <= allowed(size), Instances::both(singular, left <= Real(1e-6) * size));
     const Mask failed = Instances::without(Instances::without(going, lost), close);
@@ -191,11 +199,9 @@ class Projection {
     }
   }
 
-  static Real rounding() { return Real(64 * std::numeric_limits<Scalar>::epsilon()); }
-
   /// 1e-10 m or rad, or what rounding leaves of large numbers.
   static Real allowed(Real size) {
-    const Real least(1e-10), left = Real(100) * rounding() * size;
+    const Real least(1e-10), left = Real(6400 * std::numeric_limits<Scalar>::epsilon()) * size;
     return where(least < left, left, least);
   }
 
@@ -206,6 +212,7 @@ class Projection {
   Equations<M> rest_, scratch_;
   Speeds<M> still_;
   int iterations_ = 0;
+  Real rounding_{64 * std::numeric_limits<Scalar>::epsilon()}, share_{1e-3};  ///< shares of a size that is rounding, of a gap that may be left
   bool is_measured_ = false;  ///< whether gap_ and other_ are those of the present coordinates and speeds: positions leave them to speeds
   std::array<Fault, Instances::number> faults_{};
   FallingResiduals<M> solver_;

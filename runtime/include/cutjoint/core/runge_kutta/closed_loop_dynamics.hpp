@@ -73,7 +73,10 @@ class ClosedLoopDynamics : public Solved<M> {
     Solved<M>::project(t, y);
     if (state_.lambda.empty()) return {};
     this->take(t, y);
-    if (const Fault fault = projection_.close(state_)) return fault;
+    projection_.close_fully(this->experience_.weak);
+    const Fault fault = projection_.close(state_);
+    projection_.close_fully(false);
+    if (fault) return fault;
     this->put(state_, y);
     return {};
   }

@@ -92,7 +92,9 @@ class Solved : public Relative<M, Solved<M>> {
 
   /// Near a singular pose.  If a second pass is none the better, the pose is left.
   void settle() {
+    projection_.close_fully(true);
     (void)projection_.positions(state_), (void)projection_.velocities(state_);
+    projection_.close_fully(false);
     forget();
     this->add_pass();
     this->add_pass();
