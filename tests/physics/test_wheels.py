@@ -168,6 +168,23 @@ def test_the_friction_of_a_road_is_that_of_the_scaling_factors(kind: str) -> Non
     assert np.abs(whole["cart.vx"] - scaled["cart.vx"]).max() > 0.1
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_limits_hold_slip_and_load_of_the_formula(kind: str) -> None:
+    """A locked wheel has the force of the slip and the load at which its file ends, on request."""
+    ends = STOP.replace("end: 6", "end: 1.5").replace("700, 700", "5000, 5000")
+    limits = ", KPUMIN: -0.2, FZMAX: 3000"
+    found, whole = (
+        run(corner(kind, LEVEL, ends, more + limits), integrator="dormand-prince", tolerance=1e-8)["w.rolling.contact.Fx"][-1]
+        for more in (", limits: 1", "")
+    )
+    at = {"kappa": -0.2, "alpha": 0, "gamma": 0, "load": 3000, "vx": 10, "spin": 0, "pressure": 232000}
+    model = read_model_text(of_formula(f"mf{kind}"), "m.yaml", folder=DATA)
+    inputs = {name: at[name] for name in TABLES[f"mf{kind}"][2]}
+    formula = completed(simulate(compile_scene(model, model.scenes["run"]), inputs=inputs, error=False))["bench.f.Fx.value"][-1]
+    assert found == pytest.approx(formula, rel=1e-9)
+    assert abs(whole - found) > 100
+
+
 def test_all_methods_brake_alike() -> None:
     """A wheel brakes from 20 m/s without locking: errors of the trapezoidal rule are all in which methods differ (order 2, measured)."""
     model = corner("62", LEVEL, STOP)

@@ -39,15 +39,55 @@ EVALUATE = "cutjoint::generated::*::evaluate*"
 #: Name, scene, methods, and the ends of the two runs, s.
 CASES = (
     ("iltis", "simul1", tuple(METHODS), (2.4, 4.8)),
+    *(
+        (name, scene, ("recursive",), ends)
+        for scene, ends in (("rolls", (0.1, 0.3)), ("rolls_in_long_steps", (0.3, 0.9)))
+        for name in ("iltis", "iltis on wheels that turn")
+    ),
     ("slider_crank", "turn", tuple(METHODS), (0.5, 1.0)),
     ("slider_crank with a motor", "turn", tuple(METHODS), (0.5, 1.0)),
     ("slider_crank with a motor, 20 signals and 8 states", "turn", tuple(METHODS), (0.5, 1.0)),
 )
 
+#: The carrier of the Iltis without its wheel, and the wheel in place of the element `tyre`.
+CARRIER = "      carrier: {mass: 37.35, centre_of_mass: C, inertia: [0.2402, 0.1, 0.2402]}\n"
+WHEEL = """    submodels: {wheel: {include: library/wheel_mf62}}
+    instances:
+      wheel:
+        use: wheel
+        connect: {carrier: carrier}
+        with: {x: x_hinge, y: 0.615, z: 0.356, UNLOADED_RADIUS: tyre_radius, drive: "where(x_hinge < 0, 60, 0)"}
+        properties: iltis.tir
+"""
+#: From its design position at 20 m/s with a steer that begins softly, at two lengths of steps.
+ROLLS = """  rolls: &rolls
+    end: 3
+    rates: {{chassis_free.vx: 20{rates}}}
+    states: {{{states}}}
+    inputs: {{rack_displacement: "0.001*(1 - cos(2*pi*t))"}}
+    numerics: {{penalty: 1.0e+9, dt: 0.001}}
+  rolls_in_long_steps:
+    <<: *rolls
+    numerics: {{penalty: 1.0e+9, dt: 0.0075}}
+"""
+
+
+def rolling_text(text: str, *, on_wheels: bool) -> str:
+    """The Iltis with the scenes that roll, on request on four wheels by the Magic Formula 6.2, of which the rear ones are driven."""
+    corners = ("front_left", "front_right", "rear_left", "rear_right") if on_wheels else ()
+    if on_wheels:
+        text = re.sub(r"      tyre:\n        kind: tyre\n(        .*\n)+", WHEEL, text)
+        text = re.sub(r"      carrier:\n(        .*\n)+", CARRIER, text, count=1)
+        text = text.replace("tyre.Fz, tyre.Fy, tyre.slip, ", "")
+    rates = "".join(f", {corner}.wheel.rolling.bearing.angle_rate: 20/0.361" for corner in corners)
+    return text + ROLLS.format(rates=rates, states=", ".join(f"{corner}.wheel.rolling.rolled: 1" for corner in corners))
+
 
 def text_of(name: str) -> str:
     """The text of a model of the repository; of one with a motor that sees its pin, or signals and states of a product and a sum each."""
     text = (MODELS / f"{name.split(' ')[0]}.yaml").read_text(encoding="utf-8")
+    if name.startswith("iltis"):
+        return rolling_text(text, on_wheels="wheels" in name)
     if "motor" not in name:
         return text
     more = "forces: {motor: {kind: joint_force, joint: crank_pin, law: -0.05*rate}}\n"
@@ -112,7 +152,7 @@ def main() -> None:
         raise click.ClickException("install valgrind (Debian's package of that name) first")
     table = Table("scene", "method", "step, ms", "instructions a step", "of these in evaluate")
     for name, scene, methods, ends in CASES:
-        model = read_model_text(text_of(name), f"{name.split(' ')[0]}.yaml")
+        model = read_model_text(text_of(name), f"{name.split(' ')[0]}.yaml", folder=MODELS)
         for method in methods:
             artifact = compile_scene(model, find_scene(model, scene), CompileOptions(method=method, flags=FLAGS))
             artifact = replace(artifact, scene=replace(artifact.scene, output_step=ends[1] - ends[0]))
