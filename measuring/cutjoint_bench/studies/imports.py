@@ -54,7 +54,7 @@ _HEAD = (
 
 
 #: States whose constraints are worse conditioned are near a singular pose; their accelerations are not compared.
-_CONDITION = 1e3
+_CONDITION = 1e4
 
 
 def files_of(paths: tuple[Path, ...]) -> Iterator[Path]:
