@@ -100,6 +100,12 @@ def test_a_vehicle_against_the_clock_catches_up_and_drops_what_is_too_much(iltis
     assert silent.stderr.startswith("usage: ")
 
 
+def test_computed_torque_moves_a_closed_loop_as_wanted() -> None:
+    missed, gap = (float(x) for x in re.findall(r"within ([\d.e-]+) ", python(EXAMPLES / "computed_torque.py")))
+    assert missed < 2e-4  # rad; torques are held for 1 ms, while accelerations change by 64 * 0.3 rad/s3
+    assert gap < 1e-12
+
+
 def test_the_pole_stands() -> None:
     cart, pole = (float(x) for x in re.findall(r"at (-?[\d.e-]+) ", python(EXAMPLES / "balance.py")))
     assert abs(cart) < 0.02

@@ -42,7 +42,7 @@ class _Loop:
 
 @dataclass(frozen=True)
 class Solution:
-    """Centres of mass (m) and their accelerations (m/s2) by links; the ``freedom`` of the motion.
+    """Centres of mass (m) and their accelerations (m/s2) by links that have mass; the ``freedom`` of the motion.
 
     ``gap`` is the largest distance of a loop's points (m), ``slip`` the largest speed that breaks a constraint, ``energy`` the mechanical
     one and ``kinetic`` its part (J).  ``condition`` is the largest singular value of the constraints' Jacobian by the smallest that counts.
@@ -66,10 +66,9 @@ class PinocchioRobot:
         self.data = self.model.createData()
         root = ElementTree.parse(path).getroot()
         self._carried = {joint.find("child").get("link"): joint for joint in root.findall("joint")}  # type: ignore[union-attr]
-        self._centres = {
-            str(link.get("name")): _numbers(link.find("inertial/origin"), "xyz")
-            for link in root.findall("link") if link.find("inertial") is not None
-        }  # fmt: skip
+        inertials = {str(link.get("name")): link.find("inertial") for link in root.findall("link")}
+        heavy = {link: node for link, node in inertials.items() if node is not None and float(node.find("mass").get("value", 0)) > 0}  # type: ignore[union-attr]
+        self._centres = {link: _numbers(node.find("origin"), "xyz") for link, node in heavy.items()}
         self._loops = [self._loop(node) for node in root.findall("loop")]
         self._relations = [self._relation(node) for node in root.findall("coupling")]
         for joint in root.findall("joint"):

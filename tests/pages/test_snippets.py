@@ -15,7 +15,7 @@ from tests.conftest import ROOT, needs_cpp
 
 pytestmark = needs_cpp
 
-PAGES = ("tutorial", "recipes")
+PAGES = ("tutorial", "recipes", "import")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,10 @@ def run(snippet: Snippet, folder: Path) -> str:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
-    (tmp_path / "models").symlink_to(ROOT / "models")
+    if page == "import":
+        pytest.importorskip("mujoco")
+    for folder in ("models", "examples"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
     printed = ""
     for snippet in snippets(page):
         match snippet.language:

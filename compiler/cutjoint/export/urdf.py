@@ -236,4 +236,4 @@ def _problem(span: Span, element: str, message: str, hint: str) -> Problem:
 
 
 def _text(values: Any) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)
+    return " ".join(repr(float(f"{x:.14g}") + 0.0) for x in values)

@@ -54,7 +54,7 @@ _HEAD = (
 
 
 #: States whose constraints are worse conditioned are near a singular pose; their accelerations are not compared.
-_CONDITION = 1e3
+_CONDITION = 1e4
 
 
 def files_of(paths: tuple[Path, ...]) -> Iterator[Path]:
@@ -115,7 +115,7 @@ class Worst:
 
     def take(self, imported: Imported, oracle: PinocchioRobot, artifact: Artifact, tolerance: float) -> None:
         """Compare the rows of a run."""
-        run = simulate(artifact, integrator="dop853", tolerance=tolerance, error=False, check=False)
+        run = simulate(artifact, integrator="dormand-prince", tolerance=tolerance, error=False, check=False)
         if run.failure is not None:
             self.failures.append(str(run.failure)[:90])
         found = [oracle.solve(*oracle.state(coordinates(imported, run, row))) for row in range(len(run.t))]
@@ -171,7 +171,7 @@ def coordinates(imported: Imported, run: Trajectory, row: int) -> dict[str, tupl
 @click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--rows", default=5, show_default=True, help="Of each run, besides the start.")
 @click.option("--seed", default=1, show_default=True, help="Of the random speeds.")
-@click.option("--tolerance", default=1e-9, show_default=True, help="Of the steps, by dop853.")
+@click.option("--tolerance", default=1e-9, show_default=True, help="Of the steps, by dormand-prince.")
 def main(paths: tuple[Path, ...], rows: int, seed: int, tolerance: float) -> None:
     """Print the table of URDF files, those named and those below folders."""
     console = Console(highlight=False, width=180)
