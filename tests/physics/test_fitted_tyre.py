@@ -5,10 +5,15 @@ from __future__ import annotations
 import re
 import runpy
 
+import numpy as np
 import pytest
 
 from cutjoint.model.property_file import read_properties
+from cutjoint.model.read import read_model_text
+from cutjoint.run.simulation import simulate
+from cutjoint_bench.studies.instructions import rolling_text
 from tests.conftest import MODELS, ROOT
+from tests.physics.simulation import compile_scene, completed
 
 SCRIPT = runpy.run_path(str(ROOT / "scripts" / "fit-tyre"))
 
@@ -42,3 +47,34 @@ def test_the_file_is_what_the_script_finds() -> None:
     found, written = SCRIPT["fit"](), coefficients()
     for name, value in found.items():
         assert written[name] == pytest.approx(value, rel=0.01, abs=1e-3), name
+
+
+STOPS = """  stops:
+    end: 6
+    output_step: 0.001
+    pose: equilibrium
+    positions: {chassis_free.x: 0, chassis_free.y: 0}
+    rates: {chassis_free.vx: 20%s}
+    states: {%s}
+    inputs: {pedal: {table: {t: [0, 0.5, 0.6, 9], value: [0, 0, 1, 1]}, interpolation: linear}}
+    numerics: {penalty: 1.0e+9, dt: 0.001, integrator: trapezoidal}
+"""
+
+
+def test_the_iltis_brakes_to_rest_in_five_half_waves() -> None:
+    """From 20 m/s by default: no brake's torque changes its sign more than five times while more than a thousandth of it is left."""
+    corners = [f"{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
+    text = rolling_text((MODELS / "iltis.yaml").read_text(encoding="utf-8"), on_wheels=True)
+    text = text.replace("parameters:\n", "parameters:\n  pedal: {value: 0, binding: input}\n", 1)
+    text = text.replace('drive: "where(x_hinge < 0, 60, 0)"', 'brake: "where(x_hinge < 0, 450, 900)*pedal"')
+    text = text.replace("outputs: [shock.force", "outputs: [wheel.rolling.held.value, shock.force")
+    rates = "".join(f", {corner}.wheel.rolling.bearing.angle_rate: 20/0.361" for corner in corners)
+    text += STOPS % (rates, ", ".join(f"{corner}.wheel.rolling.rolled: 1" for corner in corners))
+    model = read_model_text(text, "iltis.yaml", folder=MODELS)
+    found = completed(simulate(compile_scene(model, model.scenes["stops"]), error=False))
+    stops = int(np.argmax(found["chassis.vx"] < 0))
+    assert 4.5 < found["t"][stops] < 4.7
+    for corner in corners:
+        held = found[f"{corner}.wheel.rolling.held.value"]
+        changes = stops + np.flatnonzero(np.diff(np.sign(held[stops:])))
+        assert 1 < sum(np.abs(held[after + 1 :]).max() > 1e-3 for after in changes) <= 5

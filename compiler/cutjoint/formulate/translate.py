@@ -91,7 +91,7 @@ class Translator:
         return a if is_identity(b) else self._b.mul(a, b)
 
     def _product(self, e: Any) -> Block:
-        if e.args[0] in (-1, -1.0):
+        if e.args[0] == -1:
             return self._b.neg(self._scalar(-e))
         numerator, denominator = sympy.fraction(e)
         if denominator == 1:

@@ -68,7 +68,7 @@ STANDARD = frozenset(_DIMENSIONS) | frozenset((
 ))  # fmt: skip
 
 #: Texts that count as numbers: a tyre of the right side is the image of one of the left side.
-_WORDS: Mapping[str, Mapping[str, float]] = {"TYRESIDE": {"LEFT": 1.0, "RIGHT": -1.0, "SYMMETRIC": 1.0, "UNKNOWN": 1.0}}
+_WORDS: Mapping[str, Mapping[str, int]] = {"TYRESIDE": {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}}
 #: The kind of tyre that the files of a program have without saying it.
 _IMPLIED = {"PAC2002": 6.0}
 
