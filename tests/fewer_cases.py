@@ -44,6 +44,10 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/physics/test_held_poses.py": (
         "test_a_host_is_told_where_a_scene_is_not_made_for_that", "test_simulations_of_a_host_begin_there",
     ),
+    "tests/physics/test_iltis_driven.py": (
+        "test_the_anti_lock_brake_stops_shorter_and_straight", "test_a_start_uphill", "test_gears_are_changed",
+        "test_a_step_of_the_steering_wheel_turns_the_car",
+    ),
     "tests/physics/test_iltis_scenes.py": (
         "test_simul1_peak_acceleration_is_that_of_the_converged_motion", "test_ten_kilometres_away_the_run_is_the_same",
         "test_simul1s_needs_the_papers_smaller_step", "test_simul3_turns_as_hard_as_the_paper_says",

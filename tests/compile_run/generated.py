@@ -61,7 +61,8 @@ def run_evaluate(
 ) -> list[dict[str, np.ndarray]]:  # fmt: skip
     """Results of the simulator's functions at the states; ``description`` is the description of the model, if the simulator reads one."""
     run_file: dict[str, Any] = make_run_file(model, scene, {}, task="evaluate", options=PLAIN_STEPS).entries()
-    run_file["states"] = [{"t": s.t, "q": list(s.q), "v": list(s.v), "lambda": list(s.multipliers)} for s in states]
+    further = [0.0] * len(model.states)  # first-order states, which stand behind coordinates and speeds
+    run_file["states"] = [{"t": s.t, "q": [*s.q, *further], "v": [*s.v, *further], "lambda": list(s.multipliers)} for s in states]
     if description is not None:
         run_file["model"] = description
     results = call_simulator(binary, run_file)["results"]

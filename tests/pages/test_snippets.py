@@ -15,7 +15,7 @@ from tests.conftest import ROOT, needs_cpp
 
 pytestmark = needs_cpp
 
-PAGES = ("tutorial", "recipes", "import")
+PAGES = ("tutorial", "recipes", "import", "cars")
 
 
 @dataclass(frozen=True)
@@ -65,3 +65,8 @@ def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
             case _:
                 assert snippet.title, snippet.text
                 (tmp_path / snippet.title).write_text(snippet.text, encoding="utf-8")
+
+
+def test_a_car_of_parts_has_sixty_lines() -> None:
+    (car,) = (snippet for snippet in snippets("cars") if snippet.title == "my_car.yaml")
+    assert len(car.text.splitlines()) <= 60

@@ -17,7 +17,7 @@ from tests.view.files import Gltf
 pytestmark = needs_cpp
 
 #: Models whose equilibria or modes are interpreted for longer than seconds.
-LARGE = ("andrews", "axle", "car", "delta", "excavator", "iltis", "stewart")
+LARGE = ("andrews", "axle", "car", "delta", "excavator", "iltis", "iltis_driven", "stewart")
 
 #: Forces of all kinds, where they may without length, and a reaction: a load pulls a mass along a line, springs and a bushing hold it.
 STILL = """

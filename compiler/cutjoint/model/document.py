@@ -87,7 +87,7 @@ class Marker(Part):
     at: Point
 
 
-#: An expression or a table over quantities.
+#: An expression, or a table over quantities.
 Lookup: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
     told_by(
@@ -197,6 +197,10 @@ class Elements(Part):
     outputs: tuple[OutputEntry, ...] = ()
 
 
+#: Values by name, or a file that has them.
+_PROPERTIES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}]}
+
+
 class Instance(Part):
     """One use of a submodel; ``points`` are where points of the submodel are in this one."""
 
@@ -204,7 +208,7 @@ class Instance(Part):
     connect: dict[StrictStr, StrictStr] = Field(default={})
     with_: dict[StrictStr, Number] = Field(default={}, alias="with")
     points: dict[StrictStr, Point] = Field(default={})
-    properties: dict[StrictStr, Number] = Field(default={})
+    properties: Annotated[dict[StrictStr, Number], WithJsonSchema(_PROPERTIES_SCHEMA)] = Field(default={})
     mirror: Literal["x", "y", "z"] | None = None
     binding: Literal["param"] | None = None
 

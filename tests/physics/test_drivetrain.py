@@ -1,0 +1,223 @@
+"""The library's drivetrain, brakes, air and driver against closed forms, and mathematics of their own.
+
+Parts without bodies are driven by inputs; shafts are rotors in bearings of the ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import solve_ivp
+
+from cutjoint.model.read import read_model_text
+from cutjoint.package.locations import library_folder
+from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import find_case
+from cutjoint.run.simulation import simulate
+from tests.physics.simulation import compile_scene, completed
+
+FRAME = """
+cutjoint: 1
+name: bench
+gravity: [0, 0, 0]
+parameters: {{a: {{value: 0, binding: input}}, b: {{value: 0, binding: input}}, c: {{value: 0, binding: input}}}}
+bodies:
+  first: {{mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.2, 0.2, 0.2]}}
+  second: {{mass: 1, centre_of_mass: [0, 0, 0], inertia: [0.6, 0.6, 0.6]}}
+joints:
+  one: {{kind: revolute, bodies: [ground, first], at: [0, 0, 0], axis: x}}
+  two: {{kind: revolute, bodies: [ground, second], at: [0, 0, 0], axis: x}}
+submodels: {{part: {{include: library/{part}}}}}
+instances: {{part: {{use: part, {with_}}}}}
+forces: {{{forces}}}
+outputs: [one.angle_rate, two.angle_rate, one.angle, two.angle, {outputs}]
+scenes: {{run: {{end: {end}, output_step: 0.01, {scene}}}}}
+"""
+
+
+def bench(part: str, with_: str, forces: str = "", outputs: str = "first.x", end: float = 1, scene: str = "") -> Trajectory:
+    """A run of two rotors, of 0.2 and 0.6 kg m^2, with a part of the library."""
+    text = FRAME.format(part=part, with_=with_, forces=forces, outputs=outputs, end=end, scene=scene)
+    artifact = compile_scene(*find_case(read_model_text(text, "bench.yaml"), "run"))
+    return completed(simulate(artifact, integrator="dormand-prince", tolerance=1e-8, error=False, events="crossed"))
+
+
+CLUTCH = "with: {engine_speed: one.angle_rate, gearbox_speed: two.angle_rate, pedal: a, capacity: 30}"
+TO_BOTH = (
+    "brakes: {kind: joint_force, joint: one, law: -part.torque}, drives: {kind: joint_force, joint: two, law: part.torque}, "
+    "pulls: {kind: joint_force, joint: two, law: b}"
+)
+
+
+def test_a_clutch_slips_at_its_capacity_and_then_sticks() -> None:
+    """30 N m bring 100 rad/s of 0.2 kg m^2 and 0.6 kg m^2 at rest together in 100/(30 (1/0.2 + 1/0.6)) = 0.5 s, at 25 rad/s; the torque is
+    built up within milliseconds."""
+    run = bench("clutch", CLUTCH, TO_BOTH, "part.torque.value, part.friction.twist.value", scene="rates: {one.angle_rate: 100}")
+    t, engine, box = run.t, run["one.angle_rate"], run["two.angle_rate"]
+    assert 0.2 * engine + 0.6 * box == pytest.approx(20, rel=1e-7)
+    slips = (t > 0.05) & (t < 0.45)
+    assert run["part.torque.value"][slips] == pytest.approx(30, rel=1e-3)
+    assert np.polyfit(t[slips], engine[slips], 1)[0] == pytest.approx(-150, rel=1e-3)
+    assert engine[t > 0.9] - box[t > 0.9] == pytest.approx(0, abs=0.5)
+    energy = 0.1 * engine**2 + 0.3 * box**2
+    assert np.diff(energy).max() < 0.5 * 30 * 0.02  # J: no more than what the spring may give back
+
+
+def test_a_clutch_that_sticks_does_not_creep() -> None:
+    """Under 40 % of its capacity, forwards only and pulsing at 3 Hz, the angle between its halves is the same after each second."""
+    run = bench(
+        "clutch", CLUTCH, TO_BOTH, end=9, scene="lock: [one], inputs: {b: '6*(1 - cos(6*pi*t))'}"
+    )
+    whole = run["two.angle"][400::100]
+    assert np.abs(run["two.angle"]).max() < 12 / 1500 * 1.5
+    assert np.ptp(whole) < 1e-5
+
+
+def test_a_pressed_clutch_lets_go() -> None:
+    run = bench("clutch", CLUTCH, TO_BOTH, "part.torque.value", scene="rates: {one.angle_rate: 100}, inputs: {a: 1}")
+    assert run["one.angle_rate"] == pytest.approx(100, abs=1e-9)
+
+
+@pytest.mark.parametrize(("preload", "bias", "moved"), [(0, 0, 0), (20, 0, 20), (0, 0.3, 0.3 * 4 * 10), (1e9, 0, None)])
+def test_differentials(preload: float, bias: float, moved: float | None) -> None:
+    """Of 4 times 10 N m each output has half.  The slower one has what is `moved` more, the faster one as much less; a locked one
+    turns both alike, by 40/0.8 rad/s^2.  Power is lost by what is moved alone."""
+    given = f"with: {{torque: 10, left_speed: one.angle_rate, right_speed: two.angle_rate, preload: {preload}, bias: {bias}}}"
+    forces = "left: {kind: joint_force, joint: one, law: part.left}, right: {kind: joint_force, joint: two, law: part.right}"
+    run = bench("differential", given, forces, "part.left.value, part.right.value, part.shaft_speed.value")
+    left, right, one, two = (run[name][20:] for name in ("part.left.value", "part.right.value", "one.angle_rate", "two.angle_rate"))
+    assert left + right == pytest.approx(40, rel=1e-9)
+    if moved is None:
+        assert one - two == pytest.approx(0, abs=0.05)
+        assert one[-1] == pytest.approx(50, rel=2e-3)
+        return
+    sticks = moved >= 10  # what the lighter rotor needs less than half of the torque, if both turn alike: 20 - 40 0.2/0.8
+    if sticks:
+        assert one - two == pytest.approx(0, abs=0.1)
+        assert right - left == pytest.approx(20, abs=0.5)
+    else:
+        assert right - left == pytest.approx(2 * moved, abs=1e-6)
+    lost = 10 * run["part.shaft_speed.value"][20:] - left * one - right * two
+    assert lost == pytest.approx((right - left) / 2 * (one - two), abs=1e-9)
+
+
+def test_a_differential_of_limited_slip_slips_beyond_its_limit() -> None:
+    given = "with: {torque: 10, left_speed: one.angle_rate, right_speed: two.angle_rate, preload: 5}"
+    forces = "left: {kind: joint_force, joint: one, law: part.left}, right: {kind: joint_force, joint: two, law: part.right}"
+    run = bench("differential", given, forces, "part.left.value, part.right.value")
+    assert run["part.right.value"][20:] == pytest.approx(25, abs=1e-3)
+    assert run["one.angle_rate"][-1] == pytest.approx(15 / 0.2, rel=0.01)
+
+
+def test_a_torque_converter_multiplies_at_stall_and_makes_no_power() -> None:
+    scene = "lock: [two], drive: {one: '200*t'}"
+    run = bench("torque_converter", "with: {pump_speed: one.angle_rate, turbine_speed: a}", outputs="part.pump.value, part.turbine.value",
+                scene=f"{scene}, inputs: {{a: '400*t'}}")  # fmt: skip
+    pump, turbine, ratio = run["part.pump.value"], run["part.turbine.value"], 2 * run.t
+    assert (pump[0], turbine[0]) == (pytest.approx(0.0022 * 200**2), pytest.approx(2 * 0.0022 * 200**2))
+    assert np.all(pump * 200 >= turbine * 200 * ratio - 1e-9)
+    assert turbine[ratio > 0.86] == pytest.approx(pump[ratio > 0.86])
+    assert pump[50] == pytest.approx(0, abs=1e-9)
+    assert np.all(pump[ratio > 1.001] < 0)
+
+
+def test_gears() -> None:
+    given = "with: {gear: a, torque: 10, shaft_speed: 5}"
+    run = bench("gearbox", given, outputs="part.ratio.value, part.output_torque.value, part.input_speed.value, part.in_gear.value",
+                scene="inputs: {a: 6*t - 1}")  # fmt: skip
+    whole = np.round(6 * run.t - 1)
+    clear = np.abs(6 * run.t - 1 - whole) < 0.4
+    ratio = np.array([0, 3.6, 2.1, 1.4, 1, 0.8, -3.4])[whole.astype(int)]
+    assert run["part.ratio.value"][clear] == pytest.approx(ratio[clear])
+    assert run["part.output_torque.value"][clear] == pytest.approx(10 * ratio[clear])
+    assert run["part.input_speed.value"][clear] == pytest.approx(5 * ratio[clear])
+    assert run["part.in_gear.value"][clear] == pytest.approx(1.0 * (whole != 0)[clear])
+
+
+def test_an_engine_has_the_torque_of_its_map() -> None:
+    """Free, at the places of the table; it idles where the governor holds its own drag."""
+    table = yaml.safe_load((library_folder() / "engine.yaml").read_text())["signals"]["map"]["table"]
+    more = "part.speed.value, part.moment.force"
+    driven = bench("engine", "connect: {chassis: ground}, with: {throttle: a, load: 0}", outputs=more, scene=(
+        "drive: {part.turns: '100*t'}, inputs: {a: 0.5}"))  # fmt: skip
+    assert driven["part.moment.force"][[0, -1]] == pytest.approx(200 * table["value"][2][2], rel=1e-9)
+    idles = bench("engine", "connect: {chassis: ground}, with: {throttle: 0, load: 0}", outputs=more, end=20, scene=(
+        "rates: {part.turns.angle_rate: 300}"))  # fmt: skip
+    assert 70 < idles["part.speed.value"][-1] < 90
+    assert idles["part.moment.force"][-1] == pytest.approx(0, abs=0.1)
+
+
+def test_brakes_have_their_bias() -> None:
+    run = bench("brakes", "with: {pedal: a, hand: b}", outputs="part.front.value, part.rear.value", scene="inputs: {a: t, b: 0.5}")
+    assert run["part.front.value"] == pytest.approx(run.t * 6000 * 0.65 / 2)
+    assert run["part.rear.value"] == pytest.approx(run.t * 6000 * 0.35 / 2 + 750)
+
+
+def test_the_air_slows_a_body_by_the_square_of_its_speed() -> None:
+    """m v' = -k v^2: v = v0/(1 + k v0 t/m), whatever way the body looks; lift is the same with another area."""
+    text = """
+cutjoint: 1
+name: falls
+gravity: [0, 0, 0]
+bodies: {hull: {mass: 3, centre_of_mass: [0, 0, 0.5], inertia: [1, 1, 1]}}
+joints: {rail: {kind: prismatic, bodies: [ground, hull], at: [0, 0, 0.5], axis: x}}
+submodels: {air: {include: library/aero}}
+instances: {air: {use: air, connect: {chassis: hull}, with: {lift_rear: -0.5}}}
+outputs: [hull.vx, air.lifts_rear.Fz]
+scenes: {run: {end: 2, output_step: 0.1, rates: {rail.displacement_rate: 50}}}
+"""
+    model = read_model_text(text, "air.yaml")
+    run = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-10, error=False))
+    assert run["hull.vx"] == pytest.approx(50 / (1 + 0.6 * 0.7 * 50 * run.t / 3), rel=1e-8)
+    assert run["air.lifts_rear.Fz"] == pytest.approx(-0.6 * 0.5 * run["hull.vx"] ** 2, rel=1e-9)
+
+
+def test_the_driver_beside_scipy() -> None:
+    """A point with the yaw rate v steer/2.5 and the acceleration 4 (throttle - brake): a circle of 40 m at 8 m/s."""
+    text = """
+cutjoint: 1
+name: point
+gravity: [0, 0, 0]
+bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {pin: {kind: revolute, bodies: [ground, dot], at: [0, 0, 0], axis: x}}
+submodels: {driver: {include: library/driver}}
+instances:
+  driver: {use: driver, with: {x: x_, y: y_, yaw: yaw_, speed: v_, wanted: 8, beside: "40 - sqrt(driver.px**2 + (driver.py - 40)**2)"}}
+states:
+  x_: {start: 0, rate: v_*cos(yaw_)}
+  y_: {start: 0, rate: v_*sin(yaw_)}
+  yaw_: {start: 0, rate: v_*driver.steer/2.5}
+  v_: {start: 2, rate: 4*(driver.throttle - driver.brake)}
+outputs: [x_.value, y_.value, v_.value, driver.steer.value]
+scenes: {run: {end: 40, output_step: 0.5}}
+"""
+    model = read_model_text(text, "point.yaml")
+    found = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        x, side, yaw, v, steer, trim = y
+        reach = 3 + 0.7 * max(v, 0)
+        off = 40 - np.hypot(x + reach * np.cos(yaw), side + reach * np.sin(yaw) - 40)
+        asked = np.clip(-5 * off / reach**2 * (1 + 0.002 * v**2), -0.5, 0.5)
+        effort = 0.4 * (8 - v) + trim
+        pedals = np.clip(effort, -1, 1)
+        return [v * np.cos(yaw), v * np.sin(yaw), v * steer / 2.5, 4 * pedals, (asked - steer) / 0.1, 0.1 * (8 - v) * (abs(effort) < 1)]
+
+    expected = solve_ivp(rates, (0, 40), [0, 0, 0, 2, 0, 0], t_eval=found.t, rtol=1e-9, atol=1e-9, max_step=0.01).y
+    assert found["x_.value"] == pytest.approx(expected[0], abs=1e-4)
+    assert found["y_.value"] == pytest.approx(expected[1], abs=1e-4)
+    assert found["v_.value"] == pytest.approx(expected[3], abs=1e-4)
+    assert np.hypot(found["x_.value"], found["y_.value"] - 40)[40:] == pytest.approx(40, abs=0.5)
+
+
+def test_gears_change_by_the_speed_of_the_engine() -> None:
+    scene = "inputs: {a: 'where(t < 2, 300, where(t < 2.05, 450, where(t < 4, 300, where(t < 4.05, 100, 300))))'}"
+    told = "part.box.chosen, part.clutch.value, part.throttle.value"
+    run = bench("gear_changes", "with: {engine_speed: a, gas: 0.7}", outputs=told, end=6, scene=scene)
+    chosen, t = run["part.box.chosen"], run.t
+    assert [chosen[np.searchsorted(t, at)] for at in (1.9, 2.5, 3.9, 4.5)] == [1, 2, 2, 1]
+    pressed = (t > 2.05) & (t < 2.2)
+    assert run["part.clutch.value"][pressed] == pytest.approx(1)
+    assert run["part.throttle.value"][pressed] == pytest.approx(0)
+    assert run["part.throttle.value"][t < 1.9] == pytest.approx(0.7)

@@ -1,0 +1,94 @@
+"""The vehicle that drives itself, `models/iltis_driven.yaml`: what its manoeuvres have to do, and its balance of power."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutjoint.model.read import read_model
+from cutjoint.model.records import Output
+from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import find_case
+from cutjoint.run.simulation import simulate
+from tests.conftest import MODELS, needs_cpp
+from tests.physics.simulation import compile_scene, completed
+
+pytestmark = [needs_cpp, pytest.mark.slow]
+
+CORNERS = ("front_left", "front_right", "rear_left", "rear_right")
+
+
+def drive(scene: str, *, more: tuple[str, ...] = (), **choices: object) -> Trajectory:
+    """A run of a scene, with columns besides its own."""
+    model, chosen = find_case(read_model(MODELS / "iltis_driven.yaml"), scene)
+    outputs = [Output(element=name.rpartition(".")[0], quantity=name.rpartition(".")[2], span=model.span) for name in more]
+    chosen = replace(chosen, outputs=(*(chosen.outputs or model.outputs), *outputs))
+    return completed(simulate(compile_scene(model, chosen), **{"error": False, **choices}))  # type: ignore[arg-type]
+
+
+def stopped(run: Trajectory) -> float:
+    """The way from the brake to rest, m."""
+    assert np.abs(run["forward.value"][-100:]).max() < 0.05
+    return float(np.hypot(run["chassis.x"][-1] - np.interp(0.5, run.t, run["chassis.x"]), run["chassis.y"][-1]))
+
+
+def test_the_anti_lock_brake_stops_shorter_and_straight() -> None:
+    """On 0.8 at the left and 0.3 at the right: by 5 % at least, and without turning; locked wheels let the car spin."""
+    kept, locked = drive("mu_split"), drive("mu_split_locked")
+    assert stopped(kept) < 0.95 * stopped(locked)
+    assert np.abs(kept["chassis.yaw"]).max() < 0.1
+    assert np.abs(locked["chassis.yaw"]).max() > 1
+    moves = (kept.t > 1) & (kept["forward.value"] > 3)
+    for corner in CORNERS:
+        assert kept[f"{corner}.wheel.rolling.contact.spin"][moves].min() > 0
+    assert locked["front_right.wheel.rolling.contact.spin"][(locked.t > 1) & (locked.t < 1.5)].max() < 5
+
+
+def test_the_lane_is_changed() -> None:
+    """ISO 3888-1: of a car 1.52 m wide the middle may be 0.2 m, 0.28 m and 0.35 m beside those of the lanes."""
+    run = drive("lane_change")
+    x, y = run["chassis.x"], run["chassis.y"]
+    for begins, ends, middle, width in ((50, 65, 0, 0.2), (95, 120, 3.5, 0.28), (145, 160, 0, 0.35)):
+        inside = (x > begins) & (x < ends)
+        assert np.abs(y[inside] - middle).max() < width
+    assert run["forward.value"].min() > 20
+
+
+def test_a_step_of_the_steering_wheel_turns_the_car() -> None:
+    """In the end it turns as its speed and its radius say."""
+    run = drive("step_steer")
+    last = run.t > 5
+    assert run["sideways"][last] == pytest.approx((run["chassis.wz"] * run["forward.value"])[last], rel=0.01)
+    assert run["chassis.wz"][-1] > 0.05
+    loads = run["front_left.wheel.rolling.contact.Fz"], run["front_right.wheel.rolling.contact.Fz"]
+    assert loads[1][-1] - loads[0][-1] > 1000
+
+
+def test_a_start_uphill() -> None:
+    """It stands by the hand brake, then climbs and does not roll back by more than 2 cm; its height is a fifth of its way."""
+    run = drive("hill_start")
+    x, z = run["chassis.x"], run["chassis.z"]
+    assert np.ptp(x[(run.t > 0.8) & (run.t < 1.2)]) < 0.01
+    assert x.min() > -0.02
+    assert x[-1] > 20
+    assert z[-1] - z[0] == pytest.approx(0.2 * x[-1], abs=0.02)
+
+
+def test_gears_are_changed() -> None:
+    """From rest to 80 km/h through four gears, upwards alone; the speed is then held."""
+    run = drive("drive", end=20)
+    gears = run["selected.value"]
+    assert list(np.unique(gears)) == [1, 2, 3, 4]
+    assert np.diff(gears).min() == 0
+    assert run["forward.value"][-1] == pytest.approx(22.2, abs=0.2)
+    assert run["engine.speed.value"][-1] == pytest.approx(run["rear_left.wheel.rolling.contact.spin"][-1] * 5 * 1.07, rel=2e-3)
+
+
+def test_power_balances() -> None:
+    """Work of all forces is the gain of kinetic energy, within 1e-6 of all that was exchanged, over gears and slipping clutches."""
+    run = drive("drive", end=8, error=True, tolerance=1e-7)
+    assert run.energy is not None
+    assert run["forward.value"][-1] > 10
+    assert run.energy.share < 1e-6
