@@ -19,7 +19,7 @@ class CompileOptions:
     PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
     with ``linearise`` derivatives at a state, and with ``poses`` those of all bodies and markers.  Bodies and markers that are ``pushed``
-    have inputs of a force and a torque (`model.opening`).
+    have inputs of a force and a torque (`model.opening`).  A folder that is ``reproducible`` has its own mathematical library.
     """
 
     method: str = DEFAULT_METHOD
@@ -33,6 +33,7 @@ class CompileOptions:
     linearise: bool = False
     poses: bool = False
     pushed: Sequence[str] = ()
+    reproducible: bool = False
 
     @property
     def can_be_interpreted(self) -> bool:
