@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from shutil import which
@@ -46,11 +48,13 @@ def in_node(folder: Path, alone: Standalone, script: str) -> str:
     return subprocess.run(["node", "host.mjs"], cwd=folder, check=True, capture_output=True, text=True).stdout
 
 
-def natively(folder: Path, alone: Standalone, steps: int) -> NDArray[np.float64]:
+def natively(
+    folder: Path, alone: Standalone, steps: int, flags: Sequence[str] = ("-O1", "-ffp-contract=off")
+) -> NDArray[np.float64]:  # fmt: skip
     """The outputs of the folder's own program at the end of each step."""
     dt = alone.settings.step
     (folder / "own.run").write_text(f"end {steps * dt!r}\noutput_step {dt!r}\n", encoding="utf-8")
-    program = alone.build_simulator(("-O1", "-ffp-contract=off"))
+    program = alone.build_simulator(flags)
     done = subprocess.run([program, folder / "own.run"], check=True, capture_output=True, text=True)
     return np.array([[float(x) for x in line.split(",")] for line in done.stdout.splitlines()[1:]])
 
@@ -77,6 +81,29 @@ def test_a_module_moves_as_the_native_core(name: str, method: str, integrator: s
     assert np.abs(here[-1] - here[0]).max() > 1e-3  # it moves
     scale = np.maximum(1, np.abs(here).max(axis=0))
     assert (np.abs(there - here).max(axis=0) / scale).max() < (1e-6 if method == "recursive-newton" else NEAR)
+
+
+@needs_wasm
+@pytest.mark.cpp
+@pytest.mark.parametrize(("name", "method", "integrator", "steps"), CASES)
+def test_a_reproducible_folder_has_the_bits_of_the_module(
+    name: str, method: str, integrator: str | None, steps: int, tmp_path: Path
+) -> None:  # fmt: skip
+    """Also with other optimisations, and for this processor, which may have products and sums in one operation."""
+    alone = replace(standalone_of(name, method=method, integrator=integrator), reproducible=True)
+    here = natively(tmp_path, alone, steps, ("-O3", "-march=native"))
+    there = np.array(json.loads(in_node(tmp_path, alone, ROWS.replace("STEPS", str(steps)))))
+    assert np.array_equal(here, there)
+
+
+def test_only_reproducible_folders_have_mathematics() -> None:
+    plain = standalone_of("press")
+    more = replace(plain, reproducible=True).files
+    told = ("CMakeLists.txt", "README.md")
+    same = {name: text for name, text in plain.files.items() if name not in told}
+    assert {name: text for name, text in more.items() if name in same} == same
+    assert {"libm/sin.c", "libm/names.h", "libm/COPYRIGHT"} <= set(more) - set(plain.files)
+    assert "libm" not in plain.files["CMakeLists.txt"].replace("libmvec", "").replace("LIBMVEC", "")
 
 
 @needs_wasm

@@ -73,10 +73,35 @@ def test_a_drive_is_that_of_the_native_core(delta: Path, browser: Page, tmp_path
     here, there = rows_of((tmp_path / "replay.csv").read_text(encoding="utf-8")), rows_of(table)
     assert {name for _, name, _ in json.loads(log)["events"]} == {"q1", "q2"}
     assert here.shape == (1 + 600 // json.loads(log)["every"], 10)
-    assert np.abs(here - there[:, :10]).max() < 1e-9  # sines of two C libraries, as of folders on other processors
+    assert np.array_equal(here, there[:, :10]), "bit for bit"
     still = rows_of(table)[:, 10:]
     assert np.ptp(still[:, 0]) > 0.04, "the first input was moved"
     assert np.ptp(here[:, 1]) > 1e-3, "and so was the plate"
+
+
+@needs_cpp
+@needs_zig
+def test_a_lap_of_a_car_replays_bit_by_bit(car: Path, browser: Page) -> None:
+    browser.open(car)
+    corner = [[at + 400 * i, how, code] for i in range(5) for at, how, code in ((0, "down", "ArrowLeft"), (150, "up", "ArrowLeft"))]
+    steps(browser, 4000, [[0, "down", "ArrowUp"], *corner, [2500, "up", "ArrowUp"], [2500, "down", "KeyS"]])
+    log, table = car.with_name("lap.json"), browser.run("cutjoint.drive.table()")
+    log.write_text(browser.run("cutjoint.drive.log()"), encoding="utf-8")
+    call("drive", car.with_name("driven.yaml"), "--scene", "turns", "--replay", log, "--out", car.with_name("lap.csv"))
+    here, there = rows_of(car.with_name("lap.csv").read_text(encoding="utf-8")), rows_of(table)
+    assert np.array_equal(here, there[:, : here.shape[1]])
+    assert here[-1, 3] < here[0, 3] - 3, "it has braked"
+    assert here[-1, 4] > 0.2, "and turned"
+
+
+@needs_cpp
+@needs_zig
+def test_a_replay_of_another_model_is_refused(tmp_path: Path) -> None:
+    drive = {"cutjoint": "drive", "mark": "0", "model": "press", "scene": "turn", "dt": 0.001, "given": {}, "steps": 1, "every": 1}
+    drive["events"] = []
+    (tmp_path / "drive.json").write_text(json.dumps(drive), encoding="utf-8")
+    said = call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "x.csv", status=1)
+    assert "a drive of 'press', turn, in another version; drive the page of this one" in said
 
 
 @needs_cpp

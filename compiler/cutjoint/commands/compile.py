@@ -29,7 +29,7 @@ WASM = "wasm"
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
+    grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str, reproducible: bool,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
@@ -44,7 +44,7 @@ def command(
             return
         artifact = compile_model(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
-            grounded=grounded,
+            grounded=grounded, reproducible=reproducible,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)

@@ -232,6 +232,8 @@ OPTIONS: Mapping[str, Row] = {
         "(baseline), those with AVX2 and FMA (avx2), or both, chosen at load."),
     "compile.target": click.option("--target", type=click.Choice(["native", "wasm"]), default="native", show_default=True, help="A "
         "simulator for this machine, or a module of WebAssembly with its calls in JavaScript."),
+    "reproducible": click.option("--reproducible", is_flag=True, help="A folder whose results are the same bits on all processors and in "
+        "modules of WebAssembly: with a mathematical library of its own, and no product and sum in one operation."),
     "cases": click.argument("cases", type=_READ),
     "fmus": click.argument("fmus", metavar="FMU...", type=_READ, nargs=-1, required=True),
     "threads": click.option("--threads", type=Setting("threads"), help="As many as processors otherwise."),

@@ -46,7 +46,7 @@ from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
-from cutjoint.toolchain.wasm import WASM_FLAGS, build_module, with_section
+from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_section
 
 # Folders and libraries
 
@@ -75,7 +75,7 @@ def lanes_break_even(operations: int, steps: float) -> bool:
 class Standalone:
     """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` the code of both,
     ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` the
-    library's text behind its interface."""
+    library's text behind its interface.  The program of a folder that is ``reproducible`` has the same bits on all processors."""
 
     name: str
     digest: str
@@ -83,6 +83,7 @@ class Standalone:
     integrator: str
     run_file: RunFile
     code: str = ""
+    reproducible: bool = False
 
     @property
     def method(self) -> str:
@@ -140,7 +141,7 @@ class Standalone:
     @cached_property
     def files(self) -> Mapping[str, str]:
         """The files of the folder by name."""
-        return emit_standalone(self.parts, self._beginning, self.digest)
+        return emit_standalone(self.parts, self._beginning, self.digest, libm=mathematics() if self.reproducible else None)
 
     @cached_property
     def library(self) -> Source:
@@ -178,7 +179,7 @@ class Standalone:
         """The shared library; errors as of `toolchain.build.build`."""
         return build(self.library, flags=flags).path
 
-    def build_module(self, flags: Sequence[str] = WASM_FLAGS) -> bytes:
+    def build_module(self) -> bytes:
         """The folder as a module of WebAssembly, with the facts that its host in JavaScript reads; errors as of
         `toolchain.wasm.build_module`.
 
@@ -191,7 +192,11 @@ class Standalone:
             "name": self.name, "scene": self.parts.stepped.scene.name, "method": self.method, "integrator": self.integrator,
             "dt": self.settings.step, "end": self.run_file.end, "size": self.size, "mark": self.mark,
         }  # fmt: skip
-        return with_section(build_module(self.name, self.files, self.digest, flags), json.dumps(facts).encode())
+        return with_section(build_module(self.name, self.files, self.digest), json.dumps(facts).encode())
+
+    def build_twin(self) -> Path:
+        """The shared library with the bits of the module; errors as of `toolchain.wasm.build_twin`."""
+        return build_twin(self.name, self.files, self.digest)
 
     @property
     def module_files(self) -> Mapping[str, str]:
@@ -344,11 +349,14 @@ def plan_delivery(
         if linearise:
             able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
             raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
+        if options.reproducible:
+            raise RunError(f"reproducible: only folders that stand alone are; give one by out, in {DEFAULT_PRECISION}")
         if options.poses:
             raise RunError(f"poses: only folders that stand alone have them; give one by out, in {DEFAULT_PRECISION}")
         delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise)
+        alone = replace(alone, reproducible=options.reproducible)
         delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:
         model, names = Path(generated.equations.topology.model.span.file), (*delivery.files, delivery.program)

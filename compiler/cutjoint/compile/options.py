@@ -20,6 +20,7 @@ class CompileOptions:
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
     with ``linearise`` derivatives at a state, and with ``poses`` those of all bodies and markers.  Bodies and markers that are ``pushed``
     have inputs of a force and a torque, wheels that are ``grounded``, by patterns of their names, those of a ground (`model.opening`).
+    A folder that is ``reproducible`` has its own mathematical library.
     """
 
     method: str = DEFAULT_METHOD
@@ -34,6 +35,7 @@ class CompileOptions:
     poses: bool = False
     pushed: Sequence[str] = ()
     grounded: Sequence[str] = ()
+    reproducible: bool = False
 
     @property
     def can_be_interpreted(self) -> bool:

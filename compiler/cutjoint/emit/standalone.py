@@ -129,10 +129,20 @@ TORN = 0.01
 _CAUSE = re.compile(r"^  (\w+) = (\d+),? +///< (.*)$", re.MULTILINE)
 
 
-def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, str]:
+@dataclass(frozen=True, kw_only=True)
+class Mathematics:
+    """A mathematical library for folders: its ``files`` by name, and the flags of C++ that calls it and of its own C."""
+
+    files: Mapping[str, str]
+    cxx: Sequence[str]
+    c: Sequence[str]
+
+
+def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str, *, libm: Mathematics | None = None) -> dict[str, str]:
     """The files by name; ``begin`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
-    tells its snapshots from those of other models."""
+    tells its snapshots from those of other models.  Its project compiles a mathematical library, ``libm``, if one is given."""
     parts, view = prepare(parts, begin, digest)
+    view |= {"libm": libm}
     page = parts.page
     p, header = page.stem, str(view["header"])
     return {
@@ -144,6 +154,7 @@ def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str) -> dic
         f"{p}.run": page.render("standalone/run.jinja", **view),
         "README.md": page.render("standalone/README.md.jinja", **view),
         **code_file(parts.mechanism.topology.model),
+        **({} if libm is None else libm.files),
     }
 
 
@@ -171,7 +182,8 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         system = sized_system_class(parts, parts.system)
         assert system.factorisation is not None
         header, *functions = system.code
-        code += [system.factorisation.text, header, _GATHERED[0], *functions, _GATHERED[1]]
+        before, behind = ("", "") if view.get("libm") else _GATHERED  # GCC forgets -ffp-contract=off where it is told of optimisations
+        code += [system.factorisation.text, header, before, *functions, behind]
         sized.append(system.sized(page))
     has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:

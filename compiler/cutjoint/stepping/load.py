@@ -73,18 +73,14 @@ def load_scene(
     fits = standalone.fits_lanes and not hosted  # whose functions are those of one simulation
     lanes = Lanes(standalone.name, generated.program.operations("evaluate"), build) if fits else None
     begin = partial(_begin, model, scene) if {"positions", "rates"} & set(changing(model, scene)) else None
-    return open_standalone(standalone, flags, lanes=lanes, functions=hosted, begin=begin)
+    return open_standalone(standalone, standalone.build_library(flags), lanes=lanes, functions=hosted, begin=begin)
 
 
-def open_standalone(standalone: Standalone, flags: Sequence[str] = FLAGS, **more: Any) -> Simulation:
-    """Compile a folder as a library, or find it in the cache, and open it; ``more`` is of `Library`.
-
-    Raises:
-        ToolchainError: the C++ compiler failed.
-    """
+def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simulation:
+    """A simulation of a folder by its ``library``; ``more`` is of `Library`."""
     equations, mechanism = standalone.parts.stepped, standalone.parts.mechanism
     return Simulation(Library(
-        standalone.build_library(flags), standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
+        library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(equations.equation_names), freedoms=standalone.freedoms, states=len(mechanism.state.states),
         carried=_carried(mechanism), has_poses=bool(standalone.poses), steps=standalone.steps, settings=standalone.settings, **more,
     ))  # fmt: skip

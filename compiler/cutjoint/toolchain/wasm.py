@@ -1,7 +1,7 @@
-"""Folders of models -> modules of WebAssembly, by the compiler of the package ziglang, cached by content.
+"""Folders of models -> modules of WebAssembly, and libraries for this machine with the same bits, cached by content.
 
-A module imports nothing: the C library's mathematics is inside.  It has no threads, and no instruction whose result a processor may choose:
-products and sums are not contracted, and vectors are those of 128 bits whose operations are IEEE 754's.
+Both have the mathematical functions of runtime/libm, and no product and sum in one operation.  A module imports nothing.  It has no
+threads, and no instruction whose result a processor may choose: its vectors of 128 bits have the operations of IEEE 754.
 """
 
 from __future__ import annotations
@@ -11,21 +11,27 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cutjoint.emit.standalone import Mathematics
 from cutjoint.package.errors import MissingToolsError, ToolchainError
-from cutjoint.package.locations import without_mark
+from cutjoint.package.locations import runtime_folder, without_mark
 from cutjoint.toolchain.build import write_text
-from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make
+from cutjoint.toolchain.cache import cache_folder, digest_of, find_or_make, tree_digest
 from cutjoint.toolchain.children import tool
-from cutjoint.toolchain.compiler import ask_version, find_zig
+from cutjoint.toolchain.compiler import ask_version, find_compiler, find_zig
 
-#: Flags of modules; those of $CUTJOINT_FLAGS are for processors.
-WASM_FLAGS = ("-O2", "-msimd128")
+#: The functions of the mathematical library that programs and the runtime call.  No compiler may know values of theirs, and no pair of them
+#: be one call.  Square roots, absolute values and whole numbers are exact in any library.
+MATHEMATICS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log10", "pow")
 
-_TARGET = ("-target", "wasm32-wasi")
+_EXACT = ("-ffp-contract=off", *(f"-fno-builtin-{name}" for name in MATHEMATICS))
 _CXX = (
-    "-std=c++20", "-ffp-contract=off", "-fno-math-errno", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-Wno-psabi",
-    "-Wno-unknown-warning-option",
+    "-std=c++20", "-O2", *_EXACT, "-fno-math-errno", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics",
+    "-DCUTJOINT_WITHOUT_LIBMVEC", "-Wno-psabi",
 )  # fmt: skip
+_LIBM = ("-std=c99", *_EXACT, "-U__FP_FAST_FMA", "-fvisibility=hidden", "-w")
+_C = ("-O2", *_LIBM)
+
+_WASM = ("-target", "wasm32-wasi", "-msimd128")
 
 #: The bytes of a module's stack, many times what a step of any model has taken.
 _STACK = 1 << 20
@@ -34,7 +40,7 @@ _STACK = 1 << 20
 SECTION = "cutjoint"
 
 
-def build_module(name: str, files: Mapping[str, str], digest: str, flags: Sequence[str] = WASM_FLAGS) -> bytes:
+def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
     """The module of a folder that stands alone, with its C interface, whose functions have the ``name`` before their own; or that of the
     cache.
 
@@ -45,25 +51,51 @@ def build_module(name: str, files: Mapping[str, str], digest: str, flags: Sequen
     zig = find_zig()
     if zig is None:
         raise MissingToolsError("missing: ziglang, which compiles for WebAssembly; pip install 'cutjoint[compiler]'")
-    sources = [file for file in files if file.endswith(".cpp")]
-    headers = [file for file in files if file.endswith(".h")]
-    parts = [without_mark(files[file]) for file in (*sources, *headers)]
-    key = digest_of([digest, *parts, ask_version((zig, "c++")), *_CXX, *flags, str(_STACK)])
-    cached = cache_folder() / f"wasm-{key}" / f"{name}.wasm"
+    exports = [f"-Wl,--export={function}" for file, text in files.items() if file.endswith(".h") for function in _functions(name, text)]
+    linked = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK}", "-s", *exports)
+    return _build(f"{name}.wasm", files, digest, (zig, "c++"), (zig, "cc"), _WASM, linked).read_bytes()
+
+
+def build_twin(name: str, files: Mapping[str, str], digest: str) -> Path:
+    """The shared library of a folder that stands alone whose results are those of its module to the last bit; or that of the cache.
+
+    Raises:
+        ToolchainError: there is no compiler, or it refused the code.
+    """
+    command = find_compiler().command
+    return _build(f"lib{name}.so", files, digest, command, command, ("-fPIC",), ("-shared",))
+
+
+def _build(
+    made: str, files: Mapping[str, str], digest: str, cxx: Sequence[str], cc: Sequence[str], flags: Sequence[str], linked: Sequence[str]
+) -> Path:  # fmt: skip
+    """Compile the C++ among files, and the mathematical library, and link both."""
+    sources, library = [file for file in files if file.endswith(".cpp")], runtime_folder() / "libm"
+    named = ("-include", str(library / "names.h"))
+    used = {file: text for file, text in files.items() if file.endswith((".cpp", ".h"))}
+    parts = [*map(without_mark, used.values()), tree_digest(library), ask_version(tuple(cxx)), *cxx[1:]]
+    cached = cache_folder() / f"portable-{digest_of([digest, *parts, *_CXX, *_C, *flags, *linked])}" / made
 
     def make(folder: Path) -> Path:
-        for file in (*sources, *headers):
-            write_text(folder / file, files[file])
+        for file, text in used.items():
+            write_text(folder / file, text)
         (folder / "tmp").mkdir()
-        for file in sources:
-            _call([zig, "c++", *_TARGET, *_CXX, *flags, "-c", file, "-o", f"{file}.o"], folder)
-        exports = (f"-Wl,--export={function}" for header in headers for function in _functions(name, files[header]))
-        linked = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK}", "-s", *exports)
-        _call([zig, "cc", *_TARGET, *(f"{file}.o" for file in sources), "-lm", *linked, "-o", f"{name}.wasm"], folder)
-        return folder / f"{name}.wasm"
+        calls = {file: (*_CXX, *named, "-c", file) for file in sources}
+        calls |= {file.name: (*_C, *named, "-x", "c", "-c", str(file)) for file in sorted(library.glob("*.c"))}
+        for file, words in calls.items():
+            _call([*cxx, *flags, *words, "-o", f"{file}.o"], folder, folder / "tmp")
+        objects = [f"{file}.o" for file in calls]
+        _call([*cc, *flags, *objects, "-lm", *linked, "-o", made], folder, folder / "tmp")
+        return folder / made
 
     find_or_make(cached, make)
-    return cached.read_bytes()
+    return cached
+
+
+def mathematics() -> Mathematics:
+    """The library for folders, with the flags of a project that compiles it."""
+    files = {f"libm/{file.name}": file.read_text(encoding="utf-8") for file in sorted((runtime_folder() / "libm").iterdir())}
+    return Mathematics(files=files, cxx=_EXACT, c=_LIBM)
 
 
 def _functions(name: str, header: str) -> list[str]:
@@ -72,14 +104,14 @@ def _functions(name: str, header: str) -> list[str]:
     return sorted(set(declared))
 
 
-def _call(command: Sequence[str], folder: Path) -> None:
-    with tool(command, {**os.environ, "TMPDIR": str(folder / "tmp")}, folder) as process:
+def _call(command: Sequence[str], folder: Path, scratch: Path) -> None:
+    with tool(command, {**os.environ, "TMPDIR": str(scratch)}, folder) as process:
         assert process.stdout is not None
         said = process.stdout.read()
         status = process.wait()
     if status:
         errors = [line.strip() for line in said.splitlines() if "error" in line]
-        raise ToolchainError(f"zig failed: {'; '.join(errors[:5]) or said[-800:]} (please report this)")
+        raise ToolchainError(f"{' '.join(command[:2])} failed: {'; '.join(errors[:5]) or said[-800:]} (please report this)")
 
 
 def with_section(module: bytes, content: bytes) -> bytes:

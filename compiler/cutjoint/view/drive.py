@@ -50,9 +50,6 @@ _REACH = {"rad": 0.5, "m/s": 10.0, "rad/s": 10.0}
 #: Moments that drive a wheel of a car, and that brake it, as a share of the weight at one metre.
 _MOMENTS = {"throttle": 0.03, "brake": 0.1}
 
-#: Flags of the code of a replay: products and sums are not contracted, as in the page.
-REPLAYED = ("-O2", "-ffp-contract=off")
-
 #: Rows of the record in a second, and the wheels of what is driven as a car.
 _ROWS, _WHEELS = 60.0, 3
 
@@ -117,8 +114,8 @@ def _simulated(model: Model, scene: Scene, method: str) -> Standalone:
     return make_standalone(generate(model, scene, scene.outputs, method=method, poses=True), equal_steps=True)
 
 
-def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAULT_METHOD, flags: Sequence[str] = REPLAYED) -> Replay:
-    """Take the steps of a drive that a page has saved (JSON) once more, by code for this machine.
+def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAULT_METHOD) -> Replay:
+    """Take the steps of a drive that a page has saved (JSON) once more, by code for this machine that has the same bits.
 
     Raises:
         RunError: the file is no drive, or one of another model, scene or version.
@@ -129,7 +126,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     drive = _read_drive(path)
     if drive["mark"] != alone.mark:
         raise RunError(f"--replay {path}: a drive of '{drive['model']}', {drive['scene']}, in another version; drive the page of this one")
-    sim = open_standalone(alone, flags, lanes=None)
+    sim = open_standalone(alone, alone.build_twin(), lanes=None)
     for name, value in drive["given"].items():
         _give(sim, name, value)
     sim.reset(dt=drive["dt"])
