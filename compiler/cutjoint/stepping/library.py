@@ -83,9 +83,9 @@ class Library:
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
     first-order states, ``carried`` that of numbers that directions of a run have beside states, ``has_poses`` whether it has those of
-    bodies and markers, ``steps`` the properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps of
-    several together, if the method can.  ``functions`` are those that simulations call, by their names.  ``begin`` finds the coordinates and
-    speeds of the scene's start from parameters that a host has changed, where they follow from any.
+    bodies and markers, ``steps`` the properties of the integrator, ``settings`` the settings of a simulation's start, ``lanes`` the steps
+    of several together, if the method can.  ``functions`` are those that simulations call, by their names.  ``begin`` finds the coordinates
+    and speeds of the scene's start from parameters that a host has changed, where they follow from any.
 
     Raises:
         OSError: the file is no library.

@@ -81,7 +81,7 @@ def load_scene(
 
 
 def _carried(mechanism: RecursiveEquations) -> int:
-    """The number of rows that a matrix of directions has behind those of states: what controllers hold, and what steps go on with."""
+    """The number of rows behind those of states in a matrix of directions: values of controllers, and all else that goes on in steps."""
     return mechanism.held + len(mechanism.coordinate_names) + 2 * len(mechanism.speed_names) + len(mechanism.equation_names)
 
 
