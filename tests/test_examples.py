@@ -173,3 +173,23 @@ def test_a_spring_and_a_point_are_found_from_a_motion() -> None:
     stiffness, place, runs = (float(x) for x in re.findall(r"\d+\.?\d*", python(EXAMPLES / "identify.py")))
     assert (stiffness, place) == (pytest.approx(1600, rel=5e-3), pytest.approx(0.11, rel=1e-3))
     assert runs < 30
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("package", ["jax", "casadi"])
+def test_gradients_in_other_packages(package: str) -> None:
+    """The derivatives of a mean square, beside differences of runs."""
+    pytest.importorskip(package)
+    found = [float(x) for x in re.findall(r"(-?[\d.e-]+) m(?:\^2)? per", python(EXAMPLES / f"gradient_{package}.py"))]
+    sim = cutjoint.load(ROOT / "models" / "press.yaml", integrator="rk4", linearise=True, opened=["A.z"])
+
+    def mean_square(stiffness: float, height: float) -> float:
+        sim.parameters.update({"stiffness": stiffness, "A.z": height})
+        start = sim.reset(dt=1e-3).outputs["slider.x"]
+        return float(np.mean(np.append(start, sim.play(400)[9::10, sim.outputs.place("slider.x")]) ** 2))
+
+    differences = [
+        (mean_square(2002.0, 0.1) - mean_square(1998.0, 0.1)) / 4.0,
+        (mean_square(2000.0, 0.1001) - mean_square(2000.0, 0.0999)) / 2e-4,
+    ]
+    assert found == pytest.approx(differences, rel=1e-3)  # four printed digits

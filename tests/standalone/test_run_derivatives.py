@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 
 import cutjoint
+from cutjoint.cli import main
 from cutjoint.methods import Loops
 from cutjoint.run.given import take_model
 from cutjoint.run.scenes import with_loops
@@ -163,6 +167,20 @@ def test_a_pendulum_by_gravity() -> None:
     sim = loaded(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-3)
     run = sim.play_derivative(2000, ["pin.angle", "pin.angle_rate"], ["g"], every=100)
     assert run.slopes[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-9)
+
+
+def test_the_command_prints_them_and_checks(tmp_path: Path) -> None:
+    """As above, of the angle's end."""
+    (tmp_path / "pendulum.yaml").write_text(PENDULUM, encoding="utf-8")
+    call = ["gradient", str(tmp_path / "pendulum.yaml"), "--integrator", "rk4", "--dt", "1e-3", "--by", "g", "--by", "pin.angle", "--check"]
+    done = CliRunner().invoke(main, call)
+    assert done.exit_code == 0, done.output
+    rows = {line.split()[0]: line.split() for line in done.output.splitlines() if line.strip()}
+    values = [float(x) for line in done.output.splitlines() if " rad " in line for x in re.findall(r"-?[\d.]+(?= rad)", line)]
+    assert float(rows["g"][1]) == pytest.approx(2 * values[1] / (2 * 9.81), rel=1e-4)  # six printed digits
+    assert float(re.findall(r"by ([\d.e-]+) of the largest", done.output)[0]) < 1e-8
+    wrong = CliRunner().invoke(main, [*call, "--by", "h"])
+    assert (wrong.exit_code, "no 'h'" in wrong.output) == (1, True)
 
 
 @pytest.mark.parametrize("loops", [Loops.EXACT, Loops.COMPILED])

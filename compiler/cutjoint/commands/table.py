@@ -178,6 +178,8 @@ OPTIONS: Mapping[str, Row] = {
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
         "runs side by side, where the scene has another rule, or none and no step."),
     "couple.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; by default the scene's, else that of simulate."),
+    "gradient.integrator": click.option("--integrator", type=click.Choice(["trapezoidal", "rk4", "dormand-prince", "dop853"]),
+        help="Rule of the steps; otherwise the scene's, else that of simulate."),
     "compile.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; otherwise the scene's, else trapezoidal."),
     "export.integrator": _one_of("--integrator", names=_RULES, help="Rule of an FMU's steps; otherwise what simulate takes."),
     "events": click.option("--events", type=click.Choice([x.value for x in Events]), help="Whether steps of recursive and recursive-newton "
@@ -222,6 +224,13 @@ OPTIONS: Mapping[str, Row] = {
         "which cutjoint-bench is needed, an FMU for those that import one, or a URDF file."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
         "the scene that are motions of bodies and markers."),
+    "gradient.asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="An output of the scene; all "
+        "otherwise."),
+    "by": click.option("--by", metavar="NAME", multiple=True, help="A parameter, an input, which is shifted all the time, or a state "
+        "at the beginning; all parameters and inputs otherwise."),
+    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "largest", "smallest"]),
+        default="end", show_default=True, help="What the table has of each output over the rows."),
+    "check": click.option("--check", is_flag=True, help="Compare with differences of runs, four for each number."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise."),
     "kind": _one_of("--kind", names=_of("cutjoint.export.fmu.description", "KINDS"), help="What an FMU is for: co-simulation (the "
         "default), model exchange, or both."),

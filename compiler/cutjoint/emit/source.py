@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,12 +12,11 @@ from typing import NamedTuple
 
 import jinja2
 
-from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.view import on_one_line
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.model.functions import PREFIX, SUPPLIED_FILE, require_code, signatures_of, templates_of
 from cutjoint.model.records import Model, SuppliedFunction
-from cutjoint.package.locations import origin_of, templates_folder, without_mark
+from cutjoint.package.locations import origin_of, runtime_folder, templates_folder, without_mark
 from cutjoint.program.records import Program
 
 #: The length (characters) from which on a file is compiled by itself: about where its own text takes longer than the headers.
@@ -36,6 +36,9 @@ SPACE = "cutjoint::generated"
 
 #: The `Source.driver` of a library, which needs none.
 LIBRARY = "library"
+
+_OWN = re.compile(r'#include "(cutjoint/[^"]+)"\n')
+_STANDARD = re.compile(r"#include <([^>]+)>\n")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,3 +226,43 @@ def name_of_system(name: str) -> str:
 def _digest(files: Mapping[str, str]) -> str:
     content = "\0".join(f"{name}\0{without_mark(text)}" for name, text in sorted(files.items()))
     return hashlib.sha256(content.encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amalgamation:
+    """Headers of the standard library by name, ``top``, the text outside of namespaces, and ``body``, the text inside."""
+
+    standard: tuple[str, ...]
+    top: str
+    body: str
+
+
+def amalgamate(headers: Iterable[str]) -> Amalgamation:
+    """Headers of the runtime, such as ``cutjoint/core/state.hpp``, each behind those that it includes."""
+    texts: dict[str, str] = {}
+    for header in headers:
+        _add(header, texts)
+    standard: set[str] = set()
+    top, body = [], []
+    for text in texts.values():
+        bare = _OWN.sub("", text.replace("#pragma once\n", ""))
+        if "namespace cutjoint" in bare:
+            standard |= set(_STANDARD.findall(bare))
+            body.append(_STANDARD.sub("", bare))
+        else:
+            top.append(bare)
+    return Amalgamation(standard=tuple(sorted(standard)), top=_joined(top), body=_joined(body))
+
+
+def _add(header: str, texts: dict[str, str]) -> None:
+    if header in texts:
+        return
+    text = (runtime_folder() / "include" / header).read_text(encoding="utf-8")
+    for other in _OWN.findall(text):
+        _add(other, texts)
+    texts[header] = text
+
+
+def _joined(texts: Iterable[str]) -> str:
+    """Texts behind each other, with one empty line at most."""
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(texts)).strip("\n") + "\n"

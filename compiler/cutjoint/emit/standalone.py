@@ -14,9 +14,8 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.amalgamate import amalgamate
 from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
-from cutjoint.emit.source import SPACE, Page, code_file, name_of_system, quotable, switches_of
+from cutjoint.emit.source import SPACE, Page, amalgamate, code_file, name_of_system, quotable, switches_of
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations

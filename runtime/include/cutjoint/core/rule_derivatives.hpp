@@ -75,7 +75,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     mechanism.begin_step(end.t, 1.0);
     if (!go_to_end(mechanism)) return false;
     std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-    if (!decompose_rule(mechanism, h) || !solve_rule(mechanism, h) || !decompose_rule(mechanism, h)) return false;
+    if (!decompose_rule(h) || !solve_rule(mechanism, h) || !decompose_rule(h)) return false;
     find_projection();
     return true;
   }
@@ -190,7 +190,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   }
 
   /// How what the rule leaves of found accelerations and multipliers follows from these.
-  bool decompose_rule(M& mechanism, double h) {
+  bool decompose_rule(double h) {
     for (std::size_t first = 0; first < n + sought; first += directions) {
       const std::size_t number = std::min(directions, n + sought - first);
       for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];

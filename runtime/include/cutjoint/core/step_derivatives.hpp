@@ -225,7 +225,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   }
 
   void keep_row(std::size_t first, std::size_t number) {
-    visit_carried(first, [number](const Dual& x, double* row, bool) { std::copy_n(&x.slope[0], number, row); });
+    visit_carried(first, [number](const Dual& x, double* row, bool) {
+      for (std::size_t k = 0; k < number; ++k) row[k] = x.slope[k];
+    });
   }
 
   /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.

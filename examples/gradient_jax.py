@@ -1,0 +1,40 @@
+"""The press in JAX: the course of the slider by a spring's rate and a hardpoint, with exact derivatives, under jit."""
+
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+
+import cutjoint
+
+MODEL = Path(__file__).resolve().parents[1] / "models" / "press.yaml"
+BY, STEPS, ROWS = ["stiffness", "A.z"], 400, 41
+
+jax.config.update("jax_enable_x64", True)
+sim = cutjoint.load(MODEL, integrator="rk4", linearise=True, opened=["A.z"])
+numbers = partial(jax.ShapeDtypeStruct, dtype=jnp.float64)
+
+
+def run(x):
+    """The slider's places (41) and their derivatives by BY (41, 2)."""
+    sim.parameters.update(zip(BY, x.tolist(), strict=True))
+    sim.reset(dt=1e-3).choose(["pin.angle_rate"])
+    course = sim.play_derivative(STEPS, ["slider.x"], BY, every=10)
+    return course.values[:, 0], course.slopes[:, 0]
+
+
+@jax.custom_vjp
+def course(x):
+    return forward(x)[0]
+
+
+def forward(x):
+    return jax.pure_callback(run, (numbers((ROWS,)), numbers((ROWS, 2))), x, vmap_method="sequential")
+
+
+course.defvjp(forward, lambda slopes, weights: (weights @ slopes,))
+
+if __name__ == "__main__":
+    slope = jax.jit(jax.grad(lambda x: jnp.mean(course(x) ** 2)))(jnp.array([2000.0, 0.1]))
+    print(f"the mean square of the slider's place changes by {slope[0]:.4g} m^2 per N/m and {slope[1]:.4g} m per m")
