@@ -76,8 +76,10 @@ def test_equal_steps_without_settings_pass_singular_poses_or_stop_there(integrat
 @pytest.mark.parametrize("by_step", [False, True])
 @pytest.mark.parametrize(("windows", "end"), [(2, 10.0), (10, 5.0), (40, 10.0)])
 def test_rk4_keeps_its_order_through_singular_poses(windows: int, end: float, by_step: bool) -> None:
-    """Without a penalty, and with 0.005/dt^2; of order 2 errors at 2 ms would be a sixteenth of those at 8 ms.  Of 40 windows stages come within
-    5e-5 rad of a pose."""
+    """Without a penalty, and with 0.005/dt^2; of order 2 errors at 2 ms would be a sixteenth of those at 8 ms.
+
+    Of 40 windows stages come within 5e-5 rad of a pose.
+    """
     model = read_model_text(four_bar_text(windows), "four_bar.yaml")
     scene = find_scene(model, None)
     numerics = replace(scene.numerics, closure="solved", **({} if by_step else {"penalty": None, "by_step": {}}))
