@@ -61,8 +61,9 @@ class Wanted:
         return 5 * self.harmonics // 2
 
 
-#: The spare terms of functions that are found anew with other geometry, and may then need more.
-SPARE = 2
+#: The spare terms of functions that are found anew with other geometry, and may then need more, and the nodes that such a search has beyond
+#: the longest function's terms: with n nodes the coefficient of order 2n - k adds to that of order k.
+SPARE, SPARE_NODES = 2, 4
 
 #: The ranges that functions reached, by the ways of the coordinates that lead: an equal or mirrored block reaches as far.
 Ranges: TypeAlias = dict[tuple[float, ...], Interval]
@@ -155,7 +156,9 @@ def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted:
     gap, rate_gap = _gaps(loops, lead, found, wanted)
     if not gap < _ALLOWED * wanted.tolerance or not rate_gap < _ALLOWED * wanted.tolerance * _largest_slope(found):
         raise NoAssemblyError(f"its functions leave a gap of {gap:.1g}, which opens at {rate_gap:.1g}")
-    return replace(found, gap=gap, rate_gap=rate_gap, open=loops.open, nodes=len(nodes), allowed=_ALLOWED * wanted.tolerance)
+    terms = max(len(s.coefficients) for each in series.values() for s in each)
+    enough = len(nodes) if lead.turns else min(len(nodes), terms + SPARE_NODES)
+    return replace(found, gap=gap, rate_gap=rate_gap, open=loops.open, nodes=enough, allowed=_ALLOWED * wanted.tolerance)
 
 
 def _sampled(

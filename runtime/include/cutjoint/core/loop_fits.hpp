@@ -45,7 +45,7 @@ constexpr int most_terms(const LoopFit& loops, const FittedFunction* functions) 
 /// The numbers that a search works on.
 constexpr int work_of_fit(const LoopFit& loops, const FittedFunction* functions) {
   const int n = loops.functions, m = loops.rows;
-  return (n + 1) + m * (n + 2) + n * n + 6 * n + (n + 2) * most_terms(loops, functions);
+  return (n + 1) + m * (n + 2) + n * n + 8 * n + (n + 2) * most_terms(loops, functions);
 }
 
 /// A node by its number; halves are between nodes, -1/2 and `nodes` - 1/2 the ends of a range.
@@ -87,7 +87,7 @@ class LoopFitting {
   LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
       : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
         place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), slope_(upper_ + n_ * n_),
-        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + n_), mean_(before_ + n_), sums_(mean_ + n_),
+        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + 2 * n_), mean_(before_ + 2 * n_), sums_(mean_ + n_),
         terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
 
   /// Find all coefficients, and then a margin, which is negative where loops stay open; the coefficients are then those of `start`.
@@ -95,10 +95,11 @@ class LoopFitting {
     const int middle = node_by_design();
     for (int i = 0; i < n_; ++i) mean_[i] = Real(0);
     for (int i = 0; i < n_ * length_; ++i) sums_[i] = Real(0);
-    for (int i = 0; i < 2 * n_; ++i) offset_[i] = Real(0);
-    for (int node = middle; node < loops_.nodes; ++node) add_node(node);
-    for (int i = 0; i < 2 * n_; ++i) offset_[i] = Real(0);
-    for (int node = middle - 1; node >= 0; --node) add_node(node);
+    for (const int way : {1, -1}) {
+      for (int i = 0; i < 4 * n_; ++i) offset_[i] = Real(0);
+      known_ = 0;
+      for (int node = way > 0 ? middle : middle - 1; node >= 0 && node < loops_.nodes; node += way) add_node(node);
+    }
     integrate(found);
     check(found);
   }
@@ -155,13 +156,21 @@ class LoopFitting {
     return sum;
   }
 
+  /// The offset of a function where the cubic through the last two nodes leads, by values and slopes, or the line through one.
+  Real leads_to(double q, int j) const {
+    if (known_ < 2) return offset_[j] + Real(known_ * (q - last_)) * offset_[n_ + j];
+    const double h = last_ - before_last_, x = (q - before_last_) / h, y = x - 1;
+    return Real((1 + 2 * x) * y * y) * before_[j] + Real(h * x * y * y) * before_[n_ + j] + Real(x * x * (3 - 2 * x)) * offset_[j] +
+           Real(h * x * x * y) * offset_[n_ + j];
+  }
+
   void add_node(int node) {
     const double q = node_of(loops_, node);
     terms_at(loops_, q, length_, terms_, slopes_);
     place_[0] = Real(q);
     const double* c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms)
-      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + (Real(2) * offset_[j] - before_[j]);
+      place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_) + leads_to(q, j);
     auto moves = Chosen::all_if(true);
     const auto iterate = [&] {
       close_(place_, opening_, by_place_);
@@ -183,12 +192,17 @@ class LoopFitting {
     for (int j = 0; j < n_; c += functions_[j++].terms) {
       const Real straight = place_[j + 1] - Real(functions_[j].growth * q);
       before_[j] = offset_[j];
+      before_[n_ + j] = offset_[n_ + j];
       offset_[j] = straight - sum_of(c, functions_[j].terms, terms_);
+      offset_[n_ + j] = slope_[j] - Real(functions_[j].growth) - sum_of(c, functions_[j].terms, slopes_);
       mean_[j] = mean_[j] + straight;
       for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * slope_[j];
       const Real steep = slope_[j] * slope_[j];
       Chosen::take(steepest_ < steep, steep, steepest_);
     }
+    before_last_ = last_;
+    last_ = q;
+    ++known_;
   }
 
   /// Series of slopes become those of the functions.
@@ -244,9 +258,11 @@ class LoopFitting {
   int n_, m_, length_;
   Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
   Real *upper_, *slope_, *found_slope_, *step_;  ///< R of the decomposition, slopes of the node and of the last iteration
-  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, and of the node before
+  Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, then of their slopes; and of the node before
   Real *mean_, *sums_, *terms_, *slopes_;
   Real steepest_ = Real(1);
+  double last_ = 0, before_last_ = 0;  ///< q of these nodes
+  int known_ = 0;                      ///< nodes on this way
 };
 
 /// The fits of a class, which has the tables `Fits`; `find` returns what `load` reads, and finds it anew where geometry has changed.
