@@ -146,6 +146,8 @@ class Element:
             message, hint = self._explained(error, names)
             if keys[:1] == ("with",) and message == "unknown symbol 't'":
                 hint = "give the name of an input (binding: input), whose law over t a scene has"
+            if keys[:1] == ("law",) and message.startswith("the input "):
+                hint += ", or write the law as an expression over its variables, in which inputs may stand"
             self.fail(worded(field_name(keys), message), hint, keys)
             return FAILED_TERM
 

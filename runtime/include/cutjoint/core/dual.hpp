@@ -10,6 +10,13 @@ namespace cutjoint {
 typedef double Slopes __attribute__((vector_size(8 * sizeof(double)), aligned(alignof(double))));
 inline constexpr std::size_t directions = sizeof(Slopes) / sizeof(double);
 
+// As calls, products and quotients take a third less time of a compiler and a tenth more of a processor.
+#ifdef CUTJOINT_SMALL_DERIVATIVES
+#define CUTJOINT_PRODUCT gnu::noinline
+#else
+#define CUTJOINT_PRODUCT gnu::always_inline
+#endif
+
 /// A value and its derivatives along directions, with the arithmetic and functions of generated code.  Comparisons are of values: where formulas
 /// change, derivatives are those of the formula that holds, of |x| at 0 those of x.  What does not change along a direction has a derivative of 0,
 /// also where a function is infinitely steep.
@@ -31,8 +38,8 @@ struct Dual {
   [[gnu::always_inline]] friend Dual operator-(const Dual& a) { return {-a.value, -a.slope}; }
   [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) { return {a.value + b.value, a.slope + b.slope}; }
   [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) { return {a.value - b.value, a.slope - b.slope}; }
-  [[gnu::always_inline]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.slope * b.value + a.value * b.slope}; }
-  [[gnu::always_inline]] friend Dual operator/(const Dual& a, const Dual& b) {
+  [[CUTJOINT_PRODUCT]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.slope * b.value + a.value * b.slope}; }
+  [[CUTJOINT_PRODUCT]] friend Dual operator/(const Dual& a, const Dual& b) {
     const double quotient = a.value / b.value;
     return {quotient, (a.slope - quotient * b.slope) / b.value};
   }
@@ -41,6 +48,8 @@ struct Dual {
   friend bool operator>(const Dual& a, const Dual& b) { return a.value > b.value; }
   friend bool operator>=(const Dual& a, const Dual& b) { return a.value >= b.value; }
 };
+
+#undef CUTJOINT_PRODUCT
 
 /// Derivatives without their value, which linear maps of numbers take to others.
 struct Along {
