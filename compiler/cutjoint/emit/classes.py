@@ -281,7 +281,6 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
     if not equations.fits:
         return None
     described, names = [fit.description() for fit in equations.fits], [a.rpartition(" ")[2] for a in equations.load_arguments]
-    length, work = sum(fit.length for fit in equations.fits), max(fit.work for fit in equations.fits)
     closing = [program.graph.nodes[n].data for f in program.functions if f.name.startswith(CLOSE) for n in f.statements]
     places = {symbol[1] for symbol in closing if isinstance(symbol, tuple) and str(symbol[0]).startswith("fitted:")}
     lines = [", ".join(map(repr, function)) + "," for d in described for function in d["start"]]
@@ -295,7 +294,7 @@ def _fits(program: Program, equations: Equations) -> dict[str, object] | None:
             f"{{.terms = {len(c)}, .growth = {growth!r}}}" for d in described for c, growth in zip(d["start"], d["growth"], strict=True)
         ],
         "start": [line for text in lines for line in wrap(text, LINE)], "parameters": ", ".join(map(str, sorted(places))),
-        "length": length, "work": work, "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
+        "length": sum(fit.length for fit in equations.fits), "arguments": ", ".join(equations.load_arguments), "passed": ", ".join(names),
     }  # fmt: skip
 
 

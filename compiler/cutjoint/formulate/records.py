@@ -93,13 +93,6 @@ class LoopFit:
         """The number of its coefficients, and its margin."""
         return sum(map(len, self.description()["start"])) + 1
 
-    @property
-    def work(self) -> int:
-        """The numbers that its search works on (`work_of_fit`)."""
-        start = self.description()["start"]
-        n, m, most = len(start), self.rows, 1 + max(map(len, start))
-        return (n + 1) + m * (n + 2) + n * n + 8 * n + (n + 2) * most
-
     def description(self) -> dict[str, Any]:
         """Its tables, as runtime core/loop_fits.hpp reads them: coefficients of the model's own numbers, ``start``, by function."""
         f = self.assembly.functions

@@ -272,7 +272,7 @@ class LoopFits {
   template <class Generated>
   const Real* find(const Generated& generated, const Real* parameters) {
     if (is_found(parameters)) return found_;
-    Real work[Fits::work];
+    Real work[most_work];
     Real* found = found_;
     const FittedFunction* functions = Fits::functions;
     const double* start = Fits::start;
@@ -291,6 +291,18 @@ class LoopFits {
 
  private:
   static constexpr std::size_t count = std::size(Fits::parameters);
+
+  /// The numbers that the largest of the searches works on.
+  static constexpr int most_work = [] {
+    int most = 0;
+    const FittedFunction* functions = Fits::functions;
+    for (const LoopFit& loops : Fits::loops) {
+      const int work = work_of_fit(loops, functions);
+      most = work > most ? work : most;
+      functions += loops.functions;
+    }
+    return most;
+  }();
 
   bool is_found(const Real* parameters) const {
     for (std::size_t i = 0; i < count; ++i)
