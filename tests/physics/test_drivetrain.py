@@ -202,7 +202,8 @@ scenes: {run: {end: 40, output_step: 0.5}}
         asked = np.clip(-5 * off / reach**2 * (1 + 0.002 * v**2), -0.5, 0.5)
         effort = 0.4 * (8 - v) + trim
         pedals = np.clip(effort, -1, 1)
-        return [v * np.cos(yaw), v * np.sin(yaw), v * steer / 2.5, 4 * pedals, (asked - steer) / 0.1, 0.1 * (8 - v) * (abs(effort) < 1)]
+        trims = 0.1 * (8 - v) * np.clip(11 - 10 * abs(effort), 0, 1)
+        return [v * np.cos(yaw), v * np.sin(yaw), v * steer / 2.5, 4 * pedals, (asked - steer) / 0.1, trims]
 
     expected = solve_ivp(rates, (0, 40), [0, 0, 0, 2, 0, 0], t_eval=found.t, rtol=1e-9, atol=1e-9, max_step=0.01).y
     assert found["x_.value"] == pytest.approx(expected[0], abs=1e-4)

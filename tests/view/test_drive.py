@@ -201,8 +201,8 @@ def test_a_car_turns_to_the_left_brakes_and_is_seen_from_behind(car: Path, brows
     assert float(browser.run("document.getElementById('fast').textContent")) <= 1
     browser._call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
     browser.picture(PICTURES / "drive-phone.png")
-    inside = "[...document.querySelectorAll('#pads button')].map((pad) => pad.getBoundingClientRect().right <= innerWidth)"
-    assert browser.run(inside) == [True] * 4
+    places = "[...document.querySelectorAll('#pads button')].map((pad) => pad.getBoundingClientRect())"
+    assert browser.run(f"{places}.map((at) => at.left >= 0 && at.right <= innerWidth)") == [True] * 4
     require_silence(browser)
 
 

@@ -267,10 +267,13 @@ function layAxes() {
     line.append(label, axis.output, axis.input);
     by(axis.kind === 'input' ? 'inputs' : 'tunable').append(line);
     axis.bar = axis.role ? by('bars').appendChild(Object.assign(document.createElement('i'), { className: axis.role, title: axis.name })) : undefined;
-    for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length) layPad(axis, side, keys[0], keyName(keys[0]));
+    for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length && hasPads(axis)) layPad(axis, side, keys[0], keyName(keys[0]));
   }
   by('tuning').hidden = !run.axes.some((axis) => axis.kind !== 'input');
 }
+
+/** Thumbs have room for four buttons: those of a car's pedals and wheel, or of the first two inputs. */
+const hasPads = (axis) => run.axes.some((each) => each.role) ? axis.role : run.axes.indexOf(axis) < 2;
 
 /** A button that a thumb holds, as a key is held. */
 function layPad(axis, side, key, text) {
