@@ -59,7 +59,9 @@ def test_parts_of_different_carriers_are_classes_of_their_own() -> None:
     heave = "  heave: {kind: prismatic, bodies: [ground, rear], at: [0, 0, 0.58], axis: [0, 0, 1]}\n"
     text = CAR.read_text().replace("bodies:\n", f"bodies:\n{rear}", 1).replace("joints:\n", f"joints:\n{heave}", 1)
     front, back = text.split("  rear_left: {")
-    model = read_model_text(front + "  rear_left: {" + back.replace("connect: {chassis: chassis}", "connect: {chassis: rear}"), "cars.yaml")
+    assert "chassis: chassis, steering: chassis" in back
+    behind = back.replace("chassis: chassis, steering: chassis", "chassis: rear, steering: rear")
+    model = read_model_text(f"{front}  rear_left: {{{behind}", "cars.yaml")
     found = build_topology(model).classes
     assert sorted(sorted(name.partition(".")[0] for name in c.roots) for c in found) == [
         ["front_left", "front_right"], ["rear_left", "rear_right"],
