@@ -206,6 +206,16 @@ def test_a_car_turns_to_the_left_brakes_and_is_seen_from_behind(car: Path, brows
     require_silence(browser)
 
 
+@pytest.mark.parametrize(("change", "said"), [
+    ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"given": {"q1": "fast"}}, "(given.q1: "), ({"events": [[0, "q1"]]}, "(events.0"),
+    ({"steps": 1.5}, "(steps: "), ({"more": 1}, "(more: "), ({"mark": "0"}, "a drive of 'delta', circle, in another version"),
+])  # fmt: skip
+def test_a_replay_refuses_what_no_page_has_saved(change: dict[str, object], said: str, tmp_path: Path) -> None:
+    drive = {"cutjoint": "drive", "mark": "", "model": "delta", "scene": "circle", "dt": 0.01, "given": {}, "steps": 1, "every": 1}
+    (tmp_path / "drive.json").write_text(json.dumps({**drive, "events": [], **change}), encoding="utf-8")
+    assert said in call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "out.csv", status=1)
+
+
 def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
     model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)

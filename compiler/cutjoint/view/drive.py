@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
 from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
@@ -21,6 +21,7 @@ from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
 from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Binding, Model, Parameter, Scene
+from cutjoint.model.text import escaped
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import given_inputs, require_unit
 from cutjoint.run.run_file import parameter_values
@@ -124,20 +125,25 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     """
     alone = _simulated(model, scene, method)
     drive = _read_drive(path)
-    if drive["mark"] != alone.mark:
-        raise RunError(f"--replay {path}: a drive of '{drive['model']}', {drive['scene']}, in another version; drive the page of this one")
+    if drive.mark != alone.mark:
+        of = escaped(f"'{drive.model}', {drive.scene}")
+        raise RunError(f"--replay {path}: a drive of {of}, in another version; drive the page of this one")
+    moves = {p.name: p for p in (*input_parameters(model), *open_parameters(model))}
+    for name in (*drive.given, *(name for _, name, _ in drive.events)):
+        if name not in moves:
+            raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
     sim = open_standalone(alone, alone.build_twin(), lanes=None)
-    for name, value in drive["given"].items():
+    for name, value in drive.given.items():
         _give(sim, name, value)
-    sim.reset(dt=drive["dt"])
-    events, rows = iter([*drive["events"], (inf, "", 0.0)]), [[sim.time, *sim.outputs.array]]
+    sim.reset(dt=drive.dt)
+    events, rows = iter([*drive.events, (inf, "", 0.0)]), [[sim.time, *sim.outputs.array]]
     at, name, value = next(events)
-    for step in range(drive["steps"]):
+    for step in range(drive.steps):
         while at <= step:
             _give(sim, name, value)
             at, name, value = next(events)
         sim.step()
-        if (step + 1) % drive["every"] == 0:
+        if (step + 1) % drive.every == 0:
             rows.append([sim.time, *sim.outputs.array])
     units = {"t": "s", **{c.name: c.unit for c in alone.parts.stepped.columns}}
     return Replay(units=units, rows=np.array(rows))
@@ -150,24 +156,30 @@ def _give(sim: Simulation, name: str, value: float) -> None:
         sim.parameters[name] = value
 
 
-def _read_drive(path: Path) -> dict[str, Any]:
-    """A drive's file with what it must have."""
+class _Saved(BaseModel, extra="forbid", strict=True):
+    """A drive as a page saves it: before the step of an event an input or a parameter has another value; ``every`` so many steps
+    are a row."""
+
+    cutjoint: Literal["drive"]
+    mark: str
+    model: str
+    scene: str
+    dt: Annotated[FiniteFloat, Field(gt=0)]
+    given: dict[str, FiniteFloat]
+    steps: NonNegativeInt
+    every: PositiveInt
+    events: list[tuple[NonNegativeInt, str, FiniteFloat]]
+
+
+def _read_drive(path: Path) -> _Saved:
     try:
-        drive = json.loads(path.read_text(encoding="utf-8"))
-        if drive["cutjoint"] != "drive" or not all(isinstance(drive[key], kind) for key, kind in _OF_DRIVE.items()):
-            raise ValueError
-        for at, name, value in drive["events"]:
-            if not (isinstance(at, int) and isinstance(name, str) and isinstance(value, int | float)):
-                raise ValueError
-    except (ValueError, KeyError, TypeError):
-        raise RunError(f"--replay {path}: no drive; save one in a page of cutjoint drive as 'drive (JSON)'") from None
-    return dict(drive)
-
-
-#: The entries of a drive's file, and the kind of each.
-_OF_DRIVE: Mapping[str, Any] = {
-    "mark": str, "model": str, "scene": str, "dt": int | float, "given": dict, "steps": int, "every": int, "events": list,
-}  # fmt: skip
+        return _Saved.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "the file"
+        raise RunError(
+            f"--replay {path}: no drive; save one in a page of cutjoint drive as 'drive (JSON)' ({escaped(where)}: {first['msg']})"
+        ) from None
 
 
 def _find_roles(model: Model) -> dict[str, Ends]:
