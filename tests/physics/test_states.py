@@ -333,13 +333,22 @@ def pump(folder: Path, text: str = PUMP, table: str = PUMPED) -> Model:
 
 
 def test_a_table_is_a_rate_or_a_signal(tmp_path: Path) -> None:
-    """Or a signal.  A pump that turns at 60 rad/s, 573 rpm, has 9 + 11 (573 - 500)/500 l/min; warm' = 4 t - warm/100 by hand."""
+    """A pump that turns at 60 rad/s, 573 rpm, has 9 + 11 (573 - 500)/500 l/min; warm' = 4 t - warm/100 by hand."""
     model = pump(tmp_path)
     run = simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-10, error=False)
     rpm = 60 * 30 / np.pi
     assert run["filled.value"][-1] == pytest.approx((9 + 11 * (rpm - 500) / 500) / 60e3, rel=1e-9)
     assert run["again.value"][-1] == pytest.approx(run["filled.value"][-1], rel=1e-9)
     assert run["warm.value"][-1] == pytest.approx(4 * 100 - 4 * 1e4 * (1 - np.exp(-0.01)) + 300 * np.exp(-0.01), rel=1e-9)
+
+
+def test_a_signal_has_the_unit_of_its_table(tmp_path: Path) -> None:
+    inline = "{shaft.angle_rate: [0, 50*pi/3, 100*pi/3], value: [0, 15e-5, 1/3000]}"
+    assert inline in PUMP
+    text = PUMP.replace(inline, "{file: data/pump.csv, shaft.angle_rate: speed, value: flow}")
+    assert {signal.name: signal.unit for signal in pump(tmp_path, text).signals} == {"fed": "m^3/s"}
+    with pytest.raises(ModelError, match=r"m\.yaml:8:30: state 'again': rate needs N\*s/m, got m\^3/s"):
+        pump(tmp_path, text.replace("again: {start: 0 m^3", "again: {start: 0 kg"))
 
 
 @pytest.mark.parametrize(

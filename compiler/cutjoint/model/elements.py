@@ -18,7 +18,7 @@ from cutjoint.model.forces import joint_forces, read_force
 from cutjoint.model.friction import bristle_of
 from cutjoint.model.gears import read_gear
 from cutjoint.model.geometry import GLOBAL_AXES, coincide, perpendicular, read_axes, read_direction, read_point, unit
-from cutjoint.model.laws import LawKind, read_law, read_lookup
+from cutjoint.model.laws import LawKind, dimension_of_lookup, read_law, read_lookup
 from cutjoint.model.mass import read_mass
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import (
@@ -200,8 +200,8 @@ def _read_state(element: Element, state: document.FirstOrderState) -> FirstOrder
 
 def _read_signal(element: Element, value: int | float | str | Table) -> Signal:
     require_free_name(element)
-    dimension = None if isinstance(value, Table) else element.term(value, (), element.scope.reading("t")).dimension
-    expression = read_lookup(element, value, None, ())
+    dimension = dimension_of_lookup(element, value)
+    expression = read_lookup(element, value, dimension if isinstance(value, Table) else None, ())
     symbol = quantity_symbol(element.name, VALUE)
     return Signal(name=element.name, symbol=symbol, value=sympy.sympify(expression), unit=unit_text(dimension), span=element.span)
 

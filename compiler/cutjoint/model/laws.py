@@ -62,6 +62,18 @@ def read_lookup(element: Element, law: int | float | str | values.Table, result:
     return sympy.sympify(curve).xreplace({variable(name): term.value for name, term in terms.items()})
 
 
+def dimension_of_lookup(element: Element, law: int | float | str | values.Table) -> Dimension | None:
+    """The dimension of an expression, or of a table's first value; None for any."""
+    if not isinstance(law, values.Table):
+        return element.term(law, (), element.scope.reading("t")).dimension
+    first: Any = law.table.get("value", ())
+    while isinstance(first, tuple) and first:
+        first = first[0]
+    if isinstance(first, Quantity | tuple):
+        return first.dimension if isinstance(first, Quantity) else None
+    return element.term(first, ("table", "value"), {}).dimension
+
+
 def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> Mapping[str, Term]:
     """``names`` with those of a ``let``, each an expression over the ones before it; none may hide another name."""
     known = names

@@ -10,6 +10,7 @@ from cutjoint.model import document
 from cutjoint.model.controllers import dimension_of_sample, memory_term
 from cutjoint.model.errors import Unheard
 from cutjoint.model.expressions import quantity_symbol
+from cutjoint.model.laws import dimension_of_lookup
 from cutjoint.model.mirror import Image
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.quantities import Element, QuantityError, find_quantity, follows_from_forces, quantities
@@ -96,10 +97,8 @@ class Machine:
         if signal not in self._dimensions and signal in self._signals:
             self._dimensions[signal] = None
             scope, value = self._signals[signal]
-            if isinstance(value, Table):
-                return None
             where = element(replace(scope, problems=Unheard()), "signal", "signals", signal.removeprefix(scope.prefix))
-            self._dimensions[signal] = where.term(value, (), scope.reading("t")).dimension
+            self._dimensions[signal] = dimension_of_lookup(where, value)
         return self._dimensions.get(signal)
 
     def _dimension_of_sample(self, controller: str, value: str) -> Dimension | None:
