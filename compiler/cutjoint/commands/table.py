@@ -178,8 +178,7 @@ OPTIONS: Mapping[str, Row] = {
     "batch.integrator": click.option("--integrator", type=click.Choice(names_of(INTEGRATORS, lambda i: i.batch)), help="Equal steps of all "
         "runs side by side, where the scene has another rule, or none and no step."),
     "couple.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; by default the scene's, else that of simulate."),
-    "gradient.integrator": click.option("--integrator", type=click.Choice(["trapezoidal", "rk4", "dormand-prince", "dop853"]),
-        help="Rule of the steps; otherwise the scene's, else that of simulate."),
+    "gradient.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; otherwise the scene's, else that of simulate."),
     "compile.integrator": _one_of("--integrator", names=_RULES, help="Rule of the steps; otherwise the scene's, else trapezoidal."),
     "export.integrator": _one_of("--integrator", names=_RULES, help="Rule of an FMU's steps; otherwise what simulate takes."),
     "events": click.option("--events", type=click.Choice([x.value for x in Events]), help="Whether steps of recursive and recursive-newton "

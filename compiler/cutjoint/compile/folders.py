@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Page, Source
-from cutjoint.emit.standalone import STEPS, Steps, emit_standalone, simulation_size
+from cutjoint.emit.standalone import STEPS, Steps, direction_rows, emit_standalone, mark_of, simulation_size
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.switches import guides_jump
@@ -122,16 +121,14 @@ class Standalone:
         return self.parts.poses
 
     @property
-    def header(self) -> str:
-        """The name of the C header."""
-        return next(name for name in self.files if name.endswith(".h"))
+    def direction_rows(self) -> int:
+        """The number of rows of a matrix of directions, 0 without derivatives."""
+        return direction_rows(self.parts)
 
     @property
     def mark(self) -> str:
         """The digest in the C header: of the model, its scene's steps and the version."""
-        found = re.search(r'_DIGEST "(\w+)"', self.files[self.header])
-        assert found is not None
-        return found[1]
+        return mark_of(self.digest, self.integrator)
 
     @property
     def simulator(self) -> str:

@@ -228,7 +228,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
-        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps),
+        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
@@ -236,7 +236,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
         "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
-        "causes": _causes(), "mark": sha256(f"{digest} {integrator}".encode()).hexdigest()[:16],
+        "causes": _causes(), "mark": mark_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
         "gap_limits": _gap_limits(equations, begin.parameters),
@@ -248,6 +248,18 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
         **_roads(equations, begin),
     }  # fmt: skip
+
+
+def mark_of(digest: str, integrator: str) -> str:
+    """The digest in a header and in snapshots: of the model, its scene's steps and the version."""
+    return sha256(f"{digest} {integrator}".encode()).hexdigest()[:16]
+
+
+def direction_rows(parts: SimulationCode) -> int:
+    """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
+    q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
+    states = 2 * (parts.freedoms or 0) + len(mechanism.state.states)
+    return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + len(mechanism.equation_names)
 
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:

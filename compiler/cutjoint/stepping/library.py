@@ -82,26 +82,28 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states. ``carried`` counts the numbers that directions of a run have beside states. ``has_poses`` says whether it has poses
-    of bodies and markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps
-    of several together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates
-    and speeds of the scene's start from parameters that a host has changed, where they follow from any.
+    first-order states. ``direction_rows`` is the number of rows of their matrix. ``has_poses`` says whether it has poses of bodies and
+    markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps of several
+    together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates and speeds
+    of the scene's start from parameters that a host has changed, where they follow from any.
 
     Raises:
         OSError: the file is no library.
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int, carried: int,
-        has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None, functions: Mapping[str, HostFunction] | None = None,
-        begin: Begin | None = None,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
+        direction_rows: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
+        functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "carried": carried, "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions, "begin": begin,
+            "direction_rows": direction_rows, "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions,
+            "begin": begin,
         }  # fmt: skip
-        self.model, self.size, self.equations, self.freedoms, self.states, self.carried = model, size, equations, freedoms, states, carried
+        self.model, self.size, self.equations, self.freedoms, self.states = model, size, equations, freedoms, states
+        self.direction_rows = direction_rows
         self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)

@@ -10,7 +10,6 @@ from typing import Any
 from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.standalone import STEPS
-from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.opening import with_inputs
@@ -82,13 +81,9 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
     return Simulation(Library(
         library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(equations.equation_names), freedoms=standalone.freedoms, states=len(mechanism.state.states),
-        carried=_carried(mechanism), has_poses=bool(standalone.poses), steps=standalone.steps, settings=standalone.settings, **more,
+        direction_rows=standalone.direction_rows, has_poses=bool(standalone.poses), steps=standalone.steps,
+        settings=standalone.settings, **more,
     ))  # fmt: skip
-
-
-def _carried(mechanism: RecursiveEquations) -> int:
-    """The number of rows behind those of states in a matrix of directions: held values, and the memory of steps."""
-    return mechanism.held + len(mechanism.coordinate_names) + 2 * len(mechanism.speed_names) + len(mechanism.equation_names)
 
 
 def _begin(model: Model, scene: Scene, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], Mapping[str, float]]:

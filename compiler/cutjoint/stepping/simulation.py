@@ -448,7 +448,7 @@ class Simulation:
         places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
         numbers = np.array([find_place(places, name) for name in by], dtype=np.intc)
         chosen = np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
-        matrix = np.zeros((len(states) + self.library.carried, len(numbers)))
+        matrix = np.zeros((self.library.direction_rows, len(numbers)))
         of_states = numbers - len(places) + len(states)
         matrix[of_states[of_states >= 0], np.flatnonzero(of_states >= 0)] = 1.0
         numbers[of_states >= 0] = -1
