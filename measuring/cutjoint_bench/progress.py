@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, SpinnerColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from cutjoint.commands.options import shown_progress
 
 
 class Say(Protocol):
@@ -31,10 +32,10 @@ def part_of(say: Say, number: int, count: int) -> Say:
 
 @contextmanager
 def progress_bar() -> Iterator[Say]:
-    """A bar on standard error."""
+    """A bar on standard error; off a terminal a line from time to time."""
     columns = (SpinnerColumn(), BarColumn(bar_width=20), TaskProgressColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=1.0)
+    with shown_progress(*columns) as progress:
+        task = progress.add_task("preparing", total=1.0)
 
         def say(text: str, /, *, share: float | None = None) -> None:
             progress.update(task, description=text, completed=share)
