@@ -28,7 +28,7 @@ from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import held_as_usual, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
@@ -118,7 +118,8 @@ def cutjoint_contenders() -> Iterator[Contender]:
         for integrator in (x for x in integrators if INTEGRATORS[x].adaptive):
             yield Contender(
                 name=f"{method}/{integrator}/reduced", label=f"{method}, {integrator}, reduced model", group="reduced",
-                prepare=partial(_reduced, method=method, integrator=integrator), identify=partial(_identify_reduced, method=method),
+                prepare=partial(_reduced, method=method, integrator=integrator),
+                identify=partial(_identify_reduced, method=method, integrator=integrator),
             )  # fmt: skip
     for method, integrator in (*((m, DEFAULT_INTEGRATOR) for m, _ in _INTEGRATORS), ("recursive", "dormand-prince")):
         name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
@@ -166,7 +167,7 @@ def _prepare(
     """
     additions = (solver,) if solver in ADDED_SOLVERS else ()
     options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
-    artifact = compile_scene(case.model, with_loops(case.scene, loops), options)
+    artifact = compile_scene(case.model, held_as_usual(with_loops(case.scene, loops), method, integrator), options)
     if loops == Loops.COMPILED and not artifact.topology.model.assemblies:
         raise RunError("no loops can be closed by functions")
     return _runner(integrator)(
@@ -184,10 +185,13 @@ def _runner(integrator: str) -> type[OwnRunner]:
 
 def identify_code(
     case: Case, *, method: str, implementation: str = Implementation.GENERATED, lanes: bool = True, precision: str = DEFAULT_PRECISION,
-    solver: str | None = None, loops: str | None = None, **_: object,
+    solver: str | None = None, loops: str | None = None, integrator: str = DEFAULT_INTEGRATOR, **_: object,
 ) -> Mapping[str, str]:  # fmt: skip
     """The `identity` of what a case's generated code is now, without compiling it."""
-    made = generate(case.model, with_loops(case.scene, loops), case.outputs, method=method, lanes=lanes, precision=precision)
+    scene = with_loops(case.scene, loops)
+    if implementation != Implementation.GENERIC:
+        scene = held_as_usual(scene, method, integrator)
+    made = generate(case.model, scene, case.outputs, method=method, lanes=lanes, precision=precision)
     added = implementation == Implementation.GENERIC or precision != DEFAULT_PRECISION or solver in ADDED_SOLVERS
     return identity(made[-1], added=added)
 
@@ -205,13 +209,14 @@ def identity(source: Source, *, added: bool = False) -> Mapping[str, str]:
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:
     variant = _last_exact(case, method)
-    artifact = compile_scene(variant.model, variant.scene, CompileOptions(method=method))
+    artifact = compile_scene(variant.model, held_as_usual(variant.scene, method, integrator), CompileOptions(method=method))
     return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
 
 
-def _identify_reduced(case: Case, *, method: str) -> Mapping[str, str]:
+def _identify_reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> Mapping[str, str]:
     variant = _last_exact(case, method)
-    return identity(generate(variant.model, variant.scene, variant.scene.outputs, method=method)[-1])
+    scene = held_as_usual(variant.scene, method, integrator)
+    return identity(generate(variant.model, scene, scene.outputs, method=method)[-1])
 
 
 def _last_exact(case: Case, method: str) -> ReducedModel:

@@ -40,7 +40,7 @@ from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
-from cutjoint.run.scenes import find_case, with_closure, with_loops
+from cutjoint.run.scenes import find_case, held_as_usual, with_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.toolchain.later import TakesLong
@@ -89,11 +89,9 @@ def _held_as_usual(request: Request, scene: Scene, method: str) -> Scene:
     """The scene with the closure of the integrator that is asked for, if neither names one."""
     given, own = request.options, scene.numerics
     integrator = given.integrator or (None if given.dt is None or own.integrator else DEFAULT_INTEGRATOR)
-    is_free = own.closure is None and request.implementation != Implementation.GENERIC
-    if not is_free or integrator is None or integrator not in INTEGRATORS or method not in METHODS or not METHODS[method].closures:
+    if request.implementation == Implementation.GENERIC or integrator is None or integrator not in INTEGRATORS or method not in METHODS:
         return scene
-    usual = INTEGRATORS[integrator].closure
-    return with_closure(scene, usual) if usual in METHODS[method].closures else scene
+    return held_as_usual(scene, method, integrator)
 
 
 def prepare_and_play(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from cutjoint.methods import INTEGRATORS, METHODS
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
 
@@ -48,6 +49,12 @@ def _empty_scene(model: Model) -> Scene:
 def with_closure(scene: Scene, closure: str) -> Scene:
     """The scene with another closure; what it says of the penalty stays."""
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
+
+
+def held_as_usual(scene: Scene, method: str, integrator: str) -> Scene:
+    """The scene with the closure of the integrator, if it names none and the method's code has that one."""
+    usual = INTEGRATORS[integrator].closure
+    return with_closure(scene, usual) if scene.numerics.closure is None and usual in METHODS[method].closures else scene
 
 
 def with_loops(scene: Scene, loops: str | None) -> Scene:

@@ -41,7 +41,7 @@ scenes:
     end: 10
     output_step: 0.02
     rates: {{{rates}}}
-    numerics: {{dt: 0.001, penalty: 0.005/dt**2, frequency: 0.3/dt, multiplier_updates: {chain.multiplier_updates}}}
+    numerics: {{dt: 0.001{settings}}}
 """
 
 _BAR = "  {name}: {{use: bar, connect: {{base: {base}}}, with: {{mass: {mass!r}, x_from: {a!r}, y_from: {b}, x_to: {c!r}, y_to: {d}}}}}"
@@ -72,14 +72,16 @@ class Chain:
         return 4 if self.windows < 5 else 8
 
 
-def write_chain(chain: Chain) -> str:
-    """Its model file."""
+def write_chain(chain: Chain, *, penalty: bool = True) -> str:
+    """Its model file, whose loops a ``penalty`` that follows the step holds, or as the integrator does."""
+    settings = f", penalty: 0.005/dt**2, frequency: 0.3/dt, multiplier_updates: {chain.multiplier_updates}" if penalty else ""
     pins = [chain.offset + i for i in range(chain.windows + 1)]
     bars = [_BAR.format(name=f"crank_{i}", base="ground", mass=1.0, a=x, b=0, c=x, d=1) for i, x in enumerate(pins)]
     for i in range(1, chain.windows + 1):
         bars.append(_BAR.format(name=f"coupler_{i}", base=f"crank_{i - 1}.bar", mass=chain.coupler, a=pins[i - 1], b=1, c=pins[i], d=1))
     return _TEXT.format(
-        chain=chain, bars="\n".join(bars), cuts="\n".join(_CUT.format(i=i, x=pins[i]) for i in range(1, chain.windows + 1)),
+        chain=chain, settings=settings, bars="\n".join(bars),
+        cuts="\n".join(_CUT.format(i=i, x=pins[i]) for i in range(1, chain.windows + 1)),
         rates=", ".join(f"crank_{i}.pin.angle_rate: -1" for i in range(chain.windows + 1)),
     )  # fmt: skip
 

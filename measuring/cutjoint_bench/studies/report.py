@@ -127,7 +127,7 @@ def situations() -> Plan:
 def _chain(chain: Chain) -> Case:
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"chain_{chain.windows}.yaml"
-        path.write_text(write_chain(chain), encoding="utf-8")
+        path.write_text(write_chain(chain, penalty=False), encoding="utf-8")
         return replace(make_case(path), motion=partial(chain_motion, chain))
 
 
