@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import cutjoint
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
@@ -87,6 +88,11 @@ def test_rk4_keeps_its_order_through_singular_poses(windows: int, end: float, by
     long, short = (largest_error(completed(simulate(artifact, integrator="rk4", dt=dt, error=False)), windows) for dt in (8e-3, 2e-3))
     assert long < 2e-6
     assert short < long / 4**3
+
+
+def test_a_file_is_compiled_for_the_integrator_that_is_asked_for() -> None:
+    """Loops held as for the trapezoidal rule, for which the scene's step stands, would make rk4 err by 3e-4 m."""
+    assert largest_error(cutjoint.simulate(MODELS / "four_bar.yaml", integrator="rk4", dt=4e-3, error=False), 2) < 1e-7
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])

@@ -18,10 +18,8 @@ from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import (
     AUTO,
-    DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
-    INTEGRATORS,
     METHODS,
     SOLVERS,
     Implementation,
@@ -79,19 +77,12 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         raise RunError(f"--loops compiled: {words}; use --loops exact")
     scene = with_loops(scene, request.loops)
     if request.closure is None:
-        return model, _held_as_usual(request, scene, method), method
+        if request.implementation == Implementation.GENERIC:
+            return model, scene, method
+        return model, held_as_usual(scene, method, request.options.integrator, request.options.dt), method
     if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):
         raise RunError(f"--closure {request.closure}: only the {join_or(able)} method has one; use --method {join_or(able)}")
     return model, with_closure(scene, request.closure), method
-
-
-def _held_as_usual(request: Request, scene: Scene, method: str) -> Scene:
-    """The scene with the closure of the integrator that is asked for, if neither names one."""
-    given, own = request.options, scene.numerics
-    integrator = given.integrator or (None if given.dt is None or own.integrator else DEFAULT_INTEGRATOR)
-    if request.implementation == Implementation.GENERIC or integrator is None or integrator not in INTEGRATORS or method not in METHODS:
-        return scene
-    return held_as_usual(scene, method, integrator)
 
 
 def prepare_and_play(

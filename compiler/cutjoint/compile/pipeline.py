@@ -32,7 +32,7 @@ from cutjoint.package.errors import EquationsError, MissingPartialsError, RunErr
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.given import Given, method_of, take_model
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import held_as_usual, with_loops
 from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build, build_interpreter
 from cutjoint.toolchain.compiler import must_interpret
@@ -50,12 +50,17 @@ def compile_model(model: Given, *, scene: str | None = None, opened: Sequence[st
     return compile_scene(with_inputs(read, pushed=options.pushed, grounded=options.grounded), chosen, options)
 
 
-def take_artifact(model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None) -> Artifact:
-    """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named."""
+def take_artifact(
+    model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
+    dt: float | None = None,
+) -> Artifact:  # fmt: skip
+    """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named, and with the
+    closure of the integrator that is asked for, or of equal steps ``dt`` (s)."""
     if isinstance(model, Artifact) and scene is None and not opened and method in (None, model.method):
         return model
     read, chosen = take_model(model, scene, opened)
-    return compile_scene(read, chosen, CompileOptions(method=method or method_of(chosen)))
+    wanted = method or method_of(chosen)
+    return compile_scene(read, held_as_usual(chosen, wanted, integrator, dt), CompileOptions(method=wanted))
 
 
 def compile_scene(

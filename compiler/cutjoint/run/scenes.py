@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.methods import INTEGRATORS, METHODS
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
 
@@ -51,10 +51,14 @@ def with_closure(scene: Scene, closure: str) -> Scene:
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
 
 
-def held_as_usual(scene: Scene, method: str, integrator: str) -> Scene:
-    """The scene with the closure of the integrator, if it names none and the method's code has that one."""
-    usual = INTEGRATORS[integrator].closure
-    return with_closure(scene, usual) if scene.numerics.closure is None and usual in METHODS[method].closures else scene
+def held_as_usual(scene: Scene, method: str, integrator: str | None, dt: float | None = None) -> Scene:
+    """The scene with the closure of the integrator that a caller asks for, or of equal steps ``dt`` (s), if it names none."""
+    own = scene.numerics
+    asked = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
+    if own.closure is not None or asked not in INTEGRATORS or method not in METHODS:
+        return scene
+    usual = INTEGRATORS[asked].closure
+    return with_closure(scene, usual) if usual in METHODS[method].closures else scene
 
 
 def with_loops(scene: Scene, loops: str | None) -> Scene:

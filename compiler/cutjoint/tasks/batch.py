@@ -305,7 +305,7 @@ def simulate(
         warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
     asked = tolerance if solver_tolerance is None else solver_tolerance
     return simulation.simulate(
-        take_artifact(model, scene, opened, method), out=out, steps=steps, tangents=tangents, parameters=parameters, progress=progress,
-        dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked, iterations=iterations, solver=solver, integrator=integrator,
-        events=events, error=error, check=check, inputs=inputs, coordinates=coordinates,
+        take_artifact(model, scene, opened, method, integrator, dt), out=out, steps=steps, tangents=tangents, parameters=parameters,
+        progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked, iterations=iterations, solver=solver,
+        integrator=integrator, events=events, error=error, check=check, inputs=inputs, coordinates=coordinates,
     )  # fmt: skip
