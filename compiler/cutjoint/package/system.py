@@ -20,8 +20,8 @@ IS_WINDOWS = os.name == "nt"
 #: The ending of programs.
 PROGRAM = ".exe" if IS_WINDOWS else ""
 
-#: The place of a lock in a file on Windows, beyond all bytes: a locked byte is one that other processes cannot read or write.
-_LOCKED = 2**62
+#: The place of a lock in a file on Windows, where a locked byte is one that other processes cannot read or write: as far as C's offsets go.
+_LOCKED = 2**31 - 2
 
 
 def library_file(name: str) -> str:
