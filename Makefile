@@ -131,7 +131,7 @@ $(VENV)/.ready: pyproject.toml measuring/pyproject.toml scripts/require-cpp
 clean:
 	rm -rf $(VENV) results
 
-# Wheels for Linux that run without a compiler, into dist/; Zig is their compiler
+# Wheels for Linux that run without a compiler, into dist/; Zig is their compiler. scripts/wheel --platform has Windows and macOS
 .PHONY: wheel
 wheel: setup
 	$(BIN)/pip install --quiet --editable '.[wheel]'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
 import re
 import subprocess
@@ -149,6 +150,15 @@ def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPa
     assert [list(run["slider.x"]) for run in runs[1:]] == [list(runs[0]["slider.x"])] * 2
     opened = cutjoint.simulate(PRESS, opened=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
     assert opened["slider.x"][-1] != runs[0]["slider.x"][-1]
+
+
+def test_all_that_takes_a_model_takes_it_in_each_form() -> None:
+    """But for what is before a model: its readers, and the topology that is made of it alone."""
+    functions = {name: made for name in cutjoint.__all__ if inspect.isfunction(made := getattr(cutjoint, name))}
+    first = {name: next(iter(inspect.signature(made).parameters.values())) for name, made in functions.items()}
+    takes = {name: str(parameter.annotation) for name, parameter in first.items() if parameter.name in ("model", "path")}
+    others = {name: annotation for name, annotation in takes.items() if "Given" not in annotation}
+    assert others == {"build_topology": "Model", "read_model": "AnyPath", "write_view": "AnyPath"}
 
 
 @needs_cpp

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.methods import Loops
-from cutjoint.run.given import take_model
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import take_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.switching import TABLE

@@ -172,6 +172,7 @@ def _words(flaw: _Flaw) -> tuple[str, str]:
 
 #: Cures of fields that are missing, by the section and the field.
 _MISSING: Mapping[tuple[Path, str | int], str] = {
+    (("reactions",), "axes_of"): "write the body along whose axes the components are, such as axes_of: ground",
     (("states",), "start"): "write its value where a run begins, such as start: 0 rad",
     (("states",), "rate"): "write an expression for its rate of change, such as rate: speed - 2*level",
     (("controllers",), "every"): "write the time between two samples, such as every: 1 ms",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import stat
@@ -16,6 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, cast
 
+from cutjoint.package.system import IS_WINDOWS, lock, number_for_child, open_flags, set_mode
 from cutjoint.run.outputs import OutputError, descriptor_of, error_of, is_stream, partial_of, reason_of, resolved, units_of
 from cutjoint.run.results import ErrorEstimate
 
@@ -41,7 +41,7 @@ class TableFile:
             mode = _mode_of(self._target)
             self.file = _lock(self._partial)
             if mode is not None:
-                os.fchmod(self.file.fileno(), mode)
+                set_mode(self.file.fileno(), mode)
             self.file.truncate(0)
             for stale in (reason_of(self._target), units_of(self._partial)):
                 stale.unlink(missing_ok=True)
@@ -51,6 +51,7 @@ class TableFile:
         if self._units is not None:
             write_whole(units_of(self._target), _as_json(self._units))
         with naming_output(self.path):
+            self._close_early()
             self._partial.replace(self._target)
         self.file.close()
         return self.path
@@ -58,6 +59,7 @@ class TableFile:
     def leave(self, reason: str) -> Path | None:
         """The table does not become whole, for a ``reason``; the file with its whole rows, None if there are none."""
         if not _cut_to_lines(self.file):
+            self._close_early()
             self._partial.unlink(missing_ok=True)
             self.file.close()
             return None
@@ -67,6 +69,11 @@ class TableFile:
             if self._units is not None:
                 write_whole(units_of(self._partial), _as_json(self._units))
         return self._partial
+
+    def _close_early(self) -> None:
+        """Close the file where an open one has to stay as it is; elsewhere its lock lasts until it is renamed or gone."""
+        if IS_WINDOWS:
+            self.file.close()
 
 
 class Stream:
@@ -145,11 +152,11 @@ class RunTables:
     @property
     def places(self) -> dict[str, Any]:
         """The part of a run file that says where the tables go."""
-        places = {name: _place(table.file, str(table.path)) for name, table in self._tables.items()}
+        places = {name: place_of(table.file, str(table.path)) for name, table in self._tables.items()}
         if self._private is None:
             return places
         copy = {"out_copy": places.pop("out")} if "out" in places else {}
-        return {**places, **copy, "out": _place(self._private, "the temporary table")}
+        return {**places, **copy, "out": place_of(self._private, "the temporary table")}
 
     def finish(self) -> Path | None:
         """All tables are whole; the file with ``out``."""
@@ -212,7 +219,7 @@ def write_whole(path: Path, content: str | bytes) -> Path:
             with beside.open("xb", buffering=0) as file:
                 write_all(file, data)
                 if mode is not None:
-                    os.fchmod(file.fileno(), mode)
+                    set_mode(file.fileno(), mode)
             beside.replace(target)
         except BaseException:
             beside.unlink(missing_ok=True)
@@ -258,10 +265,10 @@ def _mode_of(file: Path) -> int | None:
 def _lock(path: Path) -> BinaryIO:
     """A file that no other process writes in this way."""
     while True:
-        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        number = os.open(path, open_flags("O_RDWR", "O_CREAT", "O_NOFOLLOW"), 0o666)
         file = cast(BinaryIO, os.fdopen(number, "r+b", buffering=0))
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(number)
             if os.path.samestat(os.fstat(number), os.stat(path)):
                 return file
         except BlockingIOError:
@@ -283,18 +290,20 @@ def _stream_number(path: Path) -> int:
     if number is not None:
         return os.dup(number)
     try:
-        opened = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        opened = os.open(path, open_flags("O_WRONLY", "O_NONBLOCK", "O_NOCTTY"))
     except OSError as error:
         if error.errno != ENXIO or not path.is_fifo():
             raise
         print(f"{path}: waiting for a reader of this pipe", file=sys.stderr, flush=True)
         return os.open(path, os.O_WRONLY)
-    os.set_blocking(opened, True)
+    if not IS_WINDOWS:
+        os.set_blocking(opened, True)
     return opened
 
 
-def _place(file: BinaryIO, name: str) -> dict[str, Any]:
-    return {"descriptor": file.fileno(), "name": name.encode("utf-8", "backslashreplace").decode()}
+def place_of(file: BinaryIO, name: str) -> dict[str, Any]:
+    """An open file in a run file, with its name for messages."""
+    return {"descriptor": number_for_child(file), "name": name.encode("utf-8", "backslashreplace").decode()}
 
 
 def _cut_to_lines(file: BinaryIO) -> bool:

@@ -1,13 +1,17 @@
-"""The scene of a run: its choice and its settings."""
+"""The model of a run, as callers in Python give it, and its scene: their choice and the scene's settings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
+from typing import Protocol, TypeAlias, runtime_checkable
 
-from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
+from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, INTEGRATORS, METHODS
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
+from cutjoint.package.locations import AnyPath
+from cutjoint.topology.reading import read_model
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
@@ -70,3 +74,51 @@ def with_settings(scene: Scene, method: str, changes: Mapping[str, float]) -> Sc
     """The scene with other settings for one method."""
     settings = {**scene.numerics.methods.get(method, {}), **changes}
     return replace(scene, numerics=replace(scene.numerics, methods={**scene.numerics.methods, method: settings}))
+
+
+@runtime_checkable
+class Compiled(Protocol):
+    """A model that is compiled for a scene."""
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+
+
+Given: TypeAlias = AnyPath | Model | Compiled
+
+
+def model_of(given: Given, opened: Sequence[str] = ()) -> Model:
+    """The model, whatever its scenes are.
+
+    Raises:
+        ModelError: the file is wrong.
+        RunError: numbers are to be ``opened`` after the file was read.
+    """
+    if isinstance(given, str | PathLike):
+        return read_model(given, opened=opened)
+    if not isinstance(given, Model | Compiled):
+        raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
+    if opened:
+        raise RunError("numbers are opened while the file is read; give the file, or read_model(path, opened=[...])")
+    return given if isinstance(given, Model) else given.model
+
+
+def take_model(given: Given, scene: str | None = None, opened: Sequence[str] = ()) -> tuple[Model, Scene]:
+    """The model (`model_of`), and its scene of a name: without one the scene that it is compiled for, or the only one.
+
+    Raises:
+        ModelError: the file is wrong.
+        RunError: there is no such scene, or numbers are to be ``opened`` after the file was read.
+    """
+    model = model_of(given, opened)
+    return (model, given.scene) if scene is None and isinstance(given, Compiled) else find_case(model, scene)
+
+
+def method_of(scene: Scene) -> str:
+    """The method that a scene names; one that leaves the choice open, or names none, has the default one."""
+    return scene.method if scene.method in METHODS else DEFAULT_METHOD

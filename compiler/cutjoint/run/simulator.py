@@ -13,6 +13,7 @@ from threading import Timer
 from typing import Any
 
 from cutjoint.package.errors import CutjointError
+from cutjoint.package.system import number_for_child, passing, path_for_child
 from cutjoint.run.result_files import write_all
 from cutjoint.run.results import FailureReport
 from cutjoint.run.stopping import StopRequest, stop_requests
@@ -52,9 +53,10 @@ def call_simulator(
             file.seek(0)
         except OSError as error:
             raise SimulatorError(f"cannot write the run file in {tempfile.gettempdir()}: {error.strerror}") from None
-        open_files = [file.fileno(), *(place["descriptor"] for place in run_file.values() if _is_descriptor(place))]
-        command = [str(binary), f"/dev/fd/{file.fileno()}"]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": complaint, "pass_fds": open_files}
+        number = number_for_child(file)
+        open_files = [number, *(place["descriptor"] for place in run_file.values() if _is_descriptor(place))]
+        command = [str(binary), path_for_child(number)]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": complaint, **passing(open_files)}
         # from before the simulator begins: what it writes first may be what somebody waits for with a signal
         begun = partial(_begin, command, **pipes, encoding="utf-8", errors="replace")
         with stop_requests() as request, begun() as process, _killed_after(seconds, process):

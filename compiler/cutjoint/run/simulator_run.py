@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, cast
 from cutjoint.methods import DEFAULT_METHOD, INTEGRATORS, join_and
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile, Settings
-from cutjoint.run.result_files import RunTables
+from cutjoint.run.result_files import RunTables, place_of
 from cutjoint.run.results import (
     Columns,
     FailureReport,
@@ -122,7 +122,7 @@ def start(
     require_apart({}, tables={"out": out, "steps": steps, "tangents": tangents})
     asked = RunTables({"t": "s", **run.units}, out=out, steps_out=steps, tangents_out=tangents)
     with asked as tables, _coordinates_file(run.with_coordinates) as file:
-        place = {} if file is None else {"coordinates_out": {"descriptor": file.fileno(), "name": "the temporary table of coordinates"}}
+        place = {} if file is None else {"coordinates_out": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
         ended, instead, indeterminate = failure_of(summary), "", tuple(run.indeterminate)

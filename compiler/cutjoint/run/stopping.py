@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import threading
@@ -12,6 +11,8 @@ from dataclasses import dataclass, field
 from threading import Timer
 from types import FrameType
 from typing import Any
+
+from cutjoint.package.system import signal_self
 
 
 class Interrupted(KeyboardInterrupt):
@@ -67,7 +68,9 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 
 #: Python's own handling of these signals; where a program does otherwise that stays.
-_USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL, signal.SIGHUP: signal.SIG_DFL}
+_USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+if hasattr(signal, "SIGHUP"):  # Windows has none
+    _USUAL[signal.SIGHUP] = signal.SIG_DFL
 
 
 @contextmanager
@@ -86,7 +89,7 @@ def _raised_again() -> Iterator[None]:
         error = dropped.exc_value
         if isinstance(error, Terminated | KeyboardInterrupt):
             number = error.number if isinstance(error, Terminated) else signal.SIGINT
-            Timer(_SOON, os.kill, (os.getpid(), number)).start()
+            Timer(_SOON, signal_self, (number,)).start()
         else:
             usual(dropped)
 

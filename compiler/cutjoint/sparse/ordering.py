@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.locations import binaries_folder
+from cutjoint.package.system import IS_WINDOWS, library_file
 from cutjoint.sparse.pattern import Pattern
 
 #: Debian's packages with the libraries.
@@ -67,7 +68,7 @@ def symamd(pattern: Pattern) -> tuple[int, ...]:
     """Approximate minimum degree by columns on a symmetric pattern (Davis, Gilbert, Larimore, Ng 2004)."""
     library, (first, row) = _library("colamd"), _compressed(_neighbours(pattern))
     order, statistics = (_Int * (pattern.size + 1))(), (_Int * _KNOBS)()
-    standard = ctypes.CDLL(None)
+    standard = ctypes.CDLL("msvcrt" if IS_WINDOWS else None)
     succeeded = library.symamd(_Int(pattern.size), row, first, order, None, statistics, standard.calloc, standard.free)
     return _permutation("symamd", order[: pattern.size], succeeded=bool(succeeded))
 
@@ -96,7 +97,7 @@ def metis(pattern: Pattern) -> tuple[int, ...]:
 
 
 def _library(name: str) -> ctypes.CDLL:
-    shipped = binaries_folder() / f"lib{name}.so"
+    shipped = binaries_folder() / library_file(name)
     found = str(shipped) if shipped.is_file() else ctypes.util.find_library(name)
     if found is None:
         raise MissingLibraryError(f"missing: lib{name}, which orders sparse matrices; apt-get install {ORDERING_PACKAGES}")

@@ -6,7 +6,6 @@ its runs are made again.
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
@@ -18,6 +17,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+from cutjoint.package.system import lock, open_flags
 from cutjoint.run.outputs import OutputError, resolved
 from cutjoint.run.result_files import naming_output, write_whole
 from cutjoint.sweeps.table import Layout, arrow, is_sealed, key_of, manifest_text, parts_label, seal
@@ -45,9 +45,9 @@ class Parts:
         self.aside = self.out.with_name(f"{self.out.name}.aside")
         with naming_output(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(self.folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            self._lock = os.open(self.folder / _LOCK, open_flags("O_RDWR", "O_CREAT"), 0o666)
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(self._lock)
             self._take_over()
         except BlockingIOError:
             os.close(self._lock)

@@ -24,6 +24,7 @@ import numpy as np
 
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath, __version__
+from cutjoint.package.system import processors
 from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.code import build_kernels
@@ -35,7 +36,7 @@ from cutjoint.sweeps.reading import read_study, read_study_text
 from cutjoint.sweeps.records import Kind, Study
 from cutjoint.sweeps.scheduler import require_address, require_scheduler
 from cutjoint.sweeps.table import MANIFEST, Layout, arrow, is_whole, require_file, require_room
-from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes, processors
+from cutjoint.sweeps.work import Chunk, Threads, Work, Workers, in_lanes
 
 #: Seconds of work that a chunk has, if there are runs enough: at least, and usually.  By Dask a chunk costs 10 to 20 ms besides.
 LEAST_WORK, USUAL_WORK = 0.1, 1.0

@@ -5,7 +5,6 @@ A worker needs this module, the libraries and NumPy, and no compiler.  The libra
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -133,11 +132,6 @@ class Workers(Protocol):
 
     def close(self) -> None:
         """Begin no more chunks."""
-
-
-def processors() -> int:
-    """The number of processors that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 class Threads:

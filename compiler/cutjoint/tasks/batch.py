@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import ExitStack
@@ -25,15 +24,15 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS, PLAIN_CLO
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
+from cutjoint.package.system import processors
 from cutjoint.run import simulation
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
-from cutjoint.run.given import Given, take_model
 from cutjoint.run.inputs import GivenInput, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
-from cutjoint.run.scenes import with_closure
+from cutjoint.run.scenes import Given, take_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
@@ -157,7 +156,7 @@ def simulate_batch(
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
-    threads = len(os.sched_getaffinity(0)) if threads is None else threads
+    threads = processors() if threads is None else threads
     if artifact.alone is None:
         settings, play = _plan_side_by_side(artifact, cases, asked, threads)
     else:

@@ -17,13 +17,18 @@ from pathlib import Path
 
 from cutjoint.package.errors import MissingToolsError, ToolchainError
 from cutjoint.package.locations import binaries_folder
+from cutjoint.package.system import IS_WINDOWS
 
 #: Debian's packages of the tools, and of all that generated code needs; wheels for a platform have the rest of it.
 TOOLS = "g++ cmake ninja-build"
 PACKAGES = f"{TOOLS} libeigen3-dev libsuitesparse-dev nlohmann-json3-dev"
 
 #: The way to the tools: Debian's packages, or those of PyPI, which need no rights.
-ADVICE = f"apt-get install {TOOLS}, or pip install 'cutjoint[compiler]'"
+ADVICE = (
+    "run it on Linux, or in the Windows Subsystem for Linux"
+    if IS_WINDOWS
+    else f"apt-get install {TOOLS}, or pip install 'cutjoint[compiler]'"
+)
 
 #: Variables besides $CXX that compilers and CMake read, and that change what is built.
 _VARIABLES = (
@@ -63,9 +68,11 @@ def find_compiler() -> Compiler:
     of the package ziglang beside this one.
 
     Raises:
-        MissingToolsError: a tool is missing.
+        MissingToolsError: a tool is missing, or the system is Windows.
         ToolchainError: $CXX names no program, or the program does not say a version.
     """
+    if IS_WINDOWS:
+        raise MissingToolsError(f"this takes generated code, which is not compiled on Windows; {ADVICE}")
     command = _command_of_environment() or _usual_command()
     require_tools(*([] if command else ["a C++ compiler"]))
     return Compiler(command=command, version=ask_version(command))

@@ -16,6 +16,7 @@ from pathlib import Path
 from cutjoint.methods import DEFAULT_PRECISION, INTEGRATORS, PRECISIONS, SOLVERS
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder
+from cutjoint.package.system import PROGRAM
 from cutjoint.toolchain.cache import (
     alone,
     cache_folder,
@@ -39,7 +40,7 @@ DRIVERS = ("recursive", "lagrangian", "batch")
 INTERPRETING = ("recursive", "lagrangian")
 
 #: That simulator, as a part of its driver, and the file of each simulator.
-INTERPRETER, SIMULATOR = "interpreter", "simulator"
+INTERPRETER, SIMULATOR = "interpreter", f"simulator{PROGRAM}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +136,7 @@ def interpreter_part(driver: str, compiler: Compiler, flags: Sequence[str]) -> P
 
 def shipped_simulator(driver: str) -> Path:
     """The simulator of a driver that interprets programs, as wheels for a platform have it."""
-    return binaries_folder() / f"{SIMULATOR}-{driver}"
+    return binaries_folder() / f"simulator-{driver}{PROGRAM}"
 
 
 def shipped_interpreter(driver: str) -> Path:

@@ -13,7 +13,7 @@ from _thread import allocate_lock, start_new_thread
 from time import sleep
 
 #: Python ignores these signals, and what it starts would.
-_IGNORED = (signal.SIGPIPE, signal.SIGXFSZ)
+_IGNORED = tuple(getattr(signal, name) for name in ("SIGPIPE", "SIGXFSZ") if hasattr(signal, name))
 
 #: The status where the tool cannot be started, as shells have it.
 _NOT_STARTED = 126

@@ -19,6 +19,7 @@ from secrets import token_hex
 from filelock import FileLock, Timeout
 
 from cutjoint.package.errors import ToolchainError
+from cutjoint.package.system import IS_WINDOWS, user
 
 #: The beginning of locks' names, those of the cache too, and of the temporary folders beside them.
 PREFIX = "cutjoint-"
@@ -75,7 +76,8 @@ def hold(path: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            if not path.with_suffix("").is_dir():  # else a signal came while it was removed, which is done at the end, or by the next
+            # Windows removes it itself; where the folder is there a signal came while it was removed, which the end or the next does
+            if not IS_WINDOWS and not path.with_suffix("").is_dir():
                 path.unlink(missing_ok=True)
 
 
@@ -83,7 +85,7 @@ def sweep(place: Path) -> None:
     """Remove this user's locks that nobody holds, and the temporary folders beside them."""
     for lock in place.glob(f"{PREFIX}*.lock"):
         with suppress(OSError, Timeout):
-            if lock.lstat().st_uid == os.geteuid():
+            if lock.lstat().st_uid == user():
                 _remove(lock)
 
 

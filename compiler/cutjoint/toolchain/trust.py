@@ -7,9 +7,7 @@ check and its use.  A group that shares a cache on purpose is named by $CUTJOINT
 
 from __future__ import annotations
 
-import grp
 import os
-import pwd
 import shlex
 import stat
 import sys
@@ -21,6 +19,11 @@ from functools import cache
 from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
+from cutjoint.package.system import IS_WINDOWS, user
+
+if sys.platform != "win32":
+    import grp
+    import pwd
 
 #: The environment variable with the name or number of a group that shares the cache.
 GROUP = "CUTJOINT_CACHE_GROUP"
@@ -48,6 +51,8 @@ class Trust:
         Raises:
             ToolchainError: somebody else owns a part of it, or can write there.
         """
+        if IS_WINDOWS:  # access lists keep others out of a user's folders
+            return
         top, host = self.store.resolve(), Path("/").lstat().st_uid
         for part, found, is_last in _parts(path):
             is_inside = is_last or part.is_relative_to(top)
@@ -58,6 +63,8 @@ class Trust:
 
     def settle(self, path: Path) -> None:
         """Let nobody else write a new folder or file of the store, but the group that shares it."""
+        if IS_WINDOWS:
+            return
         mode = path.stat().st_mode & ~(stat.S_IWGRP | stat.S_IWOTH)
         if self.shares is not None:
             os.chown(path, -1, self.shares)
@@ -89,8 +96,8 @@ def trust_of(store: Path, *, installed: bool) -> Trust:
     Raises:
         ToolchainError: there is no group of the name in $CUTJOINT_CACHE_GROUP.
     """
-    shares = _shared_by()
-    owners, groups = {0, os.geteuid()}, {g for g in (_private_group(os.geteuid()), shares) if g is not None}
+    shares = None if IS_WINDOWS else _shared_by()
+    owners, groups = {0, user()}, {g for g in (_private_group(user()), shares) if g is not None}
     if installed:
         with suppress(OSError):  # a place that is not there has no files
             found = os.stat(sys.prefix)
@@ -137,10 +144,12 @@ def _shared_by() -> int | None:
 @cache
 def _private_group(number: int) -> int | None:
     """The group that has a user's name and nobody else; many systems let it write the user's files."""
+    if IS_WINDOWS:
+        return None
     with suppress(KeyError):
-        user = pwd.getpwuid(number)
-        group = grp.getgrgid(user.pw_gid)
-        if user.pw_uid and group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}:
+        known = pwd.getpwuid(number)
+        group = grp.getgrgid(known.pw_gid)
+        if known.pw_uid and group.gr_name == known.pw_name and set(group.gr_mem) <= {known.pw_name}:
             return group.gr_gid
     return None
 

@@ -6,7 +6,6 @@ record is missing or of another machine, nothing else goes wrong.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from cutjoint.package.errors import ToolchainError
+from cutjoint.package.system import processors
 from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write_record
 
 
@@ -111,7 +111,7 @@ def _source_of(name: str) -> str:
 
 def _spread(each: Sequence[float]) -> float:
     """The seconds of files that this machine's processors share."""
-    return max(sum(each) / len(os.sched_getaffinity(0)), *each) if each else 0.0
+    return max(sum(each) / processors(), *each) if each else 0.0
 
 
 def listened() -> bool:

@@ -13,16 +13,17 @@
 #include <unistd.h>
 
 #include "cutjoint/json.hpp"
+#include "cutjoint/open_file.hpp"
 
 namespace cutjoint {
 
 /// A file that is written from where it stands, a path from its beginning.  Every error is noticed, at the latest when it is closed, and thrown with the file's name.
 class OutputFile {
  public:
-  /// `place` is a path, or a descriptor that is open for writing, with a name for messages: {"descriptor": 5, "name": "run.csv"}.
+  /// `place` is a path, or a descriptor (on Windows a handle) that is open for writing, with a name for messages: {"descriptor": 5, "name": "run.csv"}.
   explicit OutputFile(const Json& place)
       : name_(place.is_string() ? place.get<std::string>() : place.at("name").get<std::string>()),
-        file_(place.is_string() ? std::fopen(name_.c_str(), "wb") : ::fdopen(place.at("descriptor").get<int>(), "wb")) {
+        file_(place.is_string() ? std::fopen(name_.c_str(), "wb") : open_for_child(place.at("descriptor").get<long long>(), "wb")) {
     if (!file_) fail();
     begin_ = std::max(0L, std::ftell(file_.get()));
   }

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <cstddef>
 #include <thread>
 
 namespace cutjoint {
@@ -18,9 +19,18 @@ inline std::atomic<bool> requested{false}, heeded{false};
 
 inline void request(int = 0) { requested.store(true, std::memory_order_relaxed); }
 
-inline bool is_ignored(int signal) {
+/// Let a signal request a stop, the first time, unless whoever began this program has it ignored.
+inline void heed(int number) {
+#ifdef SA_RESETHAND
   struct sigaction action {};
-  return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
+  if (sigaction(number, nullptr, &action) == 0 && action.sa_handler == SIG_IGN) return;
+  action = {};
+  action.sa_handler = [](int signal) { request(signal); };
+  action.sa_flags = SA_RESETHAND | SA_RESTART;
+  sigaction(number, &action, nullptr);
+#else  // Windows, where a handler is for one signal
+  if (signal(number, [](int signal) { request(signal); }) == SIG_IGN) signal(number, SIG_IGN);
+#endif
 }
 
 }  // namespace stopping
@@ -34,17 +44,15 @@ struct Stopped {};
 /// From here on SIGINT and SIGTERM request a stop, and somebody looks at that.  The second signal ends the program at once.
 inline void heed_stop_requests() {
   stopping::heeded = true;
-  struct sigaction action {};
-  action.sa_handler = [](int signal) { stopping::request(signal); };
-  action.sa_flags = SA_RESETHAND | SA_RESTART;
-  for (const int signal : {SIGINT, SIGTERM})
-    if (!stopping::is_ignored(signal)) sigaction(signal, &action, nullptr);
+  for (const int number : {SIGINT, SIGTERM}) stopping::heed(number);
 }
 
 /// Errors of writing are reported by the call that writes, not by a signal that ends the program.
 inline void report_write_errors() {
+#ifdef SIGXFSZ  // Windows has no such signals
   signal(SIGPIPE, SIG_IGN);
   signal(SIGXFSZ, SIG_IGN);
+#endif
 }
 
 /// The end of standard input requests a stop: it comes when whoever holds the other end of the pipe closes it or is killed.
@@ -53,7 +61,7 @@ inline void report_write_errors() {
 inline void stop_with_standard_input() {
   std::thread([] {
     char byte;
-    ssize_t count;
+    std::ptrdiff_t count;
     do count = read(STDIN_FILENO, &byte, 1);
     while (count > 0 || (count < 0 && errno == EINTR));
     stopping::request();

@@ -18,19 +18,17 @@ from cutjoint.methods import Loops
 from cutjoint.model.ranges import fault_of_setting
 from cutjoint.model.records import GROUND
 from cutjoint.package.errors import RunError
-from cutjoint.package.locations import AnyPath
 from cutjoint.program.blocks import Builder
 from cutjoint.program.interpret import interpret_blocks
 from cutjoint.run.inputs import given_inputs
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Columns
 from cutjoint.run.run_file import parameter_values
-from cutjoint.run.scenes import find_case, with_loops
+from cutjoint.run.scenes import Given, model_of, take_model, with_loops
 from cutjoint.tasks.kinematics.axles import Axle, Values, Wheel, find_axle
 from cutjoint.tasks.kinematics.figures import contact, find_figures, units_of
 from cutjoint.tasks.kinematics.linkage import Linkage, Pose, WheelState, side_of, wheel_blocks
 from cutjoint.topology.geometry import TOLERANCE
-from cutjoint.topology.reading import read_model
 
 TRAVEL, ROLL, STEERING = "travel", "roll", "steer"
 #: The column of what changes in each sweep.
@@ -53,10 +51,10 @@ class AxleKinematics:
 
 
 def find_kinematics(
-    path: AnyPath, *, axle: str | None = None, travel: float = 0.05, turn: float | None = None, points: int = 21,
+    model: Given, *, axle: str | None = None, travel: float = 0.05, turn: float | None = None, points: int = 21,
     steer: str | None = None, radius: float | None = None, share: float = 1.0, parameters: Mapping[str, float] | None = None,
 ) -> AxleKinematics:  # fmt: skip
-    """The kinematics of an axle of a model file, the only one if none is named, over ``travel`` (m) up and down and ``turn`` (m or rad) of
+    """The kinematics of an axle of a model, the only one if none is named, over ``travel`` (m) up and down and ``turn`` (m or rad) of
     its steering joint to either side, at so many ``points`` each.
 
     Raises:
@@ -66,7 +64,7 @@ def find_kinematics(
     for name, value in (("travel", travel), ("turn", turn), ("points", points), ("radius", radius), ("share", share)):
         if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{name}: {fault}")
-    model, changes = read_model(path), parameters or {}
+    model, changes = model_of(model), parameters or {}
     values = Values(model, parameter_values(model, changes) | given_inputs(model, changes))
     found = find_axle(model, values, axle, radius=radius, steer=steer)
     linkage = Linkage(found)
@@ -121,7 +119,7 @@ class AxleCompliance:
 
 
 def find_compliance(
-    path: AnyPath, *, scene: str | None = None, axle: str | None = None, steer: str | None = None, radius: float | None = None,
+    model: Given, *, scene: str | None = None, axle: str | None = None, steer: str | None = None, radius: float | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> AxleCompliance:  # fmt: skip
     """The changes of the wheels of an axle by loads on them, from the model linearised at the static equilibrium of a scene, with chassis,
@@ -131,7 +129,7 @@ def find_compliance(
         ModelError: the file is wrong.
         RunError: there is no such axle, joint or scene, no equilibrium, a parameter cannot be set, or nothing holds a wheel.
     """
-    model, chosen = find_case(read_model(path), scene)
+    model, chosen = take_model(model, scene)
     changes = parameters or {}
     numbers = parameter_values(model, changes)
     found = find_axle(model, Values(model, numbers | given_inputs(model, changes)), axle, radius=radius, steer=steer)
