@@ -151,6 +151,15 @@ def test_equilibrium_prints_every_force() -> None:
 
 
 @needs_cpp
+def test_equilibrium_says_what_has_no_value_there(tmp_path: Path) -> None:
+    path = tmp_path / "slide.yaml"
+    path.write_text(SLIDE.replace("outputs:", "signals: {side: rail.displacement_rate/abs(rail.displacement_rate)}\noutputs:"))
+    result = call("equilibrium", path, "--scene", "still")
+    assert result.exit_code == 0, result.output
+    assert ["side", "value", "undefined"] in [line.split() for line in result.output.splitlines()]
+
+
+@needs_cpp
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

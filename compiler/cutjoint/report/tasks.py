@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from cmath import phase
 from collections.abc import Iterator, Mapping, Sequence
-from math import degrees, floor, inf, log10
+from math import degrees, floor, inf, isnan, log10
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ def force_table(state: MechanismState) -> Table:
     for column, value in state.values.items():
         element, _, quantity = column.rpartition(".")
         if element not in bodies:
-            table.add_row(element, quantity, f"{value + 0.0:.7g}", state.units[column])
+            table.add_row(element, quantity, "undefined" if isnan(value) else f"{value + 0.0:.7g}", state.units[column])
     return table
 
 

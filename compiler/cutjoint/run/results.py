@@ -304,7 +304,7 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class MechanismState:
-    """A state of a mechanism: the value and unit of each quantity by ``element.quantity``.
+    """A state of a mechanism: the value and unit of each quantity by ``element.quantity``; nan where a quantity has no value there.
 
     ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.
     """

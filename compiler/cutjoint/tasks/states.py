@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -72,7 +73,8 @@ def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[st
     failure = failure_of(summary)
     if failure is not None:
         raise NoEquilibriumError(_said(failure, artifact, parameters), failure)
-    return MechanismState(values=Columns(summary["columns"]), units=Columns({o.column: unit_of(model, o) for o in outputs}))
+    values = {name: nan if value is None else value for name, value in summary["columns"].items()}  # not finite: null
+    return MechanismState(values=Columns(values), units=Columns({o.column: unit_of(model, o) for o in outputs}))
 
 
 def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str, float]) -> Array:
