@@ -17,9 +17,8 @@ from cutjoint.compile.pipeline import compile_interpreted, compile_model
 from cutjoint.methods import Loops
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
-from cutjoint.run.given import take_model
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import take_model, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
 from cutjoint.topology.build import build_topology

@@ -10,8 +10,8 @@ from rich.table import Table
 
 from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError
-from cutjoint.run.given import take_model
 from cutjoint.run.run_file import parameter_values
+from cutjoint.run.scenes import take_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import Array, RunDerivative

@@ -31,8 +31,7 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import EquationsError, MissingPartialsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.given import Given, method_of, take_model
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import Given, method_of, take_model, with_loops
 from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import build, build_interpreter
 from cutjoint.toolchain.compiler import must_interpret

@@ -151,14 +151,51 @@ class Coupling:
 
 @dataclass
 class Drive:
-    """A motor on a joint's coordinate: its ``law`` over {input}, {position} and {rate}, with ``offset`` the position in the file where the
-    coordinate is zero; the input has a ``unit``, that of the law if it is left out."""
+    """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before the gear.
+
+    The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
+    reader's is zero.
+    """
 
     name: str
     joint: str
-    law: str = "{input}"
+    gear: float = 1.0
+    gain: float = 1.0
+    bias: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    controls: tuple[float, float] | None = None
+    forces: tuple[float, float] | None = None
     offset: float = 0.0
-    unit: str | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Return whether its input is a force or torque, before the gear."""
+        return self.gain == 1 and not (self.bias or self.stiffness or self.damping)
+
+    def law(self, name: str, here: float) -> str:
+        """Its law over the input's name, ``position`` and ``rate``; ``here`` is the reader's coordinate where the position is zero."""
+        outer = self.gear if self.forces else 1.0
+        inner = self.gear / outer
+        rest = self.bias - self.stiffness * self.gear * (here + self.offset)
+        words = {_bounded(name, self.controls): inner * self.gain, "": inner * rest,
+                 "position": -inner * self.gear * self.stiffness, "rate": -inner * self.gear * self.damping}  # fmt: skip
+        parts = [_times(factor, word) for word, factor in words.items() if factor]
+        return _times(outer, _bounded(" + ".join(parts).replace("+ -", "- ") or "0", self.forces))
+
+
+def _bounded(word: str, bounds: tuple[float, float] | None) -> str:
+    return word if bounds is None else f"max({short(bounds[0])!r}, min({short(bounds[1])!r}, {word}))"
+
+
+def _times(factor: float, word: str) -> str:
+    return word if factor == 1 and word else f"{short(factor)!r}{'*' * bool(word)}{word}"
+
+
+def short(value: float, digits: int = 12) -> float | int:
+    """A number without the rounding of the file's frames, whole if it is."""
+    rounded = float(f"{value:.{digits}g}")
+    return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
 
 
 @dataclass

@@ -15,8 +15,8 @@ from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.given import Given, take_model
 from cutjoint.run.run_file import changing, following, parameter_values
+from cutjoint.run.scenes import Given, take_model
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS

@@ -29,11 +29,10 @@ from cutjoint.run import simulation
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
-from cutjoint.run.given import Given, take_model
 from cutjoint.run.inputs import GivenInput, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
-from cutjoint.run.scenes import with_closure
+from cutjoint.run.scenes import Given, take_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start

@@ -24,9 +24,8 @@ from cutjoint.methods import Loops
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Joint, Model, Output, Reaction, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.run.given import Given, take_model
 from cutjoint.run.results import Array, Columns, Trajectory
-from cutjoint.run.scenes import with_loops
+from cutjoint.run.scenes import Given, take_model, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
 

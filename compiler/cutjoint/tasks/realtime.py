@@ -16,10 +16,10 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath, path_of
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
-from cutjoint.run.given import Given
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import make_run_file
+from cutjoint.run.scenes import Given
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler

@@ -23,11 +23,10 @@ from cutjoint.model.records import Model, Output, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
 from cutjoint.run.failures import IncompleteError, describe_failure, is_impossible
-from cutjoint.run.given import Given, take_model
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import with_closure, with_loops
+from cutjoint.run.scenes import Given, take_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of

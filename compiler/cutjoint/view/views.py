@@ -18,12 +18,12 @@ from cutjoint.model.records import COORDINATES, GROUND, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.given import Given, method_of, take_model
 from cutjoint.run.inputs import with_held_inputs
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import parameter_values
+from cutjoint.run.scenes import Given, method_of, take_model
 from cutjoint.topology.build import build_topology
 from cutjoint.view.drawing import draw, find_camera
 from cutjoint.view.ghost import GhostRun
