@@ -77,7 +77,7 @@ class _Mjcf(Tree):
         self._order = list[Joint]()
 
     def problems(self) -> Iterator[Problem]:
-        """What MuJoCo cannot say."""
+        """Elements that MuJoCo cannot say."""
         yield from super().problems()
         self._merged = dict(self._between())
         moving = {GROUND: False}

@@ -42,7 +42,7 @@ def write_urdf(model: Model, parameters: Mapping[str, float] | None = None) -> t
 
 @dataclass(frozen=True)
 class Resistance:
-    """What resists a coordinate: ``stiffness`` (N m or N/m) from ``rest`` (rad or m), ``damping`` (N m s or N s/m), dry ``friction`` (N m
+    """Resistance of a coordinate: ``stiffness`` (N m or N/m) from ``rest`` (rad or m), ``damping`` (N m s or N s/m), dry ``friction`` (N m
     or N)."""
 
     stiffness: float = 0.0
@@ -92,7 +92,7 @@ class Tree:
             self.origins[child] = self.vector(ready.at)
 
     def problems(self) -> Iterator[Problem]:
-        """What the format cannot say."""
+        """Elements that the format cannot say."""
         for joints, kinds in zip(([j for j, _, _ in self.tree], self.loops), self.kinds, strict=True):
             for j in joints:
                 if j.kind not in kinds:
@@ -174,7 +174,7 @@ class _Urdf(Tree):
         self._unwritten: list[str] = []
 
     def problems(self) -> Iterator[Problem]:
-        """What URDF cannot say."""
+        """Elements that URDF cannot say."""
         yield from super().problems()
         for j in self.model.joints:
             if j.armature != 0:

@@ -151,7 +151,7 @@ class Coupling:
 
 @dataclass
 class Drive:
-    """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before the gear.
+    """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before it.
 
     The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
     reader's is zero.
