@@ -38,7 +38,7 @@ _TRIALS = 5
 class Document:
     """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves.
 
-    ``bodies`` and ``joints`` have the model's names by those of links and joints.
+    ``bodies`` and ``joints`` have the model's names by those of links and joints, ``carriers`` also by links that are parts of bodies.
     """
 
     def __init__(self, robot: Robot, closed: Closed, folder: Path, *, free: bool) -> None:
@@ -51,13 +51,15 @@ class Document:
         self.joints: dict[str, str] = {}
         self._taken: set[str] = {"ground"}
         self._welds: dict[str, dict[str, Any]] = {}
-        self._carriers = {link.name: "ground" for link in robot.root()}
+        self.carriers = {link.name: "ground" for link in robot.root()}
         if free:
             self._float()
         for link, carrier in lump(robot):
             self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
         for joint in robot.outwards():
             self._add_joint(joint)
+        for name, hinges in robot.balls.items():
+            self._note("three hinges that meet in a point of a loop are a ball, whose angles have no names", f"{name} of {hinges[0].name}")
         for loop in robot.loops:
             self._add_loop(loop)
         for relation in solve_couplings(robot):
@@ -138,7 +140,7 @@ class Document:
         self._weld_shaft(name)
 
     def _add_body(self, link: Link) -> str:
-        name = self.bodies[link.name] = self._carriers[link.name] = self._name(link.name, "body")
+        name = self.bodies[link.name] = self.carriers[link.name] = self._name(link.name, "body")
         pose = self._closed.poses[link.name]
         body: dict[str, Any] = {"massless": True} if link.mass == 0 else {"mass": link.mass}
         if link.mass:
@@ -193,10 +195,10 @@ class Document:
     # joints
 
     def _add_joint(self, joint: Joint) -> None:
-        link, parent = self._robot.links[joint.child], self._carriers[joint.parent]
+        link, parent = self._robot.links[joint.child], self.carriers[joint.parent]
         pose = self._closed.poses[joint.parent] @ joint.origin
         if joint.kind == "fixed" and link.massless:
-            self._carriers[link.name] = parent
+            self.carriers[link.name] = parent
             if not self._is_used(link):
                 marker = self._name(link.name, "point")
                 self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
@@ -240,7 +242,7 @@ class Document:
         return link.name in ends or any(joint.parent == link.name for joint in self._robot.joints.values())
 
     def _add_loop(self, loop: Loop) -> None:
-        first, second = (self._carriers[link] for link in loop.links)
+        first, second = (self.carriers[link] for link in loop.links)
         if first == second:
             loop.node.refuse(f"connects {loop.links[0]} and {loop.links[1]}, which are one body", "leave it out")
         here = self._closed.poses[loop.links[0]] @ loop.first
@@ -386,6 +388,7 @@ def import_file(path: Path, *, free: bool = False) -> Imported:
     """
     robot, root = READERS[path.suffix.lower()](path)
     robot.leave_out_idle()
+    robot.join_balls()
     closed = close(robot)
     document = Document(robot, closed, path.parent, free=free)
     left_out = dict(root.left_out())
