@@ -45,7 +45,8 @@ class Solution:
     """Centres of mass (m) and their accelerations (m/s2) by links that have mass; the ``freedom`` of the motion.
 
     ``gap`` is the largest distance of a loop's points (m), ``slip`` the largest speed that breaks a constraint, ``energy`` the mechanical
-    one and ``kinetic`` its part (J).  ``condition`` is the largest singular value of the constraints' Jacobian by the smallest that counts.
+    one and ``kinetic`` its part (J).  ``condition`` is the largest singular value of the constraints' Jacobian by the smallest that counts,
+    ``light`` and ``heavy`` are the least and the largest eigenvalue of the free motions' mass matrix.
     """
 
     places: dict[str, Array]
@@ -56,6 +57,8 @@ class Solution:
     energy: float
     kinetic: float
     condition: float
+    light: float
+    heavy: float
 
 
 class PinocchioRobot:
@@ -179,16 +182,26 @@ class PinocchioRobot:
         rank = int((s > _RANK * s.max(initial=0.0)).sum())
         particular = -w[:rank].T @ ((u[:, :rank].T @ drift) / s[:rank])
         N = w[rank:].T
-        a = particular + N @ np.linalg.solve(N.T @ M @ N, N.T @ (tau - bias - M @ particular))
+        free = N.T @ M @ N
+        a = particular + N @ np.linalg.solve(free, N.T @ (tau - bias - M @ particular))
         pin.forwardKinematics(model, data, q, v, a)
         places, accelerations = {}, {}
         for link, centre in self._centres.items():
             frame = model.frames[model.getFrameId(link)]
             place, _, acceleration, *_ = self._motion(_End(frame.parentJoint, frame.placement.act(centre), np.eye(3)))
             places[link], accelerations[link] = place, acceleration
-        slip = float(np.abs(J @ v).max(initial=0.0))
+        slip, masses = float(np.abs(J @ v).max(initial=0.0)), np.linalg.eigvalsh(free)
         return Solution(
-            places, accelerations, model.nv - rank, gap, slip, kinetic + potential, kinetic, s[0] / s[rank - 1] if rank else 1.0
+            places,
+            accelerations,
+            model.nv - rank,
+            gap,
+            slip,
+            kinetic + potential,
+            kinetic,
+            s[0] / s[rank - 1] if rank else 1.0,
+            float(masses[0]),
+            float(masses[-1]),
         )
 
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import generate
-from cutjoint.export.urdf import write_urdf
+from cutjoint.export.robots import write_urdf
 from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model
@@ -100,13 +100,20 @@ def test_a_joint_that_is_written_the_other_way_round_turns_the_same_way(tmp_path
     ("joint", "more", "message"),
     [
         ("{kind: planar, bodies: [a, b], at: [1, 0, 0], axis: z}", "", "joint 'k': URDF has no joint of kind planar there"),
-        (BEHIND.replace("}", ", armature: 1}"), "", "joint 'k': URDF has no armature and no guides"),
-        (BEHIND, "gears:\n  g: {joints: [j, k], law: position^2}\n", "gear 'g': URDF has no such relation"),
+        (BEHIND.replace("}", ", armature: 1}"), "", "joint 'k': URDF has no armature"),
+        (BEHIND.replace("}", ", guide: 0*t}"), "", "joint 'k': URDF has no guides"),
+        (BEHIND, "gears:\n  g: {joints: [j, k], law: position**2}\n", "gear 'g': URDF has no such relation"),
     ],
 )
 def test_what_urdf_cannot_say(joint: str, more: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         write_urdf(read_model_text(MODEL.format(HINGE, joint, more), "m.yaml"))
+
+
+def test_a_body_that_is_called_as_the_ground_is_refused() -> None:
+    text = MODEL.format(HINGE, BEHIND, "").replace("b:", "world:").replace("[b, a]", "[world, a]")
+    with pytest.raises(ModelError, match="body 'world': URDF calls the ground so; rename it"):
+        write_urdf(read_model_text(text, "m.yaml"))
 
 
 def test_what_is_left_out_is_named(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from cutjoint.model.records import Model
 from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text
 from cutjoint_bench.robots import PinocchioRobot
+from cutjoint_bench.studies.imports import Subject, Worst, begin
 from tests.conftest import needs_cpp
 
 LEG = Path(__file__).with_name("leg.urdf")
@@ -96,6 +97,61 @@ def test_a_moment_that_no_body_has_is_kept(tmp_path: Path) -> None:
     model: Model = read_model(path)
     shaft = next(body for body in model.bodies if body.name == "a_excess")
     assert (float(shaft.mass), float(shaft.inertia[2])) == (0, 0.5)
+
+
+def turning(name: str, parent: str, child: str, axis: str, xyz: str = "0 0 0", more: str = "") -> str:
+    text = hinge(name, parent, child, xyz, more).replace('<axis xyz="0 0 1"/>', f'<axis xyz="{axis}"/>')
+    return text.replace('type="revolute"', 'type="continuous"')
+
+
+#: A rod between a crank and a rocker: a ball at one end, three hinges at the other one.
+SOUND = 'ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"'
+ROD = (
+    '<link name="base"/><link name="r1"/><link name="r2"/>' + "".join(link(name, inertia=SOUND) for name in ("crank", "rod", "rocker")),
+    turning("drive", "base", "crank", "0 1 0")
+    + turning("ball_rev0", "crank", "r1", "1 0 0", "0.2 0 0.1")
+    + turning("ball_rev1", "r1", "r2", "0 1 0")
+    + turning("ball_rev2", "r2", "rod", "0 0 1")
+    + turning("swing", "base", "rocker", "0 1 0.3", "0.8 0 0"),
+    '<loop name="end" type="spherical"><predecessor link="rod"><origin xyz="0.6 0.1 0.4"/></predecessor>'
+    '<successor link="rocker"><origin xyz="0 0.1 0.5"/></successor></loop>',
+)
+
+
+@needs_cpp
+def test_three_hinges_that_meet_are_a_ball(tmp_path: Path) -> None:
+    """The machine moves as Pinocchio's with the three hinges does."""
+    path = tmp_path / "rod.urdf"
+    path.write_text(robot(ROD[0], ROD[1] + ROD[2]))
+    subject, worst = Subject(path), Worst()
+    assert {joint.name: joint.kind for joint in read_model(path).joints} == {
+        "drive": "revolute", "ball": "spherical", "swing": "revolute", "end": "spherical"
+    }  # fmt: skip
+    for state in subject.states(4, 1):
+        worst.take(subject, begin(state, 1e-10, 0.0))
+    assert (worst.freedoms, worst.singular) == ({2}, 0)
+    assert (worst.place < 1e-12, worst.acceleration < 1e-9) == (True, True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('child link="rod"/><origin xyz="0 0 0"', 'child link="rod"/><origin xyz="0 0.01 0"'),
+        ('<axis xyz="0 0 1"/></joint><joint name="swing"', '<axis xyz="1 1 0"/></joint><joint name="swing"'),
+        ('<axis xyz="0 0 1"/></joint><joint name="swing"', '<axis xyz="0 0 1"/><dynamics damping="1"/></joint><joint name="swing"'),
+        ("</robot>", '<transmission name="t"><joint name="ball_rev1"/></transmission></robot>'),
+        ("</robot>", '<link name="eye"/><joint name="e" type="fixed"><parent link="r1"/><child link="eye"/></joint></robot>'),
+        ('<link name="r1"/>', link("r1")),
+        (ROD[2], ""),
+    ],
+    ids=["apart", "in a plane", "damped", "driven", "eye", "heavy", "no loop"],
+)
+def test_three_hinges_that_stay_so(tmp_path: Path, old: str, new: str) -> None:
+    text = robot(ROD[0], ROD[1] + ROD[2])
+    assert old in text
+    path = tmp_path / "rod.urdf"
+    path.write_text(text.replace(old, new))
+    assert "ball_rev1: {kind: revolute" in import_file(path).text
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,7 @@ def test_objectives_have_the_derivatives_of_their_values() -> None:
     run = sim.play_derivative(150, ["pin.angle", "loop.u"], by)
     course = from_start(sim, "k", None, 150, list(run.outputs))
     for objective in objectives:
+
         def value(change: float, objective: str = objective) -> NDArray[np.float64]:
             sim.parameters["k"] = 30 + change
             start = np.array([[0.1, sim.reset().outputs["loop.u"]]])

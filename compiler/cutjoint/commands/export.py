@@ -10,7 +10,8 @@ import click
 from cutjoint.commands import options, table
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
-from cutjoint.export.urdf import write_urdf
+from cutjoint.export.mjcf import write_mjcf
+from cutjoint.export.robots import write_urdf
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
 from cutjoint.model.opening import with_inputs
@@ -32,7 +33,7 @@ def command(
     method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], grounded: tuple[str, ...], out: Path,
     functions: Path | None,
 ) -> None:  # fmt: skip
-    """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF file with loops."""
+    """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF or MJCF file with loops."""
     if peer == table.FMU:
         if changes or asked:
             option = "--set" if changes else "--output"
@@ -49,11 +50,11 @@ def command(
         poses=poses or None, push=pushed or None, ground=grounded or None, functions=functions,
         **({} if content is None else {content: True}),
     )  # fmt: skip
-    if peer == table.URDF:
+    if peer in ROBOTS:
         if asked or scene:
-            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to urdf, which has bodies and joints alone")
+            raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to {peer}, which has the machine alone")
         checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
-        export_urdf(checked, options.read_parameters(changes), model, out)
+        export_robot(checked, options.read_parameters(changes), model, peer, out)
         return
     exporter = EXPORTERS.load(peer)
     if out.exists() and not out.is_dir():
@@ -77,17 +78,22 @@ def _output(model: Model, name: str) -> Output:
     return Output(element=element, quantity=quantity, span=model.span)
 
 
-def export_urdf(model: Model, parameters: Mapping[str, float], path: Path, out: Path) -> None:
-    """Write a model as a URDF file; errors as of `write_urdf`.
+#: Formats of robots: the endings of their files' names, and their writers.
+ROBOTS = {table.URDF: (".urdf", write_urdf), table.MJCF: (".xml", write_mjcf)}
+
+
+def export_robot(model: Model, parameters: Mapping[str, float], path: Path, kind: str, out: Path) -> None:
+    """Write a model as a file of robots; errors as of its writer.
 
     Raises:
-        RunError: the file's name does not end as those of URDF do, or there is no such parameter.
+        RunError: the file's name does not end as those of the format do, or there is no such parameter.
         OutputError: the file is the model, or cannot be written.
     """
-    if out.suffix != ".urdf" or out.is_dir():
-        raise RunError(f"--out {out}: a URDF is one file whose name ends in .urdf")
+    ending, write = ROBOTS[kind]
+    if out.suffix != ending or out.is_dir():
+        raise RunError(f"--out {out}: {'a URDF' if kind == table.URDF else 'an MJCF'} is one file whose name ends in {ending}")
     require_apart({"the model": path}, documents=[("--out", out)])
-    text, left_out = write_urdf(model, parameter_values(model, parameters))
+    text, left_out = write(model, parameter_values(model, parameters))
     write_whole(out, text)
     for sentence in left_out:
         options.out.print(sentence, markup=False)

@@ -33,8 +33,8 @@ from cutjoint.package.extensions import EXPORTERS, Door
 
 Row = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-#: The format of `cutjoint export` that is no other simulator, but is imported by many.
-FMU, URDF = "fmu", "urdf"
+#: Formats of `cutjoint export` that are no program for another simulator, but are read by many.
+FMU, URDF, MJCF = "fmu", "urdf", "mjcf"
 
 #: A bound of a range that is as good as none for a reader.
 _FAR = 1e100
@@ -219,8 +219,8 @@ OPTIONS: Mapping[str, Row] = {
         "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "grounded": click.option("--ground", "grounded", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
         "NAME.ground_height, ground_slope, ground_bank and friction; * in NAME stands for any text, '*' for all wheels."),
-    "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU, URDF], required=True, help="The other simulator, for "
-        "which cutjoint-bench is needed, an FMU for those that import one, or a URDF file."),
+    "peer": _one_of("--to", "peer", names=lambda: [*EXPORTERS.names(), FMU, URDF, MJCF], required=True, help="The other simulator, for "
+        "which cutjoint-bench is needed, an FMU for those that import one, or a URDF or MJCF file."),
     "asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="A column of the table; by default those of "
         "the scene that are motions of bodies and markers."),
     "gradient.asked": click.option("--output", "asked", metavar="ELEMENT.QUANTITY", multiple=True, help="An output of the scene; all "

@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.importing.closing import Closed, Relation, close, solve_couplings
 from cutjoint.importing.mjcf import read_mjcf
-from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump
+from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump, short
 from cutjoint.importing.sdf import read_sdf
 from cutjoint.importing.urdf import read_urdf
 from cutjoint.importing.xml import Node
@@ -38,7 +38,7 @@ _TRIALS = 5
 class Document:
     """Sections of a model file, filled element by element; ``folder`` is that of the file read, ``free`` says that its base moves.
 
-    ``bodies`` and ``joints`` have the model's names by those of links and joints.
+    ``bodies`` and ``joints`` have the model's names by those of links and joints, ``carriers`` also by links that are parts of bodies.
     """
 
     def __init__(self, robot: Robot, closed: Closed, folder: Path, *, free: bool) -> None:
@@ -51,13 +51,15 @@ class Document:
         self.joints: dict[str, str] = {}
         self._taken: set[str] = {"ground"}
         self._welds: dict[str, dict[str, Any]] = {}
-        self._carriers = {link.name: "ground" for link in robot.root()}
+        self.carriers = {link.name: "ground" for link in robot.root()}
         if free:
             self._float()
         for link, carrier in lump(robot):
             self._note("links that are part of what they are welded to, since no body has their moments of inertia", f"{link} of {carrier}")
         for joint in robot.outwards():
             self._add_joint(joint)
+        for name, hinges in robot.balls.items():
+            self._note("three hinges that meet in a point of a loop are a ball, whose angles have no names", f"{name} of {hinges[0].name}")
         for loop in robot.loops:
             self._add_loop(loop)
         for relation in solve_couplings(robot):
@@ -88,7 +90,7 @@ class Document:
         self._taken = {"motion"}
         for name, start in self._robot.starts.items():
             able = {j: x for j, x in start.items() if j in self.joints and (j not in in_loops or j in driven)}
-            moved = {self._coordinate(j): _short(x - float(self._closed.q[j][0])) for j, x in able.items()}
+            moved = {self._coordinate(j): short(x - float(self._closed.q[j][0])) for j, x in able.items()}
             positions = {key: value for key, value in moved.items() if value}
             yield f"  {self._name(name, 'scene')}: {_flow({'end': 1, **({'positions': positions} if positions else {})})}"
 
@@ -138,7 +140,7 @@ class Document:
         self._weld_shaft(name)
 
     def _add_body(self, link: Link) -> str:
-        name = self.bodies[link.name] = self._carriers[link.name] = self._name(link.name, "body")
+        name = self.bodies[link.name] = self.carriers[link.name] = self._name(link.name, "body")
         pose = self._closed.poses[link.name]
         body: dict[str, Any] = {"massless": True} if link.mass == 0 else {"mass": link.mass}
         if link.mass:
@@ -156,7 +158,7 @@ class Document:
         self._sections["bodies"][name] = body
         if too_much:
             shaft = self._name(f"{name}_excess")
-            self._sections["bodies"][shaft] = {"massless": True, "inertia": {"axial": _short(too_much), "axis": _direction(axis)}}
+            self._sections["bodies"][shaft] = {"massless": True, "inertia": {"axial": short(too_much), "axis": _direction(axis)}}
             self._welds[name] = {"kind": "fixed", "bodies": [name, shaft], "at": _vector(pose.place)}
             self._note("moments of inertia larger than the sum of the two others, as no body has; a shaft has what is too much", link.name)
         return name
@@ -174,7 +176,7 @@ class Document:
             if link.scale != 1:
                 picture["scale"] = link.scale
             if np.abs(pose.rotation - np.eye(3)).max() > _NOISE:
-                picture["x"], picture["y"] = (_direction(axis) for axis in pose.rotation.T[:2])
+                picture["x"], picture["y"] = _frame(pose.rotation)
         if link.colour:
             picture["colour"] = link.colour
         return picture
@@ -193,10 +195,10 @@ class Document:
     # joints
 
     def _add_joint(self, joint: Joint) -> None:
-        link, parent = self._robot.links[joint.child], self._carriers[joint.parent]
+        link, parent = self._robot.links[joint.child], self.carriers[joint.parent]
         pose = self._closed.poses[joint.parent] @ joint.origin
         if joint.kind == "fixed" and link.massless:
-            self._carriers[link.name] = parent
+            self.carriers[link.name] = parent
             if not self._is_used(link):
                 marker = self._name(link.name, "point")
                 self._sections["markers"][marker] = {"body": parent, "at": _vector(self._closed.poses[link.name].place)}
@@ -227,7 +229,7 @@ class Document:
         if joint.stiffness or joint.damping:
             spring = {"stiffness": joint.stiffness, "damping": joint.damping}
             if joint.stiffness:
-                spring["free_position"] = _short(joint.rest - here)
+                spring["free_position"] = short(joint.rest - here)
             element["spring"] = {key: value for key, value in spring.items() if value}
         if joint.friction:
             force = self._name(f"{name}_friction")
@@ -240,7 +242,7 @@ class Document:
         return link.name in ends or any(joint.parent == link.name for joint in self._robot.joints.values())
 
     def _add_loop(self, loop: Loop) -> None:
-        first, second = (self._carriers[link] for link in loop.links)
+        first, second = (self.carriers[link] for link in loop.links)
         if first == second:
             loop.node.refuse(f"connects {loop.links[0]} and {loop.links[1]}, which are one body", "leave it out")
         here = self._closed.poses[loop.links[0]] @ loop.first
@@ -259,14 +261,14 @@ class Document:
 
     def _law(self, relation: Relation) -> dict[str, Any]:
         """The ratio of a gear, or the law by which it bends, over coordinates that count from the design position."""
-        ratios = [_short(ratio, 15) for ratio in relation.ratios.values()]
+        ratios = [short(ratio, 15) for ratio in relation.ratios.values()]
         if not relation.bend:
             return {"ratio": ratios[0] if len(ratios) == 1 else ratios}
         whole = np.polynomial.Polynomial([0.0, *ratios, *relation.bend])
         (leader,) = relation.ratios
         here = whole(np.polynomial.Polynomial([float(self._closed.q[leader][0]), 1.0]))
         coefficients = [0.0, *here.coef[1:]]
-        return {"law": {"polynomial": [_short(c, 15) for c in coefficients], "of": "position"}}
+        return {"law": {"polynomial": [short(c, 15) for c in coefficients], "of": "position"}}
 
     def _add_drive(self, drive: Drive) -> None:
         joint = self._robot.joints[drive.joint]
@@ -274,12 +276,10 @@ class Document:
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
         name = self._name(drive.name, "input")
-        unit = ("N*m" if joint.kind == "revolute" else "N") if drive.unit is None else drive.unit
-        self._sections["parameters"][name] = {"value": 0, **({"unit": unit} if unit else {}), "binding": "input"}
+        unit = {"unit": "N*m" if joint.kind == "revolute" else "N"} if drive.is_plain else {}
+        self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
         force = self._name(f"{self.joints[drive.joint]}_motor")
-        offset = _short(float(self._closed.q[drive.joint][0]) + drive.offset)
-        position = f"(position + {offset!r})" if offset else "position"
-        law = drive.law.format(input=name, position=position, rate="rate")
+        law = drive.law(name, float(self._closed.q[drive.joint][0]))
         self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[drive.joint], "law": law}
         self._sections["outputs"][self._coordinate(drive.joint)] = True
 
@@ -292,14 +292,8 @@ def _legal(name: str) -> str:
     return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE else plain
 
 
-def _short(value: float, digits: int = 12) -> float | int:
-    """A number without the rounding of the file's frames, whole if it is."""
-    rounded = float(f"{value:.{digits}g}")
-    return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
-
-
 def _vector(place: Array) -> list[float | int]:
-    return [_short(x) if abs(x) > _NOISE else 0 for x in place]
+    return [short(x) if abs(x) > _NOISE else 0 for x in place]
 
 
 def _direction(axis: Array) -> str | list[float | int]:
@@ -308,17 +302,31 @@ def _direction(axis: Array) -> str | list[float | int]:
         if abs(axis[i]) > 1 - 1e-12:
             return name if axis[i] > 0 else f"-{name}"
     for _ in range(_TRIALS):  # of length one, it shall be written the same again
-        short = _vector(axis)
-        axis = np.array(short) / np.linalg.norm(short)
-        if _vector(axis) == short:
+        kept = _vector(axis)
+        axis = np.array(kept) / np.linalg.norm(kept)
+        if _vector(axis) == kept:
             break
-    return short
+    return kept
+
+
+def _frame(rotation: Array) -> tuple[str | list[float | int], str | list[float | int]]:
+    """The first two axes of a rotation (3 by 3); the second one shall be written the same again after it was put across the first."""
+    first, y = _direction(rotation[:, 0]), rotation[:, 1]
+    x = rotation[:, 0] if isinstance(first, str) else np.array(first) / np.linalg.norm(first)
+    second = _direction(y)
+    for _ in range(_TRIALS):
+        y = y - (x @ y) * x
+        again = _direction(y / np.linalg.norm(y))
+        if again == second or isinstance(again, str):
+            break
+        second, y = again, np.array(again)
+    return first, second
 
 
 def _inertia(matrix: Array, noise: float) -> list[float | int]:
     entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    short = [_short(x) if abs(x) > noise else 0 for x in entries]
-    return short if any(short[3:]) else short[:3]
+    kept = [short(x) if abs(x) > noise else 0 for x in entries]
+    return kept if any(kept[3:]) else kept[:3]
 
 
 def _shaft(matrix: Array, noise: float) -> list[float | int] | dict[str, Any]:
@@ -327,7 +335,7 @@ def _shaft(matrix: Array, noise: float) -> list[float | int] | dict[str, Any]:
     if np.abs(moments[:2]).max() > _NOISE * moments[2]:
         return _inertia(matrix, noise)
     axis = forward(axes[:, 2])
-    return {"axial": _short(moments[2]), "axis": _direction(axis)}
+    return {"axial": short(moments[2]), "axis": _direction(axis)}
 
 
 def _flow(value: Any) -> str:
@@ -380,6 +388,7 @@ def import_file(path: Path, *, free: bool = False) -> Imported:
     """
     robot, root = READERS[path.suffix.lower()](path)
     robot.leave_out_idle()
+    robot.join_balls()
     closed = close(robot)
     document = Document(robot, closed, path.parent, free=free)
     left_out = dict(root.left_out())

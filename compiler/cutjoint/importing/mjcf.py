@@ -23,9 +23,10 @@ _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
 _LARGEST_FILE = 200_000_000
 #: Arrays of MuJoCo's model that are read.
-_NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "jnt_axis", "jnt_pos", "jnt_stiffness",
-            "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear", "actuator_gainprm",
-            "actuator_biasprm", "actuator_armature", "actuator_damping", "geom_pos", "geom_quat", "wrap_prm")  # fmt: skip
+_NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "site_pos", "site_quat", "jnt_axis", "jnt_pos",
+            "jnt_stiffness", "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear",
+            "actuator_gainprm", "actuator_biasprm", "actuator_armature", "actuator_damping", "geom_pos", "geom_quat",
+            "wrap_prm")  # fmt: skip
 #: Flags of <option> that switch parts of a model off, and the resistances of joints that they switch off.
 _FLAGS = ("GRAVITY", "SPRING", "DAMPER", "FRICTIONLOSS", "CONSTRAINT", "EQUALITY", "ACTUATION", "CLAMPCTRL")
 _SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICTIONLOSS", "CONSTRAINT"}}
@@ -124,6 +125,8 @@ class _Reading:
         self.robot.links[self._links[0]] = Link(self._links[0], root)
         for body in range(1, model.nbody):
             self._add_body(body)
+        for site in range(model.nsite):
+            self._add_site(site)
         self._add_loops()
         self._add_tendons()
         for actuator in range(model.nu):
@@ -192,6 +195,16 @@ class _Reading:
             added.node.refuse(f"has an armature, a spring, damping or friction on a joint of kind {added.kind}", "leave it out")
         self._of_joint[joint] = name
         self.robot.joints[name] = added
+
+    def _add_site(self, site: int) -> None:
+        """A site with a name is a point of its body."""
+        m = self.m
+        if name := self._name("SITE", site, ""):
+            link = Link(self._unlike(name, self._fresh), self._node("site", name))
+            place = Pose(of_quaternion(*map(float, m.site_quat[site])), m.site_pos[site].copy())
+            weld = self._unlike(f"{link.name}_place", self._fresh)
+            self.robot.links[link.name] = link
+            self.robot.joints[weld] = Joint(weld, link.node, "fixed", self._links[int(m.site_bodyid[site])], link.name, place)
 
     def _draw(self, link: Link, body: int) -> None:
         m, first = self.m, int(self.m.body_geomadr[body])
@@ -296,22 +309,15 @@ class _Reading:
             reason = "it is switched off" if off else "it has dynamics of its own, or does not act on a joint"
             self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
-        gear, gain = float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0])
-        b = [float(x) for x in m.actuator_biasprm[i][:3]] if bias else [0.0, 0.0, 0.0]
-        control = "{input}"
-        if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
-            low, high = map(float, m.actuator_ctrlrange[i])
-            control = f"max({_word(low)}, min({_word(high)}, {{input}}))"
-        parts = [_times(gain, control), *([_word(b[0])] if b[0] else [])]
-        parts += [_times(k * gear, word) for k, word in ((b[1], "{position}"), (b[2], "{rate}")) if k]
-        force = " + ".join(parts).replace("+ -", "- ")
-        if m.actuator_forcelimited[i]:
-            low, high = map(float, m.actuator_forcerange[i])
-            force, parts = f"max({_word(low)}, min({_word(high)}, {force}))", parts[:1]
         joint = self._of_joint[int(m.actuator_trnid[i][0])]
-        plain = not any(b) and gain == 1
-        law = _times(gear, f"({force})" if len(parts) > 1 and gear != 1 else force)
-        self.robot.drives.append(Drive(name, joint, law, self._start.get(joint, 0.0), None if plain else ""))
+        drive = Drive(name, joint, float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0]), offset=self._start.get(joint, 0.0))
+        if bias:
+            drive.bias, drive.stiffness, drive.damping = (float(x) * k for x, k in zip(m.actuator_biasprm[i][:3], (1, -1, -1), strict=True))
+        if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
+            drive.controls = float(m.actuator_ctrlrange[i][0]), float(m.actuator_ctrlrange[i][1])
+        if m.actuator_forcelimited[i]:
+            drive.forces = float(m.actuator_forcerange[i][0]), float(m.actuator_forcerange[i][1])
+        self.robot.drives.append(drive)
 
     def _burden(self, joint: Joint, i: int) -> None:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
@@ -347,8 +353,9 @@ class _Reading:
         counts = {
             "limits of joints": int(np.sum(m.jnt_limited)), "limits of the forces of actuators on joints": int(np.sum(m.jnt_actfrclimited)),
             "geoms that collide": int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0))),
-            "sites": m.nsite, "sensors": m.nsensor, "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair,
-            "tendons": m.ntendon, "flexible bodies": m.nflex, "skins": m.nskin, "mocap bodies, which are fixed here": m.nmocap,
+            "sites without names": sum(not self._name("SITE", i, "") for i in range(m.nsite)), "sensors": m.nsensor,
+            "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair, "tendons": m.ntendon, "flexible bodies": m.nflex,
+            "skins": m.nskin, "mocap bodies, which are fixed here": m.nmocap,
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             notes.append(f"left out: {', '.join(found)}")
@@ -359,14 +366,6 @@ class _Reading:
         names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss")
         if any(np.any(getattr(m, f"tendon_{name}")) for name in names):
             self._root.refuse("has tendons with stiffness, damping, friction or armature", "leave them out, or write them as springs")
-
-
-def _times(factor: float, word: str) -> str:
-    return word if factor == 1 else f"{_word(factor)}*{word}"
-
-
-def _word(number: float) -> str:
-    return str(int(number)) if number.is_integer() and abs(number) < 1e15 else repr(number)
 
 
 def _united(loops: list[Loop]) -> Loop:

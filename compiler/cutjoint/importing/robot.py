@@ -20,6 +20,10 @@ Array: TypeAlias = NDArray[np.float64]
 
 #: The square of a radius of gyration below which a body is a point, m2.
 POINT = 1e-12
+#: Axes that miss a point by less meet in it, m; the least volume that directions of three hinges of a ball span.
+_MEETING, _APART = 1e-9, 0.5
+#: Endings of the name of the first of three hinges, which the ball has without them.
+_FIRSTS = ("_rev0", "_x", "_1")
 #: Coordinates of the joint kinds: turns about the axis, displacements along it, all turns, everything.
 FREEDOMS = {"fixed": 0, "revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
 
@@ -151,20 +155,57 @@ class Coupling:
 
 @dataclass
 class Drive:
-    """A motor on a joint's coordinate: its ``law`` over {input}, {position} and {rate}, with ``offset`` the position in the file where the
-    coordinate is zero; the input has a ``unit``, that of the law if it is left out."""
+    """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before it.
+
+    The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
+    reader's is zero.
+    """
 
     name: str
     joint: str
-    law: str = "{input}"
+    gear: float = 1.0
+    gain: float = 1.0
+    bias: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    controls: tuple[float, float] | None = None
+    forces: tuple[float, float] | None = None
     offset: float = 0.0
-    unit: str | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Return whether its input is a force or torque, before the gear."""
+        return self.gain == 1 and not (self.bias or self.stiffness or self.damping)
+
+    def law(self, name: str, here: float) -> str:
+        """Its law over the input's name, ``position`` and ``rate``; ``here`` is the reader's coordinate where the position is zero."""
+        outer = self.gear if self.forces else 1.0
+        inner = self.gear / outer
+        rest = self.bias - self.stiffness * self.gear * (here + self.offset)
+        words = {_bounded(name, self.controls): inner * self.gain, "": inner * rest,
+                 "position": -inner * self.gear * self.stiffness, "rate": -inner * self.gear * self.damping}  # fmt: skip
+        parts = [_times(factor, word) for word, factor in words.items() if factor]
+        return _times(outer, _bounded(" + ".join(parts).replace("+ -", "- ") or "0", self.forces))
+
+
+def _bounded(word: str, bounds: tuple[float, float] | None) -> str:
+    return word if bounds is None else f"max({short(bounds[0])!r}, min({short(bounds[1])!r}, {word}))"
+
+
+def _times(factor: float, word: str) -> str:
+    return word if factor == 1 and word else f"{short(factor)!r}{'*' * bool(word)}{word}"
+
+
+def short(value: float, digits: int = 12) -> float | int:
+    """A number without the rounding of the file's frames, whole if it is."""
+    rounded = float(f"{value:.{digits}g}")
+    return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
 
 
 @dataclass
 class Robot:
     """All of a file, as read.  A link without a parent stands on the ground.  ``starts`` are coordinates by joints, by names of scenes;
-    ``notes`` are sentences of decisions."""
+    ``balls`` are those that stand for three hinges; ``notes`` are sentences of decisions."""
 
     name: str
     links: dict[str, Link] = field(default_factory=dict)
@@ -174,6 +215,7 @@ class Robot:
     drives: list[Drive] = field(default_factory=list)
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    balls: dict[str, list[Joint]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def root(self) -> list[Link]:
@@ -226,6 +268,45 @@ class Robot:
         self.couplings = [coupling for coupling in self.couplings if coupling not in bound]
         self.drives = [drive for drive in self.drives if drive not in drives]
 
+    def join_balls(self) -> None:
+        """Make one ball of three hinges on a way round a loop whose axes meet, with nothing between them that resists or hangs there."""
+        in_loops, behind = self.in_loops(), dict[str, list[Joint]]()
+        for joint in self.joints.values():
+            behind.setdefault(joint.parent, []).append(joint)
+        busy = {name for coupling in self.couplings for name in coupling.terms} | {drive.joint for drive in self.drives}
+        held = {end for loop in self.loops for end in loop.links}
+
+        def is_plain(joint: Joint) -> bool:
+            resists = joint.stiffness or joint.damping or joint.friction or joint.armature
+            return joint.kind == "revolute" and not resists and joint.name in in_loops - busy
+
+        def next_of(joint: Joint) -> Joint | None:
+            link, others = self.links[joint.child], behind.get(joint.child, [])
+            alone = link.massless and link.name not in held and not link.mesh and len(others) == 1
+            return others[0] if alone and is_plain(others[0]) else None
+
+        for first in list(self.outwards()):
+            if first.name not in self.joints or not is_plain(first):
+                continue
+            if (second := next_of(first)) and (third := next_of(second)) and (centre := _meeting([first, second, third])) is not None:
+                self._join([first, second, third], centre)
+
+    def _join(self, hinges: list[Joint], centre: Array) -> None:
+        """Put a ball at a point (3, in the first parent's frame) in the place of hinges."""
+        first, last = hinges[0], hinges[-1]
+        origin, whole = Pose(place=centre), Pose()
+        for hinge in hinges:
+            whole = whole @ hinge.moved(np.zeros(1))
+        name = next((first.name[: -len(end)] for end in _FIRSTS if first.name.endswith(end)), first.name)
+        name = unlike(name, self.joints.keys() - {hinge.name for hinge in hinges})
+        ball = Joint(name, first.node, "spherical", first.parent, last.child, origin, inner=origin.inverse() @ whole)
+        self.joints = {
+            (ball.name if joint is first else key): (ball if joint is first else joint)
+            for key, joint in self.joints.items() if joint not in hinges[1:]
+        }  # fmt: skip
+        self.links = {key: link for key, link in self.links.items() if key not in (hinges[0].child, hinges[1].child)}
+        self.balls[name] = hinges
+
     def in_loops(self) -> set[str]:
         """The joints on the ways round loops."""
         carried = {joint.child: joint for joint in self.joints.values()}
@@ -247,6 +328,23 @@ class Robot:
         for joint in self.outwards():
             placed[joint.child] = placed[joint.parent] @ joint.moved(q.get(joint.name, np.zeros(joint.freedom)))
         return placed
+
+
+def _meeting(hinges: list[Joint]) -> Array | None:
+    """The point (3, in the first parent's frame) where the axes of three hinges meet, None where they do not or are nearly in a plane."""
+    frame, places, axes = Pose(), [], []
+    for hinge in hinges:
+        inner = frame @ hinge.origin
+        places.append(inner.place)
+        axes.append(inner.rotation @ hinge.axis)
+        frame = frame @ hinge.moved(np.zeros(1))
+    if abs(np.linalg.det(np.array(axes))) < _APART:
+        return None
+    across = [np.eye(3) - np.outer(axis, axis) for axis in axes]
+    matrix, right = sum(across, np.zeros((3, 3))), sum((p @ x for p, x in zip(across, places, strict=True)), np.zeros(3))
+    centre = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    missed = max(float(np.linalg.norm(p @ (centre - x))) for p, x in zip(across, places, strict=True))
+    return centre if missed < _MEETING else None
 
 
 def is_negative(link: Link) -> bool:

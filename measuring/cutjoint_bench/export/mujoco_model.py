@@ -9,6 +9,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from cutjoint.export.laws import Array, Triple
+from cutjoint.export.mjcf import CLOSINGS, closures, couple
+from cutjoint.export.robots import WORLD
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import COORDINATES, GROUND, JointKind
 from cutjoint_bench.export.chains import Part, chain, chain_problems, speeds
@@ -24,9 +26,6 @@ GUIDE_INERTIA = 1e6
 _LEAST_SHARE, _LEAST_BY_MASS = 1e-6, 1e-9
 #: The part added to all principal moments, as a share of their sum: rounding must not make one larger than the sum of the others.
 _ROUNDING = 1e-14
-
-#: Cut joints that equality constraints can stand for.
-_CUTS = (JointKind.FIXED, JointKind.REVOLUTE, JointKind.SPHERICAL)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,43 +132,26 @@ class _Writer:
     def pitches(self) -> Iterator[Element]:
         """Screws: the advance follows the angle."""
         for joint in (j for j in self.mechanism.tree if j.kind is JointKind.SCREW):
-            yield _couple(f"{joint.name}.pitch", f"{joint.name}.advance", f"{joint.name}.angle", joint.pitch)
+            yield couple(f"{joint.name}.pitch", f"{joint.name}.advance", f"{joint.name}.angle", (0.0, joint.pitch))
 
     def gear(self, gear: PeerGear) -> Element:
         """Coordinates count from the start; beside a joint that stands still the other one stands too."""
         first, second = (self.joints.get(end) for end in (gear.first, gear.second))
         if first is not None and second is not None:
-            return _couple(gear.name, first, second, gear.ratio)
+            return couple(gear.name, first, second, (0.0, gear.ratio))
         (moving,) = (joint for joint in (first, second) if joint is not None)
         return Element("joint", {"name": gear.name, "joint1": moving, "polycoef": _text((0.0,) * 5)})
 
     def closures(self, cut: PeerJoint) -> Iterator[Element]:
-        first, second = (cut.follower, cut.base) if cut.base == GROUND else (cut.base, cut.follower)
-        bodies = {"body1": body_name(first)} | ({} if second == GROUND else {"body2": body_name(second)})
-        if cut.kind is JointKind.FIXED:
-            yield Element("weld", {"name": cut.name, **bodies})
-        for name, point in self.connections(cut):
-            yield Element("connect", {"name": name, **bodies, "anchor": _text(point - self.centre(first))})
-
-    def connections(self, cut: PeerJoint) -> Iterator[tuple[str, Array]]:
-        """The points at which a cut joint holds: that of a ball, two on the axis of a hinge."""
-        point = np.array(cut.base_point)
-        if cut.kind is JointKind.SPHERICAL:
-            yield cut.name, point
-        if cut.kind is JointKind.REVOLUTE:
-            reach = max(float(np.linalg.norm(point - self.centre(body))) for body in (cut.base, cut.follower)) or 1.0
-            yield f"{cut.name}.first", point + reach * np.array(cut.base_axes[0])
-            yield f"{cut.name}.second", point - reach * np.array(cut.base_axes[0])
-
-
-def _couple(name: str, first: str, second: str, ratio: float) -> Element:
-    """The first joint moves by ratio times what the second one does."""
-    return Element("joint", {"name": name, "joint1": first, "joint2": second, "polycoef": _text((0.0, ratio, 0.0, 0.0, 0.0))})
+        point, ends = np.array(cut.base_point), (cut.base, cut.follower)
+        anchors = point - self.centre(ends[0]), point - self.centre(ends[1])
+        axis = np.array(cut.base_axes[0]) if cut.base_axes else np.zeros(3)
+        return closures(cut.kind, cut.name, (body_name(ends[0]), body_name(ends[1])), anchors, axis)
 
 
 def body_name(name: str) -> str:
-    """A body's name in MuJoCo, where the world has one already; no instance is called as a body is."""
-    return "world.body" if name == "world" else name
+    """A body's name in MuJoCo, where the ground is called the world; no instance is called as a body is."""
+    return {GROUND: WORLD, WORLD: "world.body"}.get(name, name)
 
 
 def _elementary(joint: PeerJoint, part: Part) -> Iterator[_Elementary]:
@@ -202,7 +184,7 @@ def _require_joints(mechanism: Mechanism) -> None:
     """Raise ModelError for what MuJoCo's joints and equality constraints cannot stand for."""
     problems = [_no_guide(joint) for joint in mechanism.tree if joint.kind is JointKind.SCREW and joint.guide]
     problems += [_no_coupling(gear, joint) for gear, joint in _uncoupled(mechanism)]
-    problems += [_no_equality(cut) for cut in mechanism.cuts if cut.kind not in _CUTS]
+    problems += [_no_equality(cut) for cut in mechanism.cuts if cut.kind not in CLOSINGS]
     if problems := [*problems, *chain_problems(mechanism, mechanism.tree)]:
         raise ModelError(problems)
 

@@ -1,60 +1,61 @@
 """URDF files with loops as imported, beside Pinocchio, which reads them itself.
 
-Each file is imported without its dampers and friction, with a fixed joint for each floating one, and runs for a second each from four
-random poses with random speeds.  At rows of these runs Pinocchio has the joints' coordinates and rates.  "place" and "acceleration" are the
-largest differences of centres of mass, the latter by the largest acceleration there.  "gap" is the largest distance of two points that a
-loop holds together, "slip" the largest speed that breaks a constraint, "energy" the largest change of the mechanical energy as a share of
-the largest kinetic one.  Pinocchio has these from the file's numbers.  "by rank" are the freedoms that the rank of its constraints leaves,
-"singular" are states near a singular pose, whose accelerations do not count.
+Each file is imported without its dampers and friction, with a fixed joint for each floating one, and put into random poses that close its
+loops, at random speeds: Pinocchio has the joints' coordinates and rates there.  "place" and "acceleration" are the largest differences of
+centres of mass, the latter by the largest acceleration there.  "by rank" are the freedoms that the rank of Pinocchio's constraints leaves.
+"singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these have a column of
+their own.  "light" and "heavy" are the least and the largest eigenvalue of the mass matrix of the free motions, kg or kg m2.
+
+From the first state the machine runs for a second.  "gap" is the largest distance of two points that a loop holds together, "slip" the
+largest speed that breaks a constraint, "energy" the largest change of the mechanical energy as a share of the largest kinetic one, at the
+rows of that run; Pinocchio has these from the file's numbers.  If that is more than 1e-6, it runs again with a bound of the penalties, from
+100 down by tens, and "bound" is the first with which it is not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import copy
 from tempfile import TemporaryDirectory
+from time import perf_counter
 from xml.etree import ElementTree
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+import sympy
+from numpy.typing import NDArray
 
-from cutjoint.analysis.closing import explore
+from cutjoint.analysis.closing import close_loops, design_coordinates, retract
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.formulate.recursive.equations import formulate_recursive
-from cutjoint.importing.document import Imported, import_file
-from cutjoint.package.errors import CutjointError
+from cutjoint.importing.closing import close
+from cutjoint.importing.document import Document
+from cutjoint.importing.robot import Joint, roll_pitch_yaw
+from cutjoint.importing.urdf import read_urdf
+from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
-from cutjoint.topology.build import build_topology
 from cutjoint.topology.reading import read_model_text
-from cutjoint_bench.robots import PinocchioRobot
+from cutjoint_bench.robots import PinocchioRobot, Solution
 from cutjoint_bench.studies.provenance import provenance
 
-_HEAD = (
-    "file",
-    "bodies",
-    "joints",
-    "freedoms",
-    "by rank",
-    "states",
-    "singular",
-    "place, m",
-    "acceleration",
-    "gap, m",
-    "slip",
-    "energy",
-    "ends",
-)
+_HEAD = ("file", "bodies", "joints", "freedoms", "by rank", "states", "place, m", "acceleration", "singular", "there", "light", "heavy",
+         "gap, m", "slip", "energy", "bound", "ends")  # fmt: skip
 
+#: States whose constraints are worse conditioned are near a singular pose.
+_CONDITION = 500
+#: The largest step to a random pose, rad or m, in the coordinate that moves most.
+_STEP = 0.25
+_TRIALS = 10
+#: The change of energy that is wanted, and bounds of the penalties that are tried where it is larger.
+_WANTED, _BOUNDS = 1e-6, (100.0, 10.0, 1.0, 0.1)
 
-#: States whose constraints are worse conditioned are near a singular pose; their accelerations are not compared.
-_CONDITION = 1e4
+Array = NDArray[np.float64]
+Coordinates = dict[str, tuple[float, float]]
 
 
 def files_of(paths: tuple[Path, ...]) -> Iterator[Path]:
@@ -77,112 +78,215 @@ def undamped(path: Path, folder: Path) -> Path:
     return target
 
 
-def starts(imported: Imported, rows: int, seed: int) -> Iterator[Artifact]:
-    """Interpreted runs of a second from poses that random steps along the free motions reach, with random speeds along these."""
-    bare = "\n".join(line for line in imported.text.splitlines() if not line.startswith(("outputs:", "scenes:", "  motion:")))
-    model = read_model_text(f"{bare}\nscenes: {{motion: {{end: 1}}}}\n", "model.yaml")
-    kinds = {joint.name: joint.element for joint in model.joints}
-    names = {name: kinds[name].coordinates[0] for name in imported.joints.values() if len(kinds[name].coordinates) == 1}
-    columns = [f"{name}.{c}{suffix}" for name, c in names.items() for suffix in ("", "_rate")]
-    columns += [f"{body}.{x}" for body in imported.bodies.values() for x in ("x", "y", "z", "ax", "ay", "az")]
-    outputs = f"outputs: [{', '.join(columns)}]"
-    model = read_model_text(f"{bare}\n{outputs}\nscenes: {{motion: {{end: 1}}}}\n", "model.yaml")
-    equations = formulate_recursive(build_topology(model), model.scenes["motion"], ())
-    random = np.random.default_rng(seed)
-    for pose in explore(equations)[1:]:
-        speeds = pose.free @ random.uniform(-1, 1, pose.free.shape[1])
-        charts = equations.charts
-        places = ", ".join(f"{c.joint}.{x}: {pose.q[c.q + i]!r}" for c in charts for i, x in enumerate(c.coordinate_names))
-        rates = ", ".join(f"{c.joint}.{x}: {speeds[c.v + i]!r}" for c in charts for i, x in enumerate(c.speed_names))
-        scene = f"{{end: 1, output_step: {1 / rows!r}, positions: {{{places}}}, rates: {{{rates}}}}}".replace("np.float64", "")
-        begun = read_model_text(f"{bare}\n{outputs}\nscenes: {{motion: {scene.replace('(', '').replace(')', '')}}}\n", "model.yaml")
-        yield compile_interpreted(begun, begun.scenes["motion"])
+class Subject:
+    """A file as imported and compiled, and the same file in Pinocchio."""
+
+    def __init__(self, path: Path) -> None:
+        self.oracle = PinocchioRobot(path)
+        robot, root = read_urdf(path)
+        robot.leave_out_idle()
+        robot.join_balls()
+        self.robot, self.closed = robot, close(robot)
+        self.document = Document(robot, self.closed, path.parent, free=False)
+        text = self.document.text(path.name, root.left_out())
+        bare = "\n".join(line for line in text.splitlines() if not line.startswith(("outputs:", "scenes:", "  motion:")))
+        columns = ", ".join(self._columns())
+        model = read_model_text(f"{bare}\noutputs: [{columns}]\nscenes: {{motion: {{end: 1}}}}\n", "model.yaml")
+        self.artifact = compile_interpreted(model, model.scenes["motion"])
+        self.equations = formulate_recursive(self.artifact.topology, self.artifact.scene, ())
+        self.freedom = find_mobility(self.equations).degrees_of_freedom
+
+    def _columns(self) -> Iterator[str]:
+        for joint, name in self.document.joints.items():
+            if coordinate := COORDINATE.get(self.robot.joints[joint].kind):
+                yield from (f"{name}.{coordinate}", f"{name}.{coordinate}_rate")
+        for body in self.document.bodies.values():
+            yield from (f"{body}.{q}" for q in ("x", "y", "z", "ax", "ay", "az", "roll", "pitch", "yaw", "wx", "wy", "wz"))
+
+    def states(self, count: int, seed: int) -> Iterator[Artifact]:
+        """The machine in random poses that close its loops, at random speeds that keep them closed."""
+        random, design = np.random.default_rng(seed), design_coordinates(self.equations)
+        start = close_loops(self.equations, design)
+        for _ in range(count if start else 0):
+            assert start is not None
+            found = next(filter(None, (self._near(start, random) for _ in range(_TRIALS))), start)
+            q, free = found[0].copy(), _free(found[1])
+            speeds = free @ random.uniform(-1, 1, free.shape[1])
+            charts = self.equations.charts
+            for chart in charts:
+                if chart.ball and chart.reversed:  # a scene gives the follower's attitude beside the base
+                    q[chart.q + chart.scalars + 1 :][:3] *= -1
+            places = {f"{c.joint}.{x}": sympy.Float(q[c.q + i]) for c in charts for i, x in enumerate(c.coordinate_names)}
+            rates = {f"{c.joint}.{x}": sympy.Float(speeds[c.v + i]) for c in charts for i, x in enumerate(c.speed_names)}
+            yield replace(self.artifact, scene=replace(self.artifact.scene, positions=places, rates=rates))
+
+    def _near(self, start: tuple[Array, Array], random: np.random.Generator) -> tuple[Array, Array] | None:
+        free = _free(start[1])
+        way = free @ random.standard_normal(free.shape[1])
+        return close_loops(self.equations, retract(self.equations, start[0], random.uniform(0, _STEP) * way / np.abs(way).max()))
+
+    def coordinates(self, run: Trajectory, row: int) -> Coordinates:
+        """Coordinates and rates of the file's joints."""
+        found: Coordinates = {}
+        for joint, name in self.document.joints.items():
+            if joint in self.robot.balls:
+                found |= self._hinges(joint, run, row)
+            elif coordinate := COORDINATE.get(self.robot.joints[joint].kind):
+                place, rate = (float(run[f"{name}.{coordinate}{end}"][row]) for end in ("", "_rate"))
+                found[joint] = place + float(self.closed.q[joint][0]), rate
+        return found
+
+    def _hinges(self, ball: str, run: Trajectory, row: int) -> Coordinates:
+        """The angles and rates of the three hinges of a ball, from the attitudes and spins of its bodies."""
+        joint, hinges = self.robot.joints[ball], self.robot.balls[ball]
+        first, second = (self._attitude(link, run, row) for link in (joint.parent, joint.child))
+        angles = solve_angles(hinges, first[0].T @ second[0])
+        axes = axes_of(hinges, angles)
+        rates = np.linalg.solve(axes, first[0].T @ (second[1] - first[1]))
+        return {hinge.name: (float(x), float(rate)) for hinge, x, rate in zip(hinges, angles, rates, strict=True)}
+
+    def _attitude(self, link: str, run: Trajectory, row: int) -> tuple[Array, Array]:
+        body, design = self.document.carriers[link], self.closed.poses[link].rotation
+        if body == "ground":
+            return design, np.zeros(3)
+        turned = roll_pitch_yaw(tuple(float(run[f"{body}.{angle}"][row]) for angle in ("roll", "pitch", "yaw")))
+        return turned @ design, np.array([run[f"{body}.w{c}"][row] for c in "xyz"])
+
+    def solve(self, run: Trajectory, row: int) -> Solution:
+        """Pinocchio's answer at a row."""
+        return self.oracle.solve(*self.oracle.state(self.coordinates(run, row)))
+
+
+COORDINATE: Mapping[str, str] = {"revolute": "angle", "prismatic": "displacement"}
+
+
+def _free(jacobian: Array) -> Array:
+    """The speeds that equations leave free, as columns."""
+    _, values, vectors = np.linalg.svd(jacobian, full_matrices=True)
+    return np.asarray(vectors[int((values > 1e-9 * values.max(initial=0.0)).sum()) :].T)
+
+
+def turned(hinges: list[Joint], angles: Array) -> Array:
+    """The rotation (3 by 3) of hinges in a row."""
+    rotation = np.eye(3)
+    for hinge, angle in zip(hinges, angles, strict=True):
+        rotation = rotation @ hinge.moved(np.array([angle])).rotation
+    return rotation
+
+
+def axes_of(hinges: list[Joint], angles: Array) -> Array:
+    """The axes of hinges in a row, in the frame before the first, as columns."""
+    rotation, axes = np.eye(3), []
+    for hinge, angle in zip(hinges, angles, strict=True):
+        axes.append(rotation @ hinge.origin.rotation @ hinge.axis)
+        rotation = rotation @ hinge.moved(np.array([angle])).rotation
+    return np.array(axes).T
+
+
+def solve_angles(hinges: list[Joint], wanted: Array) -> Array:
+    """The angles at which hinges in a row give a rotation (3 by 3), by Newton's method from one of several starts."""
+    for start in np.vstack([np.zeros(3), np.random.default_rng(0).uniform(-2, 2, (20, 3))]):
+        angles = start
+        for _ in range(50):
+            apart = wanted @ turned(hinges, angles).T
+            vector = np.array([apart[2, 1] - apart[1, 2], apart[0, 2] - apart[2, 0], apart[1, 0] - apart[0, 1]]) / 2
+            if np.abs(apart - np.eye(3)).max() < 1e-14:
+                break
+            angles = angles + np.linalg.lstsq(axes_of(hinges, angles), vector, rcond=None)[0]
+        if np.abs(wanted - turned(hinges, angles)).max() < 1e-13:
+            return np.asarray(angles)
+    raise CutjointError("three hinges are locked")
 
 
 @dataclass
 class Worst:
-    """The largest differences of a file's runs; ``freedom`` is that of the oracle at each state."""
+    """The largest differences at a file's states; ``freedoms`` are those of the oracle."""
 
-    states: int = 0
     singular: int = 0
     place: float = 0.0
     acceleration: float = 0.0
-    gap: float = 0.0
-    slip: float = 0.0
-    energy: float = 0.0
-    freedom: set[int] = field(default_factory=set)
-    failures: list[str] = field(default_factory=list)
+    there: float = 0.0
+    light: float = np.inf
+    heavy: float = 0.0
+    freedoms: set[int] = field(default_factory=set)
 
-    def take(self, imported: Imported, oracle: PinocchioRobot, artifact: Artifact, tolerance: float) -> None:
-        """Compare the rows of a run."""
-        run = simulate(artifact, integrator="dormand-prince", tolerance=tolerance, error=False, check=False)
-        if run.failure is not None:
-            self.failures.append(str(run.failure)[:90])
-        found = [oracle.solve(*oracle.state(coordinates(imported, run, row))) for row in range(len(run.t))]
-        for row, solution in enumerate(found):
-            largest = max(1.0, *(float(np.abs(a).max()) for a in solution.accelerations.values()))
-            self.singular += solution.condition > _CONDITION
-            for link, body in imported.bodies.items():
-                if link in solution.places:
-                    place, acceleration = (np.array([run[f"{body}.{p}{c}"][row] for c in "xyz"]) for p in ("", "a"))
-                    self.place = max(self.place, float(np.abs(place - solution.places[link]).max()))
-                    apart = float(np.abs(acceleration - solution.accelerations[link]).max()) / largest
-                    self.acceleration = max(self.acceleration, apart if solution.condition < _CONDITION else 0.0)
-            self.gap, self.slip = max(self.gap, solution.gap), max(self.slip, solution.slip)
-            self.freedom.add(solution.freedom)
-        self.states += len(found)
-        if found:
-            self.energy = max(self.energy, float(np.ptp([s.energy for s in found])) / max(s.kinetic for s in found))
+    def take(self, subject: Subject, run: Trajectory) -> None:
+        """Compare the first row of a run."""
+        solution = subject.solve(run, 0)
+        largest = max(1.0, *(float(np.abs(a).max()) for a in solution.accelerations.values()))
+        regular = solution.condition < _CONDITION
+        self.singular += not regular
+        for link, body in subject.document.bodies.items():
+            if link in solution.places:
+                place, acceleration = (np.array([run[f"{body}.{p}{c}"][0] for c in "xyz"]) for p in ("", "a"))
+                self.place = max(self.place, float(np.abs(place - solution.places[link]).max()))
+                apart = float(np.abs(acceleration - solution.accelerations[link]).max()) / largest
+                self.acceleration = max(self.acceleration, apart if regular else 0.0)
+                self.there = max(self.there, 0.0 if regular else apart)
+        self.freedoms.add(solution.freedom)
+        self.light, self.heavy = min(self.light, solution.light), max(self.heavy, solution.heavy)
 
 
-def compare(path: Path, rows: int, seed: int, tolerance: float) -> tuple[str, ...]:
+def begin(artifact: Artifact, tolerance: float, end: float, rows: int = 1, penalty: float | None = None) -> Trajectory:
+    """A run from a state.  Raises RunError where it has no start."""
+    scene = replace(artifact.scene, end=end, output_step=end / rows if end else 1.0)
+    scene = replace(scene, numerics=replace(scene.numerics, penalty=penalty, closure="solved"))
+    run = simulate(replace(artifact, scene=scene), integrator="dormand-prince", tolerance=tolerance, error=False, check=False)
+    if not len(run.t):
+        raise RunError(f"no start: {run.failure}")
+    return run
+
+
+def energy_of(solutions: list[Solution]) -> float:
+    """The largest change of the mechanical energy as a share of the largest kinetic one."""
+    return float(np.ptp([s.energy for s in solutions])) / max(s.kinetic for s in solutions)
+
+
+def compare(path: Path, count: int, rows: int, seed: int, tolerance: float) -> tuple[str, ...]:
     """The figures of a file."""
     with TemporaryDirectory() as folder:
-        copied = undamped(path, Path(folder))
-        imported, oracle = import_file(copied), PinocchioRobot(copied)
-    worst, freedom = Worst(), set[int]()
-    for artifact in starts(imported, rows, seed):
-        freedom.add(find_mobility(formulate_recursive(artifact.topology, artifact.scene, ())).degrees_of_freedom)
-        worst.take(imported, oracle, artifact, tolerance)
-    numbers = (worst.place, worst.acceleration, worst.gap, worst.slip, worst.energy)
-    freedoms = [" ".join(map(str, sorted(found))) for found in (freedom, worst.freedom)]
-    counts = map(str, (len(imported.bodies), len(imported.joints)))
+        subject = Subject(undamped(path, Path(folder)))
+    worst, states = Worst(), list(subject.states(count, seed))
+    for state in states:
+        worst.take(subject, begin(state, tolerance, 0.0))
+    runs = []
+    for bound in (None, *_BOUNDS):
+        run = begin(states[0], tolerance, 1.0, rows, bound)
+        solutions = [subject.solve(run, row) for row in range(len(run.t))]
+        runs.append(f"{energy_of(solutions):.1e}, {run.steps} steps")
+        if energy_of(solutions) < _WANTED:
+            break
     return (
-        *counts,
-        *freedoms,
-        str(worst.states),
-        str(worst.singular),
-        *(f"{x:.1e}" for x in numbers),
-        "; ".join(dict.fromkeys(worst.failures)),
-    )
-
-
-def coordinates(imported: Imported, run: Trajectory, row: int) -> dict[str, tuple[float, float]]:
-    """Coordinates and rates of the file's joints."""
-    found = {}
-    for name, joint in imported.joints.items():
-        c = next((c for c in ("angle", "displacement") if f"{joint}.{c}" in run), "")
-        if c:
-            found[name] = float(run[f"{joint}.{c}"][row] + imported.zero[name][0]), float(run[f"{joint}.{c}_rate"][row])
-    return found
+        str(len(subject.document.bodies)), str(len(subject.document.joints)), str(subject.freedom),
+        " ".join(map(str, sorted(worst.freedoms))), str(len(states)), f"{worst.place:.1e}", f"{worst.acceleration:.1e}",
+        str(worst.singular), f"{worst.there:.1e}" if worst.singular else "", f"{worst.light:.1e}", f"{worst.heavy:.1e}",
+        f"{max(s.gap for s in solutions):.1e}", f"{max(s.slip for s in solutions):.1e}", "; ".join(dict.fromkeys((runs[0], runs[-1]))),
+        "" if bound is None else f"{bound:g}", "" if run.failure is None else f"{run.failure}"[:90],
+    )  # fmt: skip
 
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
-@click.option("--rows", default=5, show_default=True, help="Of each run, besides the start.")
-@click.option("--seed", default=1, show_default=True, help="Of the random speeds.")
-@click.option("--tolerance", default=1e-9, show_default=True, help="Of the steps, by dormand-prince.")
-def main(paths: tuple[Path, ...], rows: int, seed: int, tolerance: float) -> None:
-    """Print the table of URDF files, those named and those below folders."""
-    console = Console(highlight=False, width=180)
-    console.print(provenance(), markup=False)
-    table = Table(*_HEAD)
+@click.option("--states", default=20, show_default=True, help="Random states of each file.")
+@click.option("--rows", default=10, show_default=True, help="Of the run, besides its start.")
+@click.option("--seed", default=1, show_default=True, help="Of poses and speeds.")
+@click.option("--tolerance", default=1e-10, show_default=True, help="Of the steps, by dormand-prince.")
+@click.option("--out", type=click.Path(path_type=Path), help="Markdown file for the table and its provenance.")
+def main(paths: tuple[Path, ...], states: int, rows: int, seed: int, tolerance: float, out: Path | None) -> None:
+    """Print the table of URDF files, those named and those below folders, in Markdown."""
+    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
+    click.echo("\n".join([provenance(), "", *lines]))
     for path in files_of(paths):
+        began, name = perf_counter(), f"{path.parent.name}/{path.name}"
         try:
-            table.add_row(f"{path.parent.name}/{path.name}", *compare(path, rows, seed, tolerance))
+            cells = compare(path, states, rows, seed, tolerance)
         except CutjointError as error:
-            table.add_row(f"{path.parent.name}/{path.name}", str(error)[:100])
-    console.print(table)
+            cells = (" ".join(str(error).split())[:100],)
+        lines.append(f"| {' | '.join((name, *cells))} |")
+        click.echo(lines[-1])
+        click.echo(f"{name}: {perf_counter() - began:.0f} s", err=True)
+    if out is not None:
+        out.write_text("\n".join([provenance(), "", *lines, ""]), encoding="utf-8")
 
 
 if __name__ == "__main__":
