@@ -139,6 +139,51 @@ def test_a_host_has_inputs_that_no_file_names(tmp_path: Path) -> None:
     assert sims[1].outputs["hub.y"] > 1e-4  # the ground falls to the left
 
 
+#: A car of four arms, with heights of the ground left, right and in front, and its slopes.
+CAR = """
+cutjoint: 1
+name: car
+gravity: [0, 0, -9.81]
+parameters:
+  left: &height {value: 0, unit: m, binding: param}
+  right: *height
+  front: *height
+  bank: {value: 0, binding: param}
+bodies: {chassis: {mass: 1200, centre_of_mass: [0, 0, 0.6], inertia: [300, 1500, 1600]}}
+joints: {free: {kind: free, bodies: [ground, chassis], at: [0, 0, 0.6]}}
+submodels:
+  corner:
+    connectors: [chassis]
+    parameters: [x, height]
+    bodies: {hub: {mass: 40, centre_of_mass: [x, 0.7, 0.3], inertia: [1, 1, 1]}}
+    joints: {arm: {kind: revolute, bodies: [chassis, hub], at: [x, 0.2, 0.35], axis: x}}
+    forces:
+      strut:
+        {kind: point_spring, bodies: [chassis, hub], from: [x, 0.5, 0.8], to: [x, 0.6, 0.3], law: {stiffness: 30000, preload: -4000}}
+      tyre: {kind: tyre, body: hub, centre: [x, 0.7, 0.3], axis: y, radius: 0.3, stiffness: 400000, calspan: %s,
+             ground_height: height, ground_bank: bank}
+instances:
+  front_left: {use: corner, connect: {chassis: chassis}, with: {x: 1.2, height: left + front}}
+  front_right: {use: corner, connect: {chassis: chassis}, with: {x: 1.2, height: right + front}, mirror: y}
+  rear_left: {use: corner, connect: {chassis: chassis}, with: {x: -1.3, height: left}}
+  rear_right: {use: corner, connect: {chassis: chassis}, with: {x: -1.3, height: right}, mirror: y}
+outputs: [chassis.z]
+scenes: {rest: {end: 1, pose: equilibrium, positions: {free.x: 0, free.y: 0}}}
+"""
+
+
+@needs_cpp
+def test_a_car_comes_to_rest_wherever_the_ground_lifts_it() -> None:
+    """Ground that is higher by 0.1 m lifts the car by that; ground that falls by 0.2 m over the track rolls it as springs let it."""
+    model = read_model_text(CAR % CALSPAN % "0.85", "car.yaml")
+    low, high = (cutjoint.find_equilibrium(model, parameters={"left": 0.2 + h, "right": h}).values for h in (0.0, 0.1))
+    assert high["chassis.z"] - low["chassis.z"] == pytest.approx(0.1, abs=1e-6)
+    assert high["chassis.roll"] == pytest.approx(low["chassis.roll"], abs=1e-6)
+    assert 0.2 / 1.4 < low["chassis.roll"] < 0.2
+    fallen = cutjoint.find_equilibrium(model, parameters={"left": 0.1, "right": -0.1, "front": 0.1, "bank": 0.1}).values
+    assert 0.2 / 1.4 < fallen["chassis.roll"] < 0.2
+
+
 def test_it_is_added_to_what_the_file_has() -> None:
     model = read_model_text(text("[0, 1, 0]", LIFT, "ground_height: 2*height\n    friction: 0.5", "inputs: {height: 0}"), "rolling.yaml")
     (wheel,) = (f for f in with_grounds(model, ["*"]).forces if isinstance(f, Tyre))

@@ -158,7 +158,7 @@ def test_four_bar_says_where_it_meets_a_singular_pose(dt: float, integrator: str
     run = simulate(compiled("four_bar"), dt=dt, integrator=integrator, check=False)
     assert run.failure is not None
     assert "the pose is singular, or nearly" in run.failure.message
-    assert run.failure.advice == "not tried: another dt, or the methods augmented and recursive, which can cross such poses"
+    assert run.failure.advice == "try: another dt, or the methods augmented and recursive, which can cross such poses"
     assert np.abs(run.columns["tip.y"] - np.cos(parallelogram(run.t))).max() < 10 * dt**2
     assert run.effort.residuals.position < 2e-9
 

@@ -207,7 +207,7 @@ def test_flyball_too_large_a_step_is_refused_clearly() -> None:
     run = simulate(compiled(BY_NAME["A05"]), dt=2.5e-4, check=False)
     assert run.failure is not None
     assert str(run.failure).startswith("the fixed point did not converge in 100 iterations at t = 0.00025 s (step 1); worst at 'slide.")
-    assert run.failure.advice == "not tried: a smaller dt, or compiling with the method recursive-newton, as for stiff models"
+    assert run.failure.advice == "try: a smaller dt, or compiling with the method recursive-newton, as for stiff models"
     assert run.failure.residual > 0
     assert list(run.t) == [0.0]
     assert run["slider.z"] == pytest.approx([0.5])

@@ -146,7 +146,7 @@ def test_a_stiff_model_is_told() -> None:
     failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5, check=False, error=False).failure
     assert failure is not None
     assert failure.message == "the accelerations have no finite value"
-    assert failure.advice == "not tried: a smaller dt, or compiling with the method recursive-newton, as for stiff models"
+    assert failure.advice == "try: a smaller dt, or compiling with the method recursive-newton, as for stiff models"
     failure = simulate(artifact, integrator="rk4", dt=1e-3, end=0.5, check=False).failure
     assert failure is not None
     assert failure.message.startswith("the motion runs away: since t = 0.001 s its energy comes from no force")

@@ -40,7 +40,7 @@ def test_classical_names_the_equations_that_depend_on_others(solver: str, tmp_pa
     failed = simulate(tmp_path, redundant(PENDULUM), CLASSICAL, solver=solver).summary
     assert failed["message"] == "classical: the tangent is singular"
     assert failed["advice"] == (
-        "equation 'e2' depends on 'e0' here; not tried: method augmented, which tolerates redundant and momentarily dependent equations"
+        "equation 'e2' depends on 'e0' here; try: method augmented, which tolerates redundant and momentarily dependent equations"
     )
     assert (failed["element"], failed["step"], failed["steps"]) == ("e2", 0, 0)
 
@@ -98,7 +98,7 @@ def test_an_iteration_that_does_not_end(method: str, tmp_path: Path) -> None:
     run = simulate(tmp_path, PENDULUM, method, iterations=1)
     assert run.summary["message"] == f"{method}: Newton's iteration did not converge in 1 iterations"
     assert run.summary["element"] in ("p0.x", "p0.z")
-    assert run.summary["advice"] == "it was still getting closer; not tried: more iterations, or a smaller dt"
+    assert run.summary["advice"] == "it was still getting closer; try: more iterations, or a smaller dt"
     assert run.t.tolist() == [0.0]
 
 
@@ -110,7 +110,7 @@ def test_an_iteration_that_gets_nowhere(tmp_path: Path) -> None:
     }  # fmt: skip
     failed = simulate(tmp_path, stiff, AUGMENTED).summary
     assert failed["message"].startswith("augmented: Newton's iteration diverges")
-    assert failed["advice"] == "look at the forces on this coordinate, and whether it moves mass; not tried: a smaller dt"
+    assert failed["advice"] == "look at the forces on this coordinate, and whether it moves mass; try: a smaller dt"
     assert failed["step"] == 1
 
 

@@ -83,16 +83,18 @@ def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> N
             press.step()
         except cutjoint.SimulationError as error:
             told.add((error.status, str(error).partition(" s: ")[2]))
-    words = "a step exceeds a limit: 'iterations'; the step is made, and the motion may go on; not tried: a smaller dt, or another limit"
-    assert told == {(32, words)}
+    head, advice = f"a step exceeds a limit: 'iterations' is {most}, the limit {most - 1}", "try: a smaller dt, or another limit"
+    assert told == {(32, f"{head}; the step is made, and the motion may go on; {advice}")}
     assert press.time == free.time
     assert np.array_equal(press.coordinates.array, free.coordinates.array)
     copy = press.copy()
     with pytest.raises(cutjoint.SimulationError, match="'iterations'"):
         copy.advance(press.time + 0.1)
     press.set_limits(iterations=np.inf, gap=1e-30)
-    with pytest.raises(cutjoint.SimulationError, match="'gap'"):
+    with pytest.raises(cutjoint.SimulationError, match=r"'gap' is [1-9]\.\d\de-\d+, the limit 1\.00e-30, at 'elbow\.") as caught:
         press.play(100)
+    told_gap = float(str(caught.value).partition("'gap' is ")[2].partition(",")[0])
+    assert told_gap == pytest.approx(press.last_step.gap, rel=0.005)
     press.set_limits(gap=np.inf, pivot=0.5, rate=1.0, change=1.0, evaluations=100)
     press.advance(press.time + 0.1)  # a method without factors has no pivot that is too small
     with pytest.raises(KeyError, match="did you mean 'gap'"):

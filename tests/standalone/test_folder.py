@@ -55,6 +55,11 @@ def test_the_code_calls_mathematics_and_nothing_else(
     assert not foreign_symbols(made, name)
 
 
+def test_vectors_that_a_processor_lacks_bring_no_warnings(tmp_path: Path) -> None:
+    """Four wheels side by side are vectors of 256 bits, arguments for which clang has no registers by default."""
+    compile_object(write(standalone_of("iltis", "simul1"), tmp_path), "iltis", compiler="clang++", flags=("-O0",))
+
+
 def test_a_folder_goes_without_vector_mathematics(tmp_path: Path) -> None:
     place, tables = write(folder_of(text_of("axle"), "axle.yaml", "chirp"), tmp_path), []
     for flags, libraries in (((), ("-lmvec",)), (("-DCUTJOINT_WITHOUT_LIBMVEC",), ())):

@@ -110,7 +110,14 @@ int main(void) {
   hung_sim* sim = hung_create(memory, sizeof memory);
   const int top = hung_find_pose("top");
   int i;
-  if (hung_poses(sim) != NULL || hung_pose_name(HUNG_POSES) != NULL || hung_find_pose("ground") != -1) return 1;
+  if (hung_pose_name(HUNG_POSES) != NULL || hung_find_pose("ground") != -1) return 1;
+  for (i = 0; i < HUNG_POSES; ++i) {
+    const hung_pose* pose = hung_poses(sim) + i; /* before a start, in the design position */
+    int k;
+    if (!(fabs(pose->attitude[0] - 1) < 1e-14)) return 5;
+    for (k = 0; k < 3; ++k)
+      if (!(fabs(pose->position[k] - pose->point[k]) < 1e-14)) return 6;
+  }
   if (hung_start(sim) != HUNG_OK) return 2;
   for (i = 0; i < 40; ++i) {
     const hung_pose* pose = hung_poses(sim) + top;

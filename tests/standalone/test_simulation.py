@@ -145,7 +145,7 @@ def test_a_host_is_told_what_a_stiff_model_takes() -> None:
     )
     for sim in (explicit, implicit):
         sim.reset(dt=1e-3).parameters["stiffness"] = 1e8
-    with pytest.raises(cutjoint.SimulationError, match="not tried: a smaller dt, or compiling with the method recursive-newton"):
+    with pytest.raises(cutjoint.SimulationError, match="try: a smaller dt, or compiling with the method recursive-newton"):
         explicit.play(20)
     assert implicit.play(20).shape[0] == 20
 

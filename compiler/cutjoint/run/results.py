@@ -31,7 +31,7 @@ Array: TypeAlias = NDArray[np.float64]
 #: The name of the time among the columns of a table.
 TIME = "t"
 #: The beginning of an advice, or of its last part, that nobody has tried for the run at hand.
-UNTRIED = "not tried: "
+UNTRIED = "try: "
 #: The number of columns in a `repr`.
 _NAMED = 6
 

@@ -166,7 +166,7 @@ class EnergyBalance {
     std::snprintf(since, sizeof since, "%.6g", doubtful_since().value_or(0.0));
     throw Failure("the motion runs away: since t = " + std::string(since) + " s its energy comes from no force, guide or drive",
                   static_cast<double>(end.t), 0, std::string(name), static_cast<double>(end.v[i]),
-                  "a force may feed the motion, or change faster than steps follow; not tried: a smaller dt or tolerance");
+                  "a force may feed the motion, or change faster than steps follow; try: a smaller dt or tolerance");
   }
 
   Subject& subject_;

@@ -70,6 +70,26 @@ struct Text {
     *next = '\0';
     return *this;
   }
+
+  /// A number from 0 on with three digits, a whole one below a million with all of them.
+  Text& operator<<(double number) {
+    int exponent = 0;
+    if (!(number <= std::numeric_limits<double>::max())) return *this << "infinity";
+    if (number < 1e6 && number == static_cast<double>(static_cast<long>(number))) return write(static_cast<long>(number), 1);
+    for (; number >= 9.995; number /= 10.0) ++exponent;
+    for (; number < 0.9995; number *= 10.0) --exponent;
+    const auto digits = static_cast<long>(100.0 * number + 0.5);
+    write(digits / 100, 1) << ".";
+    write(digits % 100, 2) << (exponent < 0 ? "e-" : "e");
+    return write(exponent < 0 ? -exponent : exponent, 1);
+  }
+
+ private:
+  Text& write(long number, int least) {
+    if (number > 9 || least > 1) write(number / 10, least - 1);
+    const char digit[] = {static_cast<char>('0' + number % 10), '\0'};
+    return *this << digit;
+  }
 };
 
 /// The meaning of a status.
@@ -347,6 +367,10 @@ class CheckedSimulation {
     }
     if (name) words << ": '" << name << "'";
     if (place) words << " (" << place << ")";
+    if (fault.list == FaultList::limits) {
+      words << " is " << fault.value << ", the limit " << fault.size;
+      if (const char* joint = element_of(Model::equation_names, fault.equation)) words << ", at '" << joint << "' (" << element_of(Model::equation_places, fault.equation) << ")";
+    }
     if (fault) words << "; " << advice_of(fault);
     return call_ok;
   }

@@ -50,7 +50,8 @@ class Limits {
     const double numbers[] = {effort.gap, effort.rate, effort.change, effort.pivot, static_cast<double>(effort.iterations), static_cast<double>(effort.evaluations)};
     for (std::size_t i = 0; i < number; ++i)
       if (i == pivot_ ? !(numbers[i] >= values_[i]) : !(numbers[i] <= values_[i]))
-        return {.cause = Cause::limit_exceeded, .list = FaultList::limits, .index = static_cast<int>(i), .t = t, .step = step, .value = numbers[i], .size = values_[i]};
+        return {.cause = Cause::limit_exceeded, .list = FaultList::limits, .index = static_cast<int>(i), .t = t, .step = step, .value = numbers[i], .size = values_[i],
+                .equation = i == 0 ? effort.equation : -1};
     return {};
   }
 

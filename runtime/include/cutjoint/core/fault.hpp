@@ -45,7 +45,7 @@ enum class Cause : int {
 enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5, controllers = 6, limits = 7 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
-/// bound, `iterations` their number, `closer` whether the last of them came closer.  The lists are those of the stepped mechanism or system, or
+/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a gap beyond a limit.  The lists are those of the stepped mechanism or system, or
 /// `at_start` of the mechanism that finds the start.
 struct Fault {
   Cause cause = Cause::none;
@@ -58,6 +58,7 @@ struct Fault {
   int iterations = 0;
   bool closer = false;
   bool at_start = false;
+  int equation = -1;
 
   explicit operator bool() const { return cause != Cause::none; }
 };
@@ -111,32 +112,32 @@ constexpr const char* text_of(Cause cause) {
 
 /// Advice where Newton's iteration has no end.
 constexpr const char* advice_of_newton(const Fault& fault) {
-  if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "not tried: a smaller dt";
-  if (fault.closer) return "it was still getting closer; not tried: more iterations, or a smaller dt";
-  if (fault.value <= 1e-4 * fault.size) return "what is left may be rounding; not tried: a larger tolerance";
-  return "look at the forces on this coordinate, and whether it moves mass; not tried: a smaller dt";
+  if (!(fault.value - fault.value == 0.0) || fault.cause == Cause::newton_infinite) return "try: a smaller dt";
+  if (fault.closer) return "it was still getting closer; try: more iterations, or a smaller dt";
+  if (fault.value <= 1e-4 * fault.size) return "what is left may be rounding; try: a larger tolerance";
+  return "look at the forces on this coordinate, and whether it moves mass; try: a smaller dt";
 }
 
 /// Advice where a step is too long for the accelerations.
-constexpr const char* shorter_steps = "not tried: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
+constexpr const char* shorter_steps = "try: a smaller dt, or compiling with the method recursive-newton, as for stiff models";
 
-/// Advice, "not tried" where nobody has tried it.
+/// Advice; what a caller may try stands behind "try: ".
 constexpr const char* advice_of(const Fault& fault) {
   switch (fault.cause) {
     case Cause::none: return "";
-    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; not tried: a larger tolerance" : shorter_steps;
+    case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; try: a larger tolerance" : shorter_steps;
     case Cause::diverged: return shorter_steps;
     case Cause::loops_open:
-    case Cause::speeds_open: return "not tried: a smaller dt";
+    case Cause::speeds_open: return "try: a smaller dt";
     case Cause::no_assembly:
-    case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop";
-    case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; not tried: another pose, or another method";
+    case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop; near a dead centre give others";
+    case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; try: another pose, or another method";
     case Cause::stages_not_found:
-    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; not tried: a larger tolerance";
-    case Cause::stiff: return "stability limits the steps, as of a stiff model; not tried: compiling with the method recursive-newton";
+    case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; try: a larger tolerance";
+    case Cause::stiff: return "stability limits the steps, as of a stiff model; try: compiling with the method recursive-newton";
     case Cause::accelerations_not_finite: return shorter_steps;
     case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
-    case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; not tried: a smaller penalty";
+    case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that every free direction has one or is held, and which coordinates are given";
@@ -145,22 +146,22 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::newton_infinite: return advice_of_newton(fault);
     case Cause::forces_not_finite:
     case Cause::tangent_not_finite:
-    case Cause::equations_not_finite: return "values may have grown without bound; not tried: a smaller dt";
+    case Cause::equations_not_finite: return "values may have grown without bound; try: a smaller dt";
     case Cause::tangent_singular: return "this coordinate has neither mass nor stiffness, and no equation holds it";
     case Cause::tangent_not_positive:
       return "a negative stiffness or damping outweighs the mass over a step this long, or this coordinate has neither mass nor stiffness, and no "
-             "equation holds it; not tried: a smaller dt";
-    case Cause::pose_singular: return "not tried: another dt, or the methods augmented and recursive, which can cross such poses";
-    case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; not tried: a larger penalty";
+             "equation holds it; try: a smaller dt";
+    case Cause::pose_singular: return "try: another dt, or the methods augmented and recursive, which can cross such poses";
+    case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; try: a larger penalty";
     case Cause::start_open: return "coordinates and speeds have to close the loops";
-    case Cause::stage_not_converged: return "not tried: a smaller dt, or the integrator radau5, which chooses its steps";
-    case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; not tried: a smaller dt, or the closure proximal";
+    case Cause::stage_not_converged: return "try: a smaller dt, or the integrator radau5, which chooses its steps";
+    case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
-    case Cause::limit_exceeded: return "the step is made, and the motion may go on; not tried: a smaller dt, or another limit";
+    case Cause::limit_exceeded: return "the step is made, and the motion may go on; try: a smaller dt, or another limit";
     case Cause::step_divided: return "take this step without its derivative";
     case Cause::stands_still:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
-             "a pose in which a motion moves no mass, as of massless links in line; not tried: a larger tolerance";
+             "a pose in which a motion moves no mass, as of massless links in line; try: a larger tolerance";
   }
   return "";
 }

@@ -271,7 +271,7 @@ class MinimalCoordinates {
       const Real gap = largest(phi_);
       find_jacobian(starter, state, choice_.reference);
       if (gap <= Real(1e-14) || (gap <= Real(1e-9) && !(gap < before / 2))) return {};
-      if (iteration == 50 || !(gap < std::numeric_limits<Real>::infinity())) return open(Cause::loops_open, state, phi_);
+      if (iteration == 50 || !(gap < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
       before = gap;
       const auto squares = decomposed_by_dependent();
       if (squares.rank() != joints - freedoms) return singular(state);

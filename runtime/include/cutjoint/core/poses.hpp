@@ -39,7 +39,7 @@ class WithPoses : public Base {
   std::array<Pose, count> found{};
 
   static const Pose* poses(WithPoses* s) {
-    if (!Base::is_started(s)) return nullptr;
+    if (!Base::holds_one(s)) return nullptr;
     std::array<double, numbers_per_pose * count> numbers;
     s->sim.pose(numbers.data());
     const double* next = numbers.data();

@@ -382,11 +382,20 @@ class Simulation {
     return columns_.data();
   }
 
-  /// Where bodies and markers are in the present state, and how they move, as the generated function has it.
+  /// Where bodies and markers are in the present state, and how they move, as the generated function has it; before a start in the coordinates and
+  /// speeds from which one is sought.
   void pose(Real* numbers) {
-    heed_parameters();
-    mechanism_.begin_step(state_.t, Real(1));
-    mechanism_.poses(state_.q.data(), state_.v.data(), numbers);
+    const auto tell = [&](const auto& state) {
+      mechanism_.begin_step(state.t, Real(1));
+      mechanism_.poses(state.q.data(), state.v.data(), numbers);
+    };
+    if (is_started_) {
+      heed_parameters();
+      tell(state_);
+    } else {
+      initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
+      tell(start_);
+    }
   }
 
   /// The present state; with its accelerations and multipliers only if it is complete.

@@ -117,13 +117,22 @@ class Starter {
   Fault equilibrate(StateOf<M>& state, const SpeedFlags<M>& held) {
     const StateOf<M> begun = state;
     carries_ = false;
-    const Fault fault = seek_rest_near(state, held);
+    Fault fault = seek_rest_near(state, held);
     if (!fault && !is_loaded(state, held)) return {};
-    if (!std::any_of(held.begin(), held.end(), [](unsigned char given) { return given; })) return fault;
-    if constexpr (!Weighable<M>) return fault ? fault : not_at_rest(state.vdot.data(), n_);
-    carries_ = true;
+    const bool holds = std::any_of(held.begin(), held.end(), [](unsigned char given) { return given; });
+    if constexpr (!Weighable<M>)
+      if (holds) return fault ? fault : not_at_rest(state.vdot.data(), n_);
+    if (holds) {
+      carries_ = true;
+      state = begun;
+      fault = seek_rest_near(state, held);
+      if (!fault) return {};
+    }
     state = begun;
-    return seek_rest_near(state, held);
+    if (!sink(state, held)) return fault;
+    fault = seek_rest_near(state, held);
+    if (!fault && !is_loaded(state, held)) carries_ = false;
+    return fault;
   }
 
   /// Accelerations and multipliers of a state that `equilibrate` has found, with the forces along held coordinates if these `carry` some.
@@ -262,7 +271,12 @@ class Starter {
     const std::size_t rows = n_ + drawn_;
     accelerate(state, Real(0));
     read_rest(state, held, a_.data());
+    Real mark = square_of(a_.data());
     for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
+      if (iteration > 0 && iteration % 5 == 0) {
+        if (square_of(a_.data()) > mark / 2) break;
+        mark = square_of(a_.data());
+      }
       find_stiffness(state, held);
       std::copy(a_.begin(), a_.end(), right_.begin());
       least_norm(rows, right_.data());
@@ -285,11 +299,36 @@ class Starter {
     return size_of(a_.data(), rows);
   }
 
+  /// The way to rest through thick oil, q' = vdot(q), on which the potential falls, by implicit Euler steps that grow as accelerations fall
+  /// (Kelley, Keyes 1998), 100 at most; false where loops cannot close.  Newton's steps alone end where wheels leave the ground or a direction
+  /// without stiffness turns accelerations that are far from rest.
+  bool sink(StateOf<M>& state, const SpeedFlags<M>& held) {
+    const std::size_t rows = n_ + drawn_;
+    std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
+    accelerate(state, Real(0));
+    read_rest(state, held, a_.data());
+    Real size = size_of(a_.data(), rows), length = Real(0.01) / std::max(size, resting());
+    for (int iteration = 0; iteration < 100 && size > resting() && length < Real(1000); ++iteration) {
+      find_stiffness(state, held);
+      for (std::size_t i = 0; i < n_; ++i)
+        if (!held[i]) matrix_[i * rows + i] -= 1 / length;
+      std::copy(a_.begin(), a_.end(), right_.begin());
+      least_norm(rows, right_.data());
+      move(state, step_.data(), -std::min(Real(1), Real(0.1) / std::max(largest(step_), Real(1e-30))));
+      if (assemble(state, held, Real(0))) return false;
+      accelerate(state, Real(0));
+      read_rest(state, held, a_.data());
+      const Real before = std::exchange(size, size_of(a_.data(), rows));
+      length *= std::clamp(2 * before / size, Real(0.25), Real(4));
+    }
+    return true;
+  }
+
   /// The search for a pose at rest; what its steps have moved along directions without stiffness is taken back.
   Fault seek_rest_near(StateOf<M>& state, const SpeedFlags<M>& held) {
     std::fill_n(state.v.begin(), sizes_.joint_speeds(), Real(0));
     std::fill(travel_.begin(), travel_.end(), Real(0));
-    seek_rest(state, held);
+    if (!(seek_rest(state, held) <= Real(1))) return not_at_rest(a_.data(), n_ + drawn_);
     // Differences tell the free directions to some digits only, so the steps have drifted along them.
     find_stiffness(state, held);
     multiply(matrix_.data(), travel_.data(), right_.data());

@@ -96,12 +96,12 @@ Failure explain_singular(const SystemDescription& d, const Real* tangent, Failur
     failure.element = d.equations[static_cast<std::size_t>(found.dependent.front())];
     failure.advice = (one ? "equation " : "the equations ") + names + (one ? " depends" : " depend") +
                      (others.empty() ? " on no coordinate" : " on ") + others +
-                     " here; not tried: method augmented, which tolerates redundant and momentarily dependent equations";
+                     " here; try: method augmented, which tolerates redundant and momentarily dependent equations";
   } else if (const int coordinate = unresisted_coordinate(d, tangent); coordinate >= 0) {
     failure.element = d.coordinates[static_cast<std::size_t>(coordinate)];
     failure.advice = "this coordinate can move without moving mass or meeting an equation: give it mass or hold it";
   } else {
-    failure.advice = "not tried: another dt, or method augmented, whose tangent stays regular";
+    failure.advice = "try: another dt, or method augmented, whose tangent stays regular";
   }
   return failure;
 }
@@ -127,7 +127,7 @@ Failure explain_tangent(const SystemDescription& d, const Fault& fault, const Re
   if (fault.cause != Cause::pose_singular) return failure;
   return Failure("classical: the pose is singular, or nearly: rates that satisfy the equations are a leap away", failure.time, failure.step,
                  failure.element, failure.residual,
-                 "look for loops whose equations depend on each other there, or a massless body in line with what it moves; not tried: another dt, or method "
+                 "look for loops whose equations depend on each other there, or a massless body in line with what it moves; try: another dt, or method "
                  "augmented, which leaves such directions alone");
 }
 

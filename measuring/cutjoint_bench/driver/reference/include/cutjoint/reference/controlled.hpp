@@ -40,7 +40,7 @@ class Controlled {
         h_ = h * (change > Real(0) ? std::clamp(change, Real(0.1), Real(0.9)) : Real(0.1));
         if (!(h_ > least))
           throw Failure("no step is small enough for the tolerance", static_cast<double>(t), number, dynamics_.name(worst_),
-                        static_cast<double>(size), "not tried: a larger tolerance, or a longer precision");
+                        static_cast<double>(size), "try: a larger tolerance, or a longer precision");
       }
     }
   }
