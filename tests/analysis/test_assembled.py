@@ -147,7 +147,7 @@ scenes:
 def test_a_guided_coordinate_moves_an_assembly(monkeypatch: pytest.MonkeyPatch) -> None:
     model = read_model_text(STEERED, "corner.yaml")
     left = assemble_loops(model, model.scenes["steer"]).left
-    assert left[0].words.startswith("stays in a loop: its guide moves, and functions of two numbers with 1")
+    assert left[0].words.startswith("stays in a loop: its guide moves, and functions of two numbers with 9")
     monkeypatch.setattr("cutjoint.analysis.assembled.DEAREST", 10_000)
     monkeypatch.setattr("cutjoint.analysis.assembled._KEPT", {})
     differences = apart(model, model.scenes["steer"])

@@ -22,6 +22,7 @@ from . import (
     robots,
     run_files,
     signals,
+    tyres,
 )  # fmt: skip
 from .chain import run_chain
 from .expressions import any_text
@@ -56,6 +57,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="poses", suffix=".pose.json", make=poses.make, check=poses.check, limit=120),
         Kind(name="massless", suffix=".massless.json", make=massless.make, check=massless.check, limit=240),
         Kind(name="robots", suffix=".robot.json", make=robots.make, check=robots.check, limit=60, waits=False),
+        Kind(name="tyres", suffix=".damaged.tir", make=tyres.make, check=tyres.check, limit=60, waits=False),
         Kind(name="friction", suffix=".friction.json", make=friction.make, check=friction.check, limit=240),
     )
 }

@@ -43,7 +43,7 @@ TYRE = f"""
         with:
           {{x: x, y: y, z: {CENTRE}, radius: {RADIUS}, mass: {WHEEL}, spin_inertia: {SPIN}, cross_inertia: {CROSS}, load: N,
            Fx: Cx*on.kappa*grip, Fy: -Cy*tan(on.alpha)*grip, Mx: 0, My: -resistance*{RADIUS}*N, Mz: {TRAIL}*Cy*tan(on.alpha)*grip,
-           sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, slip_x: 3*mu*N/Cx, slip_y: 3*mu*N/Cy, rolling_radius: {ROLLING},
+           sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, theta_x: Cx/(3*mu*N), theta_y: Cy/(3*mu*N), rolling_radius: {ROLLING},
            brake: brake, drive: 0, toe: 0, camber: 0}}
     signals:
       N: max(load + pressed*on.contact.deflection + damped*on.contact.deflection_rate, 1)
@@ -131,7 +131,7 @@ class TwoTrack:
         rolls = ROLLING * spin
         carried = np.maximum(np.maximum(np.abs(vx), np.abs(rolls) / 2), np.abs(vy))
         dx, dy = rolls - vx - carried * sx / SIGMA_X, vy - carried * sy / SIGMA_Y
-        damps = 0.01 / (1 + vx**2)
+        damps = 0.01 / (1 + vx**2 / 4) ** 2
         kappa, slip = (sx + damps * dx) / SIGMA_X, (sy + damps * dy) / SIGMA_Y
         cx, cy = (c * loads * (1 - loads / 15000) for c in (25, 20))
         share = np.hypot(cx * kappa, cy * slip) / (3 * MU * loads)

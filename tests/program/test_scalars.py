@@ -223,7 +223,7 @@ def test_constants_that_are_not_folded_are_computed_when_parameters_load() -> No
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("x", [0.0, -0.3, 1.0, 7.0, -1e9])
+@pytest.mark.parametrize("x", [0.0, -0.3, 1.0, 7.0, -1e9, 1e200, -math.inf])
 def test_cosine_and_double_sine_of_an_arc_tangent_need_neither(sign: float, x: float) -> None:
     """Of either sign, whichever of the factors has the smaller number."""
     for first in (True, False):

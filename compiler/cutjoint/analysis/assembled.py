@@ -159,7 +159,7 @@ def _assemble(model: Model, topology: Topology, block: Block, scene: Scene, seen
             raise NoAssemblyError(f"the scene gives {given[0]}, which cannot lead" if given else "no joint with one coordinate leads it")
         joint = best.joint
     functions = fit(loops, own, u, Wanted(tolerance=scene.numerics.loop_tolerance, terms=scene.numerics.loop_terms), seen.ranges)
-    terms = sum(len(one.coefficients) * len(one.coefficients[0]) for found in functions.series.values() for one in found)
+    terms = sum(coefficient != 0 for found in functions.series.values() for one in found for row in one.coefficients for coefficient in row)
     if u.half > 0 and terms > DEAREST:
         raise NoAssemblyError(f"its guide moves, and functions of two numbers with {terms} terms take longer than its loops")
     assembly = Assembly(

@@ -246,10 +246,10 @@ def _series(places: Array, slopes: Array, interval: Interval, u: Interval, lead:
     size = _length(whole, interval.half, wanted.tolerance)
     if size > wanted.terms:
         raise NoAssemblyError(f"a function would need more than {wanted.terms} terms")
-    return Series(coefficients=_rows(_across(whole[: size + wanted.spare], u, wanted.tolerance)))
+    return Series(coefficients=_rows(_across(whole[: size + wanted.spare], u, interval.half, wanted.tolerance)))
 
 
-def _across(whole: Array, u: Interval, tolerance: float) -> Array:
+def _across(whole: Array, u: Interval, half: float, tolerance: float) -> Array:
     """Coefficients (n, m) by polynomials of u, from their values (n, nodes across)."""
     if whole.shape[1] == 1:
         return whole
@@ -257,7 +257,22 @@ def _across(whole: Array, u: Interval, tolerance: float) -> Array:
     size = _length(found, 1.0, tolerance)  # slopes by the drive beside half of its range: in a second it moves about so far
     if size > MOST_ACROSS:
         raise NoAssemblyError(f"a function would need more than {MOST_ACROSS} terms of the drive")
-    return found[:size].T
+    return _trimmed(found[:size].T, half, tolerance)
+
+
+def _trimmed(c: Array, half: float, tolerance: float) -> Array:
+    """Coefficients (n, m) with zeros where those of a power of u matter less than the tolerance, in value, slopes and tenths of bends: the
+    higher one of them is, the lower may the other be."""
+    k, j = (np.arange(size, dtype=float) for size in c.shape)
+    along = (np.ones_like(k), k**2 / half, k**2 * (k**2 - 1) / (3 * half**2))
+    across = (np.ones_like(j), j**2, j**2 * (j**2 - 1) / 3)
+    largest = np.max([0.1 ** max(p + q - 1, 0) * np.outer(along[p], across[q]) for p, q in _ORDERS], axis=0)
+    left = np.cumsum((np.abs(c) * largest)[::-1], axis=0)[::-1]
+    return np.where(left > tolerance / c.shape[1], c, 0.0)
+
+
+#: The orders of derivatives by q and u that motions have.
+_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 def _length(c: Array, half: float, tolerance: float) -> int:

@@ -24,6 +24,9 @@ FOLDED: dict[str, Callable[..., float]] = {
 }  # fmt: skip
 
 
+#: Beyond this square of x, sin(2 atan(x)) counts as 0; it is 2/x, below 1e-149.
+_LARGEST = 1e300
+
 #: Functions whose values are conditions, which no number stands for in lanes.
 _CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
 
@@ -280,7 +283,9 @@ class Graph:
             (angle,) = (x for x in node.args if self.value(x) != 2.0)
             if self.nodes[angle].op == "atan":
                 (x,) = self.nodes[angle].args
-                found = self.div(self.mul(self.const(2.0), x), self.add(self.const(1.0), self.mul(x, x)))
+                below = self.add(self.const(1.0), self.mul(x, x))
+                found = self.div(self.mul(self.const(2.0), x), below)  # of the largest numbers the quotient is that of two infinite ones
+                found = self.call("where", (self.call("lt", (self.const(_LARGEST), below)), self.const(0.0), found))
                 return found if self.signless(a) == a else self.neg(found)
         if function == "cos" and node.op == "atan":
             (x,) = node.args

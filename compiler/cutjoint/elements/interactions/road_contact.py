@@ -138,8 +138,8 @@ class Contact:
 @dataclass(frozen=True, kw_only=True)
 class Ground:
     """The road under a wheel: its normal n with the vertical component ``n_z``, in its plane the rolling direction ``e_x`` and the lateral
-    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, the centre's vertical ``clearance`` (m), and the factor of
-    ``friction``."""
+    one ``e_y``, in the wheel's plane ``e_z`` up from it, the wheel's ``axis``, the centre's vertical ``clearance`` (m), the factor of
+    ``friction``, and ``upright``, n . e_z."""
 
     n: Block
     n_z: Block
@@ -149,6 +149,7 @@ class Ground:
     axis: Block
     clearance: Block
     friction: Block
+    upright: Block
 
     def camber(self, b: Builder) -> Block:
         """The inclination of the wheel against the road, rad, positive where its top leans to the right."""
@@ -181,10 +182,11 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
     friction = lookup("road_friction") if "friction" in m.road else b.number(1.0)
     n = m.from_global(b.column([b.neg(b.mul(slope, n_z)), b.zero(1) if bank is None else b.neg(b.mul(bank, n_z)), n_z]))
     across = b.cross(axis, n)
-    e_x = b.scale(_inverse(b, b.call("sqrt", b.dot(across, across))), across)
+    upright = b.call("sqrt", b.dot(across, across))  # n . (e_x x a) = e_x . (a x n)
+    e_x = b.scale(_inverse(b, upright), across)
     return Ground(
         n=n, n_z=n_z, e_x=e_x, e_y=b.cross(n, e_x), e_z=b.cross(e_x, axis), axis=axis, clearance=clearance,
-        friction=_with(m, b.mul, friction, wheel.friction),
+        friction=_with(m, b.mul, friction, wheel.friction), upright=upright,
     )  # fmt: skip
 
 

@@ -47,19 +47,21 @@ class RollingContact(WheelContact):
         return self._contact(force, m)[1]
 
     def _contact(self, force: forces.Wheel, m: Mechanics) -> tuple[Ground, dict[str, Block]]:
-        b, centre, axis, w = m.b, m.point(self.centre), m.direction(self.axis), m.spin(self.centre.carrier)
+        b, centre, axis, (w, beside) = m.b, m.point(self.centre), m.direction(self.axis), m.spin_beside(self.centre.carrier)
         road = meet_road(m, force, centre.x, axis.x)
-        n, y, distance = road.n, road.axis, road.distance(b)
-        upright, lean, spin = b.dot(n, road.e_z), b.dot(n, y), b.dot(y, w)
-        sinking = b.add(b.dot(n, centre.v), b.call("div", b.mul(distance, b.mul(lean, b.dot(n, axis.v))), upright))
+        n, y, spin = road.n, road.axis, b.dot(road.axis, w)
+        lean, per_upright = b.dot(n, y), b.call("div", b.number(1.0), road.upright)
+        distance = b.mul(b.mul(road.clearance, road.n_z), per_upright)
+        tilt = b.mul(lean, per_upright)
+        sinking = b.add(b.dot(n, centre.v), b.mul(distance, b.mul(tilt, b.dot(n, axis.v))))
         return road, {
             "deflection": b.sub(m.scalar(force.free_radius, {}), distance),
-            "deflection_rate": b.neg(b.call("div", sinking, upright)),
+            "deflection_rate": b.neg(b.mul(sinking, per_upright)),
             "loaded_radius": distance,
             "vx": b.dot(road.e_x, centre.v),
             "vy": b.dot(road.e_y, b.sub(centre.v, b.scale(distance, b.cross(w, road.e_z)))),
-            "spin": spin,
-            "camber": road.camber(b),
+            "spin": b.add(spin, beside),
+            "camber": b.call("atan", tilt),
             "turn": b.sub(b.dot(n, w), b.mul(spin, lean)),
             "road_friction": road.friction,
         }

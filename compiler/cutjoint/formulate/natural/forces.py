@@ -194,6 +194,10 @@ class NodalMechanics(Laws):
         x, y, z = (form for form, _ in self._axes(self._body(carrier)))
         return self.motions.spin(self._body(carrier), (x, y, z))
 
+    def spin_beside(self, carrier: Carrier) -> tuple[Block, Block]:
+        """The angular velocity of the wheel, and none beside it."""
+        return self.spin(carrier), self.b.zero(1)
+
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """The products e_i . v."""
         return self.b.column([self.b.dot(e.x, vector) for _, e in self._axes(self._body(carrier))])

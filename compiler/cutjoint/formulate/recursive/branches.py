@@ -15,7 +15,7 @@ Walker and Orin (1982).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.gears import GearClosure
@@ -44,6 +44,7 @@ class BranchSystem:
 
     def __post_init__(self) -> None:
         self._known = KnownMotions(k=self.k, carrier=self.branch.carrier)
+        self.branch = replace(self.branch, bodies=tuple(body for body in self.branch.bodies if body not in self.k.rotors))
         self.unknowns = [b for b in reversed(self.branch.bodies) if self.k.motions[b].b is not None]
         self.subspaces = {b: self._subspace(self.k.motions[b]) for b in self.unknowns}
 
@@ -190,18 +191,30 @@ class BranchSystem:
             if self.branch.carrier != GROUND:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
             self._zdd = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
-            return self._parted(self._zdd)
+            parts = self._parts(self._zdd)
+            for rotor in self.k.rotors.values():
+                if (body := rotor.carrier) in self.branch.bodies and body not in Zdd:
+                    moved = [b.mul(self.subspaces[each], parts[each]) for each in self._carriers(body) if each in parts]
+                    Zdd[body] = b.name(b.total([Zdd[self.branch.carrier], self._known(body), *moved]), "Zdd", body)
+            return self._parted(parts)
 
-    def _parted(self, unknown: Block) -> dict[str, Block]:
-        """Each joint's own; those of balls in the axes of the body that carries them."""
-        b, found, start = self.k.builder, {}, 0
+    def _parts(self, unknown: Block) -> dict[str, Block]:
+        """Each joint's own."""
+        found, start = {}, 0
         for body in self.unknowns:
-            motion, end = self.k.motions[body], start + self.subspaces[body].shape[1]
-            part = b.take(unknown, (start, end))
+            end = start + self.subspaces[body].shape[1]
+            found[body] = self.k.builder.take(unknown, (start, end))
+            start = end
+        return found
+
+    def _parted(self, parts: dict[str, Block]) -> dict[str, Block]:
+        """Each joint's own; those of balls in the axes of the body that carries them."""
+        b, found = self.k.builder, {}
+        for body, part in parts.items():
+            motion = self.k.motions[body]
             if motion.centre is not None:
                 part = b.mul(b.transpose(self.k.frames[motion.tree_joint.parent].R), part)
             found[body] = b.name(part, "vdot", motion.tree_joint.joint.name, rows=motion.speed_names)
-            start = end
         return found
 
     def errors(self) -> dict[str, Block]:

@@ -18,7 +18,7 @@ from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
-from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards
+from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_rotors
 from cutjoint.formulate.recursive.friction import RubbedMotion, rub, rubbed
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -77,13 +77,14 @@ def formulate_recursive(
     numbers = make_numbers(b, topology.closing, closure)
     k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in charts}, axes=resolving_body(topology))
     system = BodySystem(builder=b)
+    k.rotors = find_rotors(k, model)
     add_bodies(system, k, model)
     forces = add_forces(system, k, model, scene)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()
     masses, pushed, rubs, refinements = dict(system.M), dict(system.Q), rubbed(model, system), CLOSURES[closure].refinements
-    acting = replace(system, Q=pushed)
+    acting, (own_masses, own_forces) = replace(system, Q=pushed), system.as_they_are()
     solution = solve(topology, system, k, closing, numbers)
     solution = refine(topology, masses, k, closing, numbers, solution, refinements)
     if rubs:
@@ -94,7 +95,7 @@ def formulate_recursive(
     step = respond(topology, masses, k, closing, numbers, gaps, mark="p", turn="of gaps alone").vdot
     Zdd = given_accelerations(k)
     reactions = Reactions(
-        kinematics=k, loops=closing.loops, M=masses, Q=pushed, Zdd=Zdd, acting=system.cut_joint_wrenches
+        kinematics=k, loops=closing.loops, M=own_masses, Q=own_forces, Zdd=Zdd, acting=system.cut_joint_wrenches
     )  # fmt: skip
     reactions = rub(rubs, acting, k, forces, reactions) if rubs else reactions
     if topology.held:

@@ -5,7 +5,9 @@ Each element also yields its reported quantities, so that results and equilibriu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import TypeAlias
 
 import sympy
 
@@ -13,25 +15,88 @@ from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
 from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, forces_guarded, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
-from cutjoint.formulate.recursive.kinematics import Kinematics, halves
+from cutjoint.formulate.recursive.kinematics import Kinematics, Rotor, halves
 from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order
-from cutjoint.model.records import COORDINATES, GROUND, Body, Force, LawForce, Model, Scene, Wheel
+from cutjoint.model.records import COORDINATES, GROUND, Body, Force, Joint, LawForce, Model, Scalar, Scene, Vector, Wheel
 from cutjoint.program.blocks import Block
+
+#: The moments and products of inertia of a body.
+Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 
 
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
-    """M_i and the weight and inertia forces of every body."""
-    b = k.builder
+    """M_i and the weight and inertia forces of every body; rotors have their spin alone, and stand still in the bearings of their carriers
+    otherwise."""
+    b, gravity = k.builder, k.direction(GROUND, model.gravity)
     by_name = {body.name: body for body in model.bodies}
     wheels = {force.body for force in model.forces if isinstance(force, Wheel)}
     for name in k.motions:
         body = by_name[name]
         equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
         with b.section("body", name, equation, body.span.place):
-            system.M[name], system.Q[name] = _body(k, body, k.direction(GROUND, model.gravity), turns=name in wheels)
+            held = [by_name[wheel] for wheel, rotor in k.rotors.items() if rotor.carrier == name]
+            joined = reduce(_joined, (replace(each, inertia=_across(each, k)) for each in held), body)
+            system.M[name], system.Q[name] = _spinning(k, name) if name in k.rotors else _body(k, joined, gravity, turns=name in wheels)
+            if held or name in k.rotors:
+                M, Q = _body(k, body, gravity, turns=name in wheels)
+                system.own[name] = M, b.sub(Q, system.Q[name])
+
+
+def find_rotors(k: Kinematics, model: Model) -> dict[str, Rotor]:
+    """The wheels that turn on their axes of symmetry in bearings on other bodies, to which nothing else is joined."""
+    found, b = dict[str, Rotor](), k.builder
+    if any(force.by_load for force in model.forces):
+        return found  # the load of a joint is that of all that it carries
+    for body in model.bodies:
+        t = k.motions[body.name].tree_joint
+        wheels = [force for force in model.forces if isinstance(force, Wheel) and force.body == body.name]
+        joint, symmetry = t.joint, _symmetry(body, t.joint) if wheels else None
+        joined = [each for each in model.joints if body.name in (each.base, each.follower)]
+        geared = any(joint.name in gear.joints for gear in model.gears)
+        alone = len(joined) == 1 and not geared and not joint.guide and joint.armature == 0
+        if symmetry is None or 0 in (symmetry[0], body.mass) or t.parent == GROUND or t.reversed or not alone:
+            continue
+        if all(wheel.axis == joint.axes[0] and _on_axis(wheel.centre, joint) for wheel in wheels):
+            axis, along = k.direction(t.parent, joint.axes[0]), k.translator.scalar(symmetry[0])
+            found[body.name] = Rotor(carrier=t.parent, axis=b.name(axis, "axis", body.name), inertia=along)
+    return found
+
+
+def _spinning(k: Kinematics, body: str) -> tuple[Block, Block]:
+    """No mass, and the moment -I s w_P x a of the spin s of a rotor."""
+    b, rotor = k.builder, k.rotors[body]
+    _, w = halves(b, k.frames[rotor.carrier].Z)
+    spin = b.add(b.dot(rotor.axis, w), k.motions[body].rate[0])
+    turned = b.scale(b.mul(rotor.inertia, spin), b.cross(w, rotor.axis))
+    return b.zero(6, 6), b.stack([[b.zero(3)], [b.neg(turned)]])
+
+
+def _across(body: Body, k: Kinematics) -> Inertia:
+    """The moments of inertia of a rotor without that about its axis."""
+    joint = k.motions[body.name].tree_joint.joint
+    symmetry = _symmetry(body, joint)
+    assert symmetry is not None
+    a = sympy.Matrix(joint.axes[0])
+    return _entries(symmetry[1] * (sympy.eye(3) - a * a.T))
+
+
+def _joined(one: Body, other: Body) -> Body:
+    """Two bodies in one, which has the first one's name."""
+    mass = one.mass + other.mass
+    centre = tuple((one.mass * x + other.mass * y) / mass for x, y in zip(one.centre_of_mass, other.centre_of_mass, strict=True))
+    apart = sympy.Matrix([y - x for x, y in zip(one.centre_of_mass, other.centre_of_mass, strict=True)])
+    steiner = one.mass * other.mass / mass * ((apart.T * apart)[0] * sympy.eye(3) - apart * apart.T)
+    inertia = tuple(x + y + z for x, y, z in zip(one.inertia, other.inertia, _entries(steiner), strict=True))
+    return replace(one, mass=mass, centre_of_mass=centre, inertia=inertia)
+
+
+def _entries(matrix: sympy.Matrix) -> Inertia:
+    """xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = (matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+    return xx, yy, zz, xy, xz, yz
 
 
 def _body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[Block, Block]:
@@ -57,24 +122,35 @@ def _body(k: Kinematics, body: Body, gravity: Block, *, turns: bool) -> tuple[Bl
 
 
 def _rotor(k: Kinematics, body: Body) -> Block | None:
-    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that turns about its axis of symmetry a, on which its centre of mass is: no
-    angle is in it.  None of any other body."""
+    """The inertia J = J_r 1 + (J_a - J_r) a a^T of a wheel that turns about its axis of symmetry a: no angle is in it.  None of any other
+    body."""
     b, t = k.builder, k.motions[body.name].tree_joint
-    if t.joint.kind != "revolute":
+    symmetry = _symmetry(body, t.joint)
+    if symmetry is None:
         return None
-    axis, (xx, yy, zz, xy, xz, yz) = t.joint.axes[0], body.inertia
-    arm = [c - o for c, o in zip(body.centre_of_mass, t.joint.at, strict=True)]
-    if any(arm[i] * axis[j] != arm[j] * axis[i] for i, j in ((0, 1), (1, 2), (2, 0))):
+    along, across = symmetry
+    a = k.direction(t.parent, t.joint.axes[0])
+    radial, more = k.translator.scalar(across), k.translator.scalar(along - across)
+    return b.mirror(b.add(b.scale(radial, b.identity(3)), b.mul(b.scale(more, a), b.transpose(a))))
+
+
+def _symmetry(body: Body, joint: Joint) -> tuple[Scalar, Scalar] | None:
+    """The moments of inertia of a body along and across the axis of a hinge that is its axis of symmetry; None of any other."""
+    if joint.kind != "revolute" or not _on_axis(body.centre_of_mass, joint):
         return None
+    axis, (xx, yy, zz, xy, xz, yz) = joint.axes[0], body.inertia
     inertia, column = sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), sympy.Matrix(axis)
     along = (column.T * inertia * column)[0]
     across = (xx + yy + zz - along) / 2
     rest = inertia - across * sympy.eye(3) - (along - across) * column * column.T
     if any(entry != 0 and not (entry.is_number and abs(entry) <= 1e-15 * sympy.Max(along, across)) for entry in rest):
         return None
-    a = k.direction(t.parent, axis)
-    radial, more = k.translator.scalar(across), k.translator.scalar(along - across)
-    return b.mirror(b.add(b.scale(radial, b.identity(3)), b.mul(b.scale(more, a), b.transpose(a))))
+    return along, across
+
+
+def _on_axis(point: Vector, joint: Joint) -> bool:
+    axis, arm = joint.axes[0], [c - o for c, o in zip(point, joint.at, strict=True)]
+    return all(arm[i] * axis[j] == arm[j] * axis[i] for i, j in ((0, 1), (1, 2), (2, 0)))
 
 
 def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
@@ -124,12 +200,16 @@ class WrenchMechanics(Laws):
     k: Kinematics
     force: Force
 
+    def _of(self, body: str) -> str:
+        """The body in which a wheel's centre and axis stand still: the carrier of a rotor."""
+        return self.k.rotors[body].carrier if isinstance(self.force, Wheel) and body in self.k.rotors else body
+
     def _point(self, at: Point) -> Block:
-        return self.k.point(at.body(self.force), at.of(self.force))
+        return self.k.point(self._of(at.body(self.force)), at.of(self.force))
 
     def point(self, at: Point) -> Lazy:
         """The place of a point from the world's origin, and its velocity."""
-        body, point = at.body(self.force), self._point(at)
+        body, point = self._of(at.body(self.force)), self._point(at)
         return Lazy(place=lambda: self.k.absolute(body, point), rate=lambda: self.k.velocity(body, point))
 
     def way(self, start: Point, end: Point) -> Measured:
@@ -140,7 +220,8 @@ class WrenchMechanics(Laws):
 
     def direction(self, axis: Axis) -> Lazy:
         """A direction, which turns with its body."""
-        direction, spin = self.k.direction(axis.body(self.force), axis.of(self.force)), self.spin(axis.carrier)
+        body = self._of(axis.body(self.force))
+        direction, spin = self.k.direction(body, axis.of(self.force)), self._spin(body)
         return Lazy(place=lambda: direction, rate=lambda: self.b.cross(spin, direction))
 
     def _body(self, carrier: Carrier) -> str:
@@ -152,6 +233,11 @@ class WrenchMechanics(Laws):
     def spin(self, carrier: Carrier) -> Block:
         """The angular velocity of a body."""
         return self._spin(self._body(carrier))
+
+    def spin_beside(self, carrier: Carrier) -> tuple[Block, Block]:
+        """The angular velocity of the wheel, or of a rotor's carrier and the rate of the bearing."""
+        body = self._body(carrier)
+        return self._spin(self._of(body)), self.b.zero(1) if self._of(body) == body else self.k.motions[body].rate[0]
 
     def in_body(self, carrier: Carrier, vector: Block) -> Block:
         """R^T v."""

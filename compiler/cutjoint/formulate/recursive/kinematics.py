@@ -76,11 +76,21 @@ class JointMotion:
         return b.column([*self.position, *self.quaternion]), b.column(self.rate)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Rotor:
+    """A wheel that turns about its axis of symmetry: the body of the bearing, the ``axis`` (3, 1), and the ``inertia`` about it (1, 1)."""
+
+    carrier: str
+    axis: Block
+    inertia: Block
+
+
 @dataclass(kw_only=True)
 class Kinematics:
     """All frames and joint motions, and the geometry that forces and closures ask for.
 
     Vectors are resolved in the axes of the body ``axes``, whose turn from the global ones is ``turn`` (3, 3), or in global ones.
+    ``rotors`` are wheels whose mass moves with their carriers.
     """
 
     builder: Builder
@@ -90,6 +100,7 @@ class Kinematics:
     turn: Block | None = None
     frames: dict[str, Frame] = field(default_factory=dict)
     motions: dict[str, JointMotion] = field(default_factory=dict)
+    rotors: dict[str, Rotor] = field(default_factory=dict)
 
     @property
     def guided_rates(self) -> list[Block]:

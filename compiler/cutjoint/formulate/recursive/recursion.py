@@ -50,7 +50,8 @@ class BodySystem:
 
     ``joint_forces`` act on the coordinates of tree joints, by the bodies that these carry; ``cut_joint_wrenches`` have what forces on the
     coordinates of cut joints do to their followers.  ``rubbing`` has the forces by N of load, by the names of their elements, which join
-    the others when the loads are known.  ``source`` names the element whose shares are being added.
+    the others when the loads are known.  ``source`` names the element whose shares are being added.  Rotors have the mass of their spin
+    alone, and their carriers the rest; ``own`` has M and Q of each of these as it is, the latter beside that in the system.
     """
 
     builder: Builder
@@ -60,6 +61,7 @@ class BodySystem:
     joint_forces: dict[str, Block] = field(default_factory=dict)
     cut_joint_wrenches: dict[str, Block] = field(default_factory=dict)
     rubbing: dict[str, Block] = field(default_factory=dict)
+    own: dict[str, tuple[Block, Block]] = field(default_factory=dict)
     source: str = ""
     _shares: Counter[tuple[str, ...]] = field(default_factory=Counter)
 
@@ -84,6 +86,11 @@ class BodySystem:
     def coupled(self, i: str) -> list[str]:
         """The bodies that body i is coupled to, in the order in which they were."""
         return [b if a == i else a for a, b in self.C if i in (a, b)]
+
+    def as_they_are(self) -> tuple[dict[str, Block], dict[str, Block]]:
+        """M and Q of all bodies, those of rotors and their carriers their own."""
+        masses = {body: self.own[body][0] if body in self.own else M for body, M in self.M.items()}
+        return masses, {body: self.builder.add(Q, self.own[body][1]) if body in self.own else Q for body, Q in self.Q.items()}
 
     def release(self, i: str) -> None:
         """Forget body i's couplings."""
@@ -163,6 +170,8 @@ def condense(system: BodySystem, kinematics: Kinematics, branches: Mapping[str, 
                 _carry(system, body, motion)
             elif motion.centre is not None:
                 pivots[body] = _eliminate_ball(system, body, motion, motion.centre)
+            elif body in kinematics.rotors:
+                pivots[body] = _eliminate_rotor(kinematics, system, body, motion.b)
             else:
                 pivots[body] = _eliminate(kinematics, system, body, motion, motion.b)
             _name_pivot(b, pivots.get(body), body, motion)
@@ -224,6 +233,18 @@ def _eliminate(k: Kinematics, system: BodySystem, body: str, motion: JointMotion
         system.couple(parent, j, system.coupling(body, j))
     _update_masses(system, Y, inverse)
     return Pivot(lower=lower, inverse=inverse, g=g, rows=Y)
+
+
+def _eliminate_rotor(k: Kinematics, system: BodySystem, body: str, subspace: Block) -> Pivot:
+    """A wheel whose mass moves with its carrier, but for I zdd = tau - I a . w_P' about its axis a: D = I, y_p = [0 I a^T]."""
+    b, rotor = system.builder, k.rotors[body]
+    force, inverse = system.Q[body], b.call("div", b.number(1.0), rotor.inertia)
+    torque = b.mul(b.transpose(subspace), force)
+    if body in system.joint_forces:
+        torque = b.add(torque, system.joint_forces[body])
+    system.add_force(rotor.carrier, b.sub(force, b.stack([[b.zero(3)], [b.scale(torque, rotor.axis)]])))
+    row = b.transpose(b.stack([[b.zero(3)], [b.scale(rotor.inertia, rotor.axis)]]))
+    return Pivot(lower=b.identity(1), inverse=inverse, g=torque, rows={rotor.carrier: row})
 
 
 def _update_forces(

@@ -57,7 +57,7 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: Closin
         )
         for branch in topology.branches
     ]  # fmt: skip
-    of_body: dict[str, Branched] = {body: branch for branch in branches for body in branch.branch.bodies}
+    of_body: dict[str, Branched] = {body: branch for branch in branches for body in branch.branch.bodies}  # without rotors
     of_body |= assembly_systems(system, k)
     coupling = tuple(x for x in closing.loops if x.joint.name not in inside)
     add_loops(system, k, coupling, numbers)
