@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 import signal
 import socket
 import subprocess
@@ -176,7 +177,16 @@ def test_a_spring_and_a_point_are_found_from_a_motion() -> None:
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize("package", ["jax", "casadi"])
+def test_hardpoints_take_bump_steer_out_of_an_axle() -> None:
+    """The mean of squares of a thousandfold steer (rad) and of the chassis' acceleration (m/s2)."""
+    before, after, runs = (float(x) for x in re.findall(r"\d+\.?\d*", python(EXAMPLES / "hardpoints.py")))
+    assert before == pytest.approx(5.89, rel=1e-3)
+    assert after < 2.9
+    assert runs < 100
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("package", ["jax", "casadi", "torch"])
 def test_gradients_in_other_packages(package: str) -> None:
     """The derivatives of a mean square, beside differences of runs."""
     pytest.importorskip(package)
@@ -193,3 +203,11 @@ def test_gradients_in_other_packages(package: str) -> None:
         (mean_square(2000.0, 0.1001) - mean_square(2000.0, 0.0999)) / 2e-4,
     ]
     assert found == pytest.approx(differences, rel=1e-3)  # four printed digits
+
+
+@pytest.mark.heavy
+def test_pytorch_checks_the_course_of_the_press() -> None:
+    torch = pytest.importorskip("torch")
+    known = runpy.run_path(str(EXAMPLES / "gradient_torch.py"))
+    ones = torch.ones(2, dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda x: known["Course"].apply(x * known["SCALES"]), ones)

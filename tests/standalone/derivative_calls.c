@@ -132,6 +132,32 @@ static void runs(void) {
   EXPECT(fabs(slopes[2 * (n + 1)] - C[x * n] * S[0] - C[x * n + 1] * S[n + 1]) <= 1e-12);
 }
 
+/* From its end on a run has the slopes that it has along directions, and goes to the same states. */
+static void backwards(void) {
+  static double T[PRESS_DIRECTION_ROWS * (n + 1)], tape[16 * PRESS_RECORD], values[3], slopes[3 * (n + 1)], back[3];
+  static double by_state[n], by_input[PRESS_INPUTS + 1], by_parameter[PRESS_PARAMETERS];
+  const double weights[3] = {0.5, 0.0, 2.0};
+  int by[n + 1], x = PRESS_OUTPUT_slider_x, k;
+  press_sim *sim = press_create(memory[0], sizeof memory[0]), *other = press_create(memory[1], sizeof memory[1]);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 2, 1, weights, back, tape, 16, by_state, by_input, by_parameter) == PRESS_NOT_STARTED);
+  EXPECT(press_start(sim) == PRESS_OK && press_start(other) == PRESS_OK);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 2, 1, weights, back, NULL, 16, by_state, by_input, by_parameter) == PRESS_NO_ARRAY);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 2, 1, weights, back, tape, 16, by_state, by_input, NULL) == PRESS_NO_ARRAY);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 0, 1, weights, back, tape, 16, by_state, by_input, by_parameter) == PRESS_NO_SUCH_INDEX);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 2, 1, weights, back, tape, 6, by_state, by_input, by_parameter) == PRESS_TOO_MANY_STEPS);
+  EXPECT(press_time(sim) == 0.0);
+  EXPECT(press_play_adjoint(sim, 4, 1, &x, 2, 1, weights, back, tape, 7, by_state, by_input, by_parameter) == PRESS_OK);
+  for (k = 0; k < n; ++k) by[k] = -1, T[k * (n + 1) + k] = 1.0;
+  by[n] = PRESS_INPUTS;
+  EXPECT(press_play_derivative(other, 4, n + 1, by, T, 1, &x, 2, values, slopes) == PRESS_OK);
+  EXPECT(memcmp(back, values, sizeof back) == 0 && press_time(sim) == press_time(other));
+  EXPECT(memcmp(press_coordinates(sim), press_coordinates(other), PRESS_COORDINATES * sizeof(double)) == 0);
+  for (k = 0; k <= n; ++k) {
+    const double along = 0.5 * slopes[k] + 2.0 * slopes[2 * (n + 1) + k], found = k < n ? by_state[k] : by_parameter[0];
+    EXPECT(fabs(found - along) <= 1e-9 * (1e-3 + fabs(along)));
+  }
+}
+
 int main(void) {
   wrong_calls();
   names();
@@ -139,5 +165,6 @@ int main(void) {
   motion();
   steps();
   runs();
+  backwards();
   return faults;
 }

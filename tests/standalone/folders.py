@@ -40,20 +40,20 @@ _CALLS = {"memcmp", "memcpy", "memmove", "memset", "strcmp", "sin", "cos", "sinc
 
 @cache
 def folder_of(
-    text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False
+    text: str, name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, **choices: bool
 ) -> Standalone:
-    """The folder of a model that is given as text."""
-    return folder_of_model(read_model_text(text, name), scene, integrator, method, linearise=linearise)
+    """The folder of a model that is given as text; choices as of `folder_of_model`."""
+    return folder_of_model(read_model_text(text, name), scene, integrator, method, **choices)
 
 
 def folder_of_model(
     model: Model, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD, *, linearise: bool = False,
-    poses: bool = False,
+    adjoint: bool = False, poses: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model."""
     chosen = find_scene(model, scene)
     generated = generate(model, chosen, chosen.outputs, method=method, poses=poses)
-    return make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
+    return make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
 
 
 def standalone_of(name: str, scene: str | None = None, integrator: str | None = None, method: str = DEFAULT_METHOD) -> Standalone:

@@ -75,7 +75,7 @@ SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     ids=["plain", "sanitized", "clang"],
 )
 def test_calls_right_and_wrong(compiler: str, flags: tuple[str, ...], tmp_path: Path) -> None:
-    place = write(folder_of(text_of("press"), "press.yaml", linearise=True), tmp_path)
+    place = write(folder_of(text_of("press"), "press.yaml", adjoint=True), tmp_path)
     compile_object(place, "press", compiler=compiler, flags=flags)
     linked = flags if flags == SANITIZE else ()
     assert run(link(place, "calls", ["-I.", HERE / "derivative_calls.c", "press.o"], flags=linked)) == ""
@@ -84,7 +84,7 @@ def test_calls_right_and_wrong(compiler: str, flags: tuple[str, ...], tmp_path: 
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
 @pytest.mark.parametrize(("name", "method"), [("flyball", "recursive"), ("spinning", "recursive"), ("press", "recursive-newton")])
 def test_the_code_calls_mathematics_and_nothing_else(name: str, method: str, compiler: str, tmp_path: Path) -> None:
-    place = write(folder_of(text_of(name), f"{name}.yaml", method=method, linearise=True), tmp_path)
+    place = write(folder_of(text_of(name), f"{name}.yaml", method=method, linearise=True, adjoint=method == "recursive"), tmp_path)
     assert not foreign_symbols(compile_object(place, name, compiler=compiler), name)
 
 

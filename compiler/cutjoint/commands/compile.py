@@ -28,8 +28,9 @@ WASM = "wasm"
 
 @table.command("compile")
 def command(
-    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, poses: bool, pushed: tuple[str, ...],
-    grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str, reproducible: bool,
+    model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
+    pushed: tuple[str, ...], grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
+    reproducible: bool,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
@@ -39,12 +40,12 @@ def command(
         read = leave_to_host(read) if hosted else read
         if target == WASM:
             stepped = with_inputs(read, pushed=pushed, grounded=grounded)
-            said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, poses=poses)
+            said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
             options.out.print(said, markup=False)
             return
         artifact = compile_model(
-            read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, poses=poses, pushed=pushed,
-            grounded=grounded, reproducible=reproducible,
+            read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, adjoint=adjoint, poses=poses,
+            pushed=pushed, grounded=grounded, reproducible=reproducible,
         )  # fmt: skip
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
@@ -52,12 +53,13 @@ def command(
 
 
 def _write_module(
-    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, *, linearise: bool, poses: bool
+    model: Model, scene: str | None, method: str, folder: Path, integrator: str | None, *, linearise: bool, adjoint: bool,
+    poses: bool,
 ) -> str:  # fmt: skip
     """Write the folder with its module of WebAssembly; what was written, in words."""
     case, chosen = find_case(model, scene)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
-    alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise)
+    alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
     files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])
     made = alone.build_module()

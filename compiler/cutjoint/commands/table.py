@@ -213,6 +213,8 @@ OPTIONS: Mapping[str, Row] = {
     "approximate": click.option("--approximate", is_flag=True, help="Try passes too that change the motion a little."),
     "linearise": click.option("--linearise", is_flag=True, help="Add derivatives at a state to the C interface: A, B, C, D and directional "
         "ones."),
+    "adjoint": click.option("--adjoint", is_flag=True, help="Add derivatives of objectives of whole runs, from their end on, to the C "
+        "interface; with those at a state."),
     "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
         "variables."),
     "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
@@ -227,8 +229,10 @@ OPTIONS: Mapping[str, Row] = {
         "otherwise."),
     "by": click.option("--by", metavar="NAME", multiple=True, help="A parameter, an input, which is shifted all the time, or a state "
         "at the beginning; all parameters and inputs otherwise."),
-    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "largest", "smallest"]),
-        default="end", show_default=True, help="What the table has of each output over the rows."),
+    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "largest", "smallest", "rest"]),
+        default="end", show_default=True, help="What the table has of each output over the rows; rest: in the pose at rest where the scene "
+        "begins."),
+    "from_rest": click.option("--from-rest", is_flag=True, help="Let the pose at rest where the scene begins change with the numbers."),
     "check": click.option("--check", is_flag=True, help="Compare with differences of runs, four for each number."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise."),
     "kind": _one_of("--kind", names=_of("cutjoint.export.fmu.description", "KINDS"), help="What an FMU is for: co-simulation (the "

@@ -18,16 +18,19 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Page, Source
-from cutjoint.emit.standalone import STEPS, Steps, direction_rows, emit_standalone, mark_of, simulation_size
+from cutjoint.emit.standalone import STEPS, Steps, direction_rows, emit_standalone, mark_of, record_length, simulation_size
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
+from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.switches import guides_jump
+from cutjoint.formulate.transposed import Transposed, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
+    START,
     Events,
     Formulation,
     Implementation,
@@ -126,6 +129,11 @@ class Standalone:
         return direction_rows(self.parts)
 
     @property
+    def record(self) -> int:
+        """The numbers of a record of a run, 0 without derivatives from its end."""
+        return record_length(self.parts)
+
+    @property
     def mark(self) -> str:
         """The digest in the C header: of the model, its scene's steps and the version."""
         return mark_of(self.digest, self.integrator)
@@ -217,13 +225,13 @@ def module_script() -> str:
 
 def make_standalone(
     generated: Generated, *, integrator: str | None = None, equal_steps: bool = False, lanes: bool = True, linearise: bool = False,
-    side_by_side: bool = False,
+    adjoint: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
 
     The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
-    side.  With ``linearise`` it has minimal coordinates and derivatives too.  With ``side_by_side`` it also has the class of
-    several instances, if its steps can be taken in lanes.
+    side.  With ``linearise`` it has minimal coordinates and derivatives too, with ``adjoint`` also derivatives from the end of a run.
+    With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
         RunError: the core has not the integrator, Newton's iteration has nothing to solve for, the state of the method has natural
@@ -231,6 +239,7 @@ def make_standalone(
     """
     equations, program, source = generated
     _require_unknowns(equations)
+    linearise = linearise or adjoint
     if linearise:
         _require_relative(equations, "linearise", "which have no derivatives")
         _require_partials(equations)
@@ -240,6 +249,8 @@ def make_standalone(
     parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
+    if adjoint:
+        parts = replace(parts, transposed=_transposed(parts, chosen))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -306,6 +317,24 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
 
 
+def _transposed(parts: SimulationCode, integrator: str) -> Transposed:
+    """The transposed functions of a mechanism.
+
+    Raises:
+        RunError: its runs have no derivatives from their end.
+    """
+    if not STEPS[parts.method][integrator].differentiable:
+        able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
+        raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
+    if parts.system is not None and parts.mechanism.equation_names:
+        raise RunError(f"adjoint: runs of '{parts.method}' with loops have none; use {START}")
+    if parts.system is None:
+        return transpose(parts.mechanism, parts.program)
+    start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
+    mechanism = formulate_recursive(start.topology, start.scene, outputs)
+    return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
+
+
 # Files of compile --out
 
 
@@ -339,7 +368,7 @@ def plan_delivery(
         RunError: an ``integrator`` is named that the folder cannot have, or derivatives (``linearise``) or ``poses`` of one that has none.
         OutputError: one of the files is the model.
     """
-    folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise
+    folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise or options.adjoint
     if folder is None or options.precision != DEFAULT_PRECISION:
         if integrator is not None:
             raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
@@ -352,7 +381,9 @@ def plan_delivery(
             raise RunError(f"poses: only folders that stand alone have them; give one by out, in {DEFAULT_PRECISION}")
         delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
-        alone = make_standalone(generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise)
+        alone = make_standalone(
+            generated, integrator=integrator, equal_steps=True, lanes=options.lanes, linearise=linearise, adjoint=options.adjoint
+        )  # fmt: skip
         alone = replace(alone, reproducible=options.reproducible)
         delivery = Delivery(folder=folder, files=alone.files, program=alone.simulator, alone=alone)
     if delivery is not None:

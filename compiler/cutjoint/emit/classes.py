@@ -10,12 +10,13 @@ from typing import Any
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
-from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, nominals_of, switches_of
+from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, name_of_transposed, nominals_of, switches_of
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import posed_points
 from cutjoint.formulate.switches import guides_jump
+from cutjoint.formulate.transposed import Transposed
 from cutjoint.methods import START
 from cutjoint.model.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
@@ -54,6 +55,12 @@ _ABOUT = {
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
 }
 
+#: Comments of transposed functions, by their endings.
+_TRANSPOSED = {
+    "transposed": "Slopes by the arguments of {}, from those by its results.",
+    "summed": "Slopes by what {} follows from besides, from those by its results.",
+}
+
 #: Functions that a simulation does not call; ``events`` only where its steps end at events, ``guard`` only of what it steps.
 _UNUSED = frozenset({"domains", "energy"})
 
@@ -84,6 +91,7 @@ class SimulationCode:
     freedoms: int | None = None
     derives_steps: bool = True
     side_by_side: Program | None = None
+    transposed: Transposed | None = None
 
     @property
     def method(self) -> str:
@@ -202,6 +210,14 @@ def mechanism_class(
     return _class(page, program, equations, conditions, formulation="recursive", unused=unused, headers=[f"{header}.hpp"])
 
 
+def transposed_class(page: Page, transposed: Transposed, *, header: str = "") -> CppClass:
+    """The class of the mechanism's transposed functions."""
+    page = replace(page, class_name=name_of_transposed(page.class_name))
+    return _class(
+        page, transposed.program, transposed.equations, "bool", formulation="recursive", unused=frozenset(), headers=[f"{header}.hpp"]
+    )  # fmt: skip
+
+
 def sized_system_class(parts: SimulationCode, system: System, *, header: str = "") -> CppClass:
     """The class of the system, and its factorisation; as above."""
     equations, plan = system.equations, system.plan
@@ -312,7 +328,11 @@ def _about(name: str, program: Program) -> str:
     """The comment of a function."""
     if name.startswith(CLOSE):
         return f"Residual of a block of loops, and its derivatives by q and by each function.  {program.operations(name)} operations."
-    return _STAGES[name] if name in _STAGES else f"{_ABOUT[name]}  {program.operations(name)} operations."
+    if name in _STAGES:
+        return _STAGES[name]
+    function, _, ending = name.rpartition("_")
+    about = _TRANSPOSED[ending].format(function) if ending in _TRANSPOSED else _ABOUT[name]
+    return f"{about}  {program.operations(name)} operations."
 
 
 def _function(page: Page, view: FunctionView, headers: Sequence[str]) -> Piece:

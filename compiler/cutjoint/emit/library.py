@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class
+from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class, transposed_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 from cutjoint.formulate.records import CLOSE
@@ -108,6 +108,10 @@ def _classes(parts: SimulationCode) -> Iterator[_Placed]:
         header = f"{_SIDE}/{name}"
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)
         yield _Placed(made=instances, header=header, prefix=f"{_SIDE}/", space=_SIDE, numbers=[_OF_INSTANCES])
+    if parts.transposed is not None:
+        header = f"{name}_transposed"
+        made = transposed_class(parts.page, parts.transposed, header=header)
+        yield _Placed(made=made, header=header, prefix="transposed_", numbers=[_Number(unity="transposed")])
     if parts.system is not None:
         header, more = f"{name}_system", [_OF_SYSTEM_DERIVATIVES] if has_derivatives else []
         system = sized_system_class(parts, parts.system, header=header)
@@ -121,5 +125,6 @@ def _interface(parts: SimulationCode, classes: Sequence[_Placed], begin: Beginni
     own = [f"{each.header}.hpp" for each in classes]
     return page.render(
         "library/interface.cpp.jinja", standard=OF_INTERFACE, headers=[*runtime, *own],
-        p=page.stem, header=view["header"], classes=[{"space": x.space, "code": x.made.sized(page, x.space)} for x in classes],
+        p=page.stem, header=view["header"],
+        classes=[{"space": x.space, "code": x.made.sized(page, x.space)} for x in classes if x.made.layout],
     ) + page.render("standalone/api.cpp.jinja", **view)  # fmt: skip

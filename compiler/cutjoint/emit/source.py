@@ -223,6 +223,11 @@ def name_of_system(name: str) -> str:
     return f"{name}System"
 
 
+def name_of_transposed(name: str) -> str:
+    """The class of a mechanism's transposed functions, by that of the mechanism."""
+    return f"{name}Transposed"
+
+
 def _digest(files: Mapping[str, str]) -> str:
     content = "\0".join(f"{name}\0{without_mark(text)}" for name, text in sorted(files.items()))
     return hashlib.sha256(content.encode()).hexdigest()

@@ -14,12 +14,13 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of
-from cutjoint.emit.source import SPACE, Page, amalgamate, code_file, name_of_system, quotable, switches_of
+from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of, transposed_class
+from cutjoint.emit.source import SPACE, Page, amalgamate, code_file, name_of_system, name_of_transposed, quotable, switches_of
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import digest_of_poses
+from cutjoint.formulate.transposed import Transposed
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
@@ -33,6 +34,7 @@ _CORE = "cutjoint/core/checked_simulation.hpp"
 _LANES = "cutjoint/core/lanes.hpp"
 _DERIVATIVES = "cutjoint/core/checked_minimal.hpp"
 _STEP_DERIVATIVES = "cutjoint/core/step_derivatives.hpp"
+_ADJOINT = "cutjoint/core/adjoint.hpp"
 _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
 _DYNAMICS = "cutjoint/core/dynamics.hpp"
@@ -184,6 +186,8 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         before, behind = ("", "") if view.get("libm") else _GATHERED  # GCC forgets -ffp-contract=off where it is told of optimisations
         code += [system.factorisation.text, header, before, *functions, behind]
         sized.append(system.sized(page))
+    if parts.transposed is not None:
+        code += transposed_class(page, parts.transposed).code
     has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask")
@@ -206,7 +210,8 @@ def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[
     has_derivatives = parts.freedoms is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
-    derivatives = [_DERIVATIVES, *([_STEP_DERIVATIVES] if _derives_steps(parts, steps) else [])] if has_derivatives else []
+    of_steps = [_STEP_DERIVATIVES, *([_ADJOINT] if parts.transposed is not None else [])] if _derives_steps(parts, steps) else []
+    derivatives = [_DERIVATIVES, *of_steps] if has_derivatives else []
     more = [*derivatives, *poses, *([_SIDE_BY_SIDE] if parts.lanes else [])]
     supplied = [_SUPPLIED] if parts.mechanism.topology.model.functions else []
     fits = [_FITS] if parts.mechanism.fits else []
@@ -229,6 +234,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
+        "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
+        "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
@@ -260,6 +267,12 @@ def direction_rows(parts: SimulationCode) -> int:
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
     states = 2 * (parts.freedoms or 0) + len(mechanism.state.states)
     return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + len(mechanism.equation_names)
+
+
+def record_length(parts: SimulationCode) -> int:
+    """The numbers of a record of a run; 0 without transposed functions."""
+    _, _, _, state = _lengths(parts.mechanism)
+    return 0 if parts.transposed is None else 2 * state + parts.mechanism.held
 
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
@@ -463,10 +476,20 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (q + 3 * n) + 2 * n * n + 4 * n + 2 * state + q + 64  # of a step's derivatives
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
+        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
     return 8 * (stored + assembly + masses + others + 512)
+
+
+def _size_of_adjoint(parts: SimulationCode, transposed: Transposed) -> int:
+    """Numbers that derivatives from the end of a run hold."""
+    n, m, _, state = _lengths(parts.mechanism)
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
+    numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
+    return numbers + (n + m + 10) * (n + m + 16) + 6 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

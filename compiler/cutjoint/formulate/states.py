@@ -14,7 +14,7 @@ from cutjoint.formulate.records import SAMPLE, Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Model, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder
-from cutjoint.program.vary import Inputs, Variation
+from cutjoint.program.differentiate import Inputs, Variation
 
 #: A row and a column of the tangent, and the entry there.
 Entry = tuple[int, int, Block]

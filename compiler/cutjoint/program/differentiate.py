@@ -1,17 +1,26 @@
-"""Jacobians of columns: forward differentiation of the block IR.
+"""Derivatives of both IRs: Jacobians of columns and variations of any blocks in that of blocks, adjoints in that of scalars.
 
-Differentiated are scalars and columns that follow from given columns, the leaves, by sums, scaling, dot and cross products, constant
-matrices and scalar functions.  The result is blocks again, as many columns wide as the leaf is high.
+Jacobians are of scalars and columns that follow from given columns, the leaves, by sums, scaling, dot and cross products, constant
+matrices and scalar functions.  The result is blocks again, as many columns wide as the leaf is high.  What a
+:class:`Differentiator` does for columns and many leaves at once, a :class:`Variation` does for matrices and one direction: it is given how
+some blocks change and finds how others do.
+
+Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
+shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial, reduce
-from typing import Any, TypeAlias
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from cutjoint.package.errors import MissingPartialsError
-from cutjoint.program.blocks import FUNCTIONS, SUPPLIED, SURFACE, BindingTime, Block, Builder, SuppliedCall, surface_lookup
+from cutjoint.program.blocks import FUNCTIONS, SUPPLIED, SURFACE, BindingTime, Block, Builder, SuppliedCall, is_zero, surface_lookup
+from cutjoint.program.lower import call_scalar
+from cutjoint.program.scalars import Graph
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
 Jacobian: TypeAlias = Mapping[Block, Block]
@@ -154,7 +163,167 @@ _RULES: Mapping[str, Callable[[Differentiator, Block], Jacobian]] = {
 }  # fmt: skip
 
 
-def partial_derivatives(b: Builder, y: Block) -> list[Block]:
+class Inputs:
+    """The symbols that blocks are computed from, each block looked through once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Block, frozenset[str]] = {}
+
+    def of(self, block: Block) -> frozenset[str]:
+        """The names of the symbols known in an iteration that a block depends on."""
+        stack = [block]
+        while stack:
+            top = stack[-1]
+            missing = [a for a in top.args if a not in self._known] if top not in self._known else []
+            if missing:
+                stack.extend(missing)
+                continue
+            stack.pop()
+            if top not in self._known:
+                symbols = [str(top.data)] if top.op == "symbol" and top.binding is BindingTime.ITERATION else []
+                self._known[top] = frozenset().union(symbols, *(self._known[a] for a in top.args))
+        return self._known[block]
+
+
+class Variation:
+    """The change of blocks in one direction.
+
+    ``changes`` has the derivative of blocks that are known; ``turns`` those 3x3 rotations whose derivative is w~ R, by their w (3, 1).  A
+    block that depends on none of ``symbols`` does not change.
+    """
+
+    def __init__(
+        self, builder: Builder, inputs: Inputs, symbols: frozenset[str], changes: Mapping[Block, Block], turns: Mapping[Block, Block]
+    ) -> None:
+        self._b = builder
+        self._inputs = inputs
+        self._symbols = symbols
+        self._turns = dict(turns)
+        self._known = dict(changes)
+
+    def of(self, block: Block) -> Block:
+        """The derivative, of the block's shape.
+
+        Raises:
+            ValueError: the block uses an operation that has no rule, or depends on a symbol whose change is not given.
+        """
+        if block not in self._known:
+            self._known[block] = self._derived(block) if self._inputs.of(block) & self._symbols else self._b.zero(*block.shape)
+        return self._known[block]
+
+    def _derived(self, block: Block) -> Block:
+        if block in self._turns:
+            return self._b.mul(self._b.skew(self._turns[block]), block)
+        rule = _VARIED.get(block.op)
+        if rule is None:
+            raise ValueError(f"{block!r} ({block.data}) has no derivative")
+        return rule(self, block)
+
+    def _sum(self, block: Block) -> Block:
+        first, second = (self.of(a) for a in block.args)
+        return self._b.add(first, second) if block.op == "add" else self._b.sub(first, second)
+
+    def _scale(self, block: Block) -> Block:
+        b, (s, a) = self._b, block.args
+        return b.add(self._scaled(s, self.of(a)), self._scaled(self.of(s), a))
+
+    def _scaled(self, factor: Block, block: Block) -> Block:
+        return self._b.zero(*block.shape) if is_zero(factor) else self._b.scale(factor, block)
+
+    def _mul(self, block: Block) -> Block:
+        b, (a, x) = self._b, block.args
+        rest = b.mul(a, self.of(x))
+        if a in self._turns:
+            return b.add(b.mul(b.skew(self._turns[a]), block), rest)
+        if a.op == "transpose" and a.args[0] in self._turns:
+            return b.mul(a, b.sub(self.of(x), b.mul(b.skew(self._turns[a.args[0]]), x)))
+        return b.add(b.mul(self.of(a), x), rest)
+
+    def _stack(self, block: Block) -> Block:
+        data: Any = block.data
+        parts, columns = [self.of(a) for a in block.args], len(data[1])
+        return self._b.stack([parts[i : i + columns] for i in range(0, len(parts), columns)])
+
+    def _take(self, block: Block) -> Block:
+        data: Any = block.data
+        return self._b.take(self.of(block.args[0]), *data)
+
+    def _mirror(self, block: Block) -> Block:
+        return self._b.mirror(self.of(block.args[0]))
+
+    def _sandwich(self, block: Block) -> Block:
+        b, (a, m) = self._b, block.args
+        half = b.mul(self.of(a), b.mul(m, b.transpose(a)))
+        inner = self.of(m)
+        whole = b.symmetrise(half)
+        return whole if is_zero(inner) else b.add(whole, b.sandwich(a, b.mirror(inner)))
+
+    def _call(self, block: Block) -> Block:
+        b, data = self._b, block.data
+        assert isinstance(data, tuple)
+        if data[0] == "where":
+            condition, yes, no = block.args
+            first, second = self.of(yes), self.of(no)
+            return first if first is second else b.call("where", condition, first, second)
+        terms = [(p, self.of(a)) for p, a in zip(partial_derivatives(b, block), block.args, strict=True)]
+        return b.total([b.zero(1), *(b.mul(p, d) for p, d in terms)])
+
+
+_VARIED: Mapping[str, Callable[[Variation, Block], Block]] = {
+    "add": Variation._sum, "sub": Variation._sum, "scale": Variation._scale, "mul": Variation._mul, "stack": Variation._stack,
+    "take": Variation._take, "mirror": Variation._mirror, "sandwich": Variation._sandwich, "call": Variation._call,
+    "neg": lambda v, block: v._b.neg(v.of(block.args[0])),
+    "transpose": lambda v, block: v._b.transpose(v.of(block.args[0])),
+    "symmetrise": lambda v, block: v._b.symmetrise(v.of(block.args[0])),
+    "skew": lambda v, block: v._b.skew(v.of(block.args[0])),
+}  # fmt: skip
+
+
+X = TypeVar("X", bound="Operation")
+
+
+class Operation(Protocol):
+    """A scalar of either IR; of a ``call``, ``data`` is the function with the name of its table."""
+
+    @property
+    def op(self) -> str:
+        """The operation; "const" of a number."""
+
+    @property
+    def args(self) -> tuple[Any, ...]:
+        """The arguments."""
+
+    @property
+    def data(self) -> Any:
+        """The function and the name of its table."""
+
+
+class Algebra(Protocol[X]):
+    """Operations on scalars of either IR, as `Builder` has them."""
+
+    def number(self, value: float) -> X:
+        """A constant."""
+
+    def zero(self, n: int) -> X:
+        """Nought."""
+
+    def add(self, a: X, b: X) -> X:
+        """a + b."""
+
+    def sub(self, a: X, b: X) -> X:
+        """a - b."""
+
+    def neg(self, a: X) -> X:
+        """-a."""
+
+    def mul(self, a: X, b: X) -> X:
+        """a b."""
+
+    def call(self, function: str, *args: X, table: str | None = None) -> X:
+        """A function's value."""
+
+
+def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
     """The partial derivatives of a scalar function's value y, a ``call``, by its arguments.
 
     Raises:
@@ -178,48 +347,49 @@ def partial_derivatives(b: Builder, y: Block) -> list[Block]:
         return [*(b.call(f"{function}.{j}", *y.args) for j in range(count)), *(b.zero(1) for _ in range(call.memory))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")
-    return _PARTIALS[function](_Calculus(b), y, *y.args)
+    found: list[X] = _PARTIALS[function](_Calculus(b), y, *y.args)
+    return found
 
 
-class _Calculus:
+class _Calculus(Generic[X]):
     """Short names for scalar operations."""
 
-    def __init__(self, b: Builder) -> None:
+    def __init__(self, b: Algebra[X]) -> None:
         self.b = b
         self.one = b.number(1.0)
 
-    def call(self, name: str, *args: Block) -> Block:
+    def call(self, name: str, *args: X) -> X:
         return self.b.call(name, *args)
 
-    def inverse(self, x: Block) -> Block:
+    def inverse(self, x: X) -> X:
         return self.b.call("div", self.one, x)
 
-    def product(self, *factors: Block) -> Block:
+    def product(self, *factors: X) -> X:
         return reduce(lambda x, y: y if x is self.one else self.b.mul(x, y), factors)
 
-    def square(self, x: Block) -> Block:
+    def square(self, x: X) -> X:
         return self.b.mul(x, x)
 
-    def root_of_rest(self, x: Block) -> Block:
+    def root_of_rest(self, x: X) -> X:
         """sqrt(1 - x^2)."""
         return self.call("sqrt", self.b.sub(self.one, self.square(x)))
 
 
-def _atan2(c: _Calculus, _: Block, y: Block, x: Block) -> list[Block]:
+def _atan2(c: _Calculus[X], _: X, y: X, x: X) -> list[X]:
     squares = c.b.add(c.square(x), c.square(y))
     return [c.call("div", x, squares), c.b.neg(c.call("div", y, squares))]
 
 
-def _pow(c: _Calculus, value: Block, x: Block, n: Block) -> list[Block]:
+def _pow(c: _Calculus[X], value: X, x: X, n: X) -> list[X]:
     by_base = c.product(n, c.call("pow", x, c.b.sub(n, c.one)))
     return [by_base, c.b.zero(1) if n.op == "const" else c.product(value, c.call("log", x))]
 
 
-def _flat(c: _Calculus, _: Block, *args: Block) -> list[Block]:
+def _flat(c: _Calculus[X], _: X, *args: X) -> list[X]:
     return [c.b.zero(1)] * len(args)
 
 
-_PARTIALS: Mapping[str, Callable[..., list[Block]]] = {
+_PARTIALS: Mapping[str, Callable[..., list[Any]]] = {
     "mul": lambda c, y, a, x: [x, a],
     "div": lambda c, y, a, x: [c.inverse(x), c.b.neg(c.call("div", y, x))],
     "sqrt": lambda c, y, a: [c.call("div", c.b.number(0.5), y)],
@@ -239,3 +409,157 @@ _PARTIALS: Mapping[str, Callable[..., list[Block]]] = {
     "pow": _pow,
     "lt": _flat, "le": _flat, "and": _flat, "or": _flat, "not": _flat,
 }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Scalar:
+    """A node of the graph as partial derivatives see it."""
+
+    number: int
+    op: str
+    args: tuple[_Scalar, ...]
+    data: tuple[str, object]
+
+
+class _Scalars:
+    """The algebra of a graph's nodes."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._known: dict[int, _Scalar] = {}
+
+    def of(self, n: int, depth: int = 1) -> _Scalar:
+        """A node, with its arguments where they are asked for."""
+        node = self._graph.nodes[n]
+        if depth:
+            return _Scalar(n, node.op, tuple(self.of(a, 0) for a in node.args), (node.op, node.data))
+        if n not in self._known:
+            self._known[n] = _Scalar(n, node.op, (), (node.op, node.data))
+        return self._known[n]
+
+    def number(self, value: float) -> _Scalar:
+        """A constant."""
+        return self.of(self._graph.const(value), 0)
+
+    def zero(self, n: int) -> _Scalar:
+        """Nought."""
+        assert n == 1
+        return self.number(0.0)
+
+    def add(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a + b."""
+        return self.of(self._graph.add(a.number, b.number), 0)
+
+    def sub(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a - b."""
+        return self.of(self._graph.sub(a.number, b.number), 0)
+
+    def neg(self, a: _Scalar) -> _Scalar:
+        """-a."""
+        return self.of(self._graph.neg(a.number), 0)
+
+    def mul(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a b."""
+        return self.of(self._graph.mul(a.number, b.number), 0)
+
+    def call(self, function: str, *args: _Scalar, table: str | None = None) -> _Scalar:
+        """A function's value."""
+        return self.of(call_scalar(self._graph, function, tuple(a.number for a in args), table), 0)
+
+
+@dataclass
+class _Sums:
+    """Slopes that have come together at a node: a sum for all lanes, and one for each lane by itself."""
+
+    all: int | None = None
+    lanes: dict[int, int] = field(default_factory=dict)
+
+
+def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
+    """The slopes of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes as
+    that has.  Ways end at targets.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    order = graph.reachable(list(weights))
+    depends = set(targets)
+    for n in order:
+        if any(a in depends for a in graph.nodes[n].args):
+            depends.add(n)
+    sums: defaultdict[int, _Sums] = defaultdict(_Sums)
+    scalars, section = _Scalars(graph), graph.section
+    for n, weight in weights.items():
+        _gather(graph, sums[n], weight)
+    found: dict[int, int] = {}
+    for n in reversed(order):
+        if n not in depends or n not in sums:
+            continue
+        graph.section = graph.nodes[n].section
+        slope = _joined(graph, sums.pop(n), graph.nodes[n].lanes)
+        if n in targets:
+            found[n] = slope
+        elif graph.value(slope) != 0.0:
+            for a, share, lane in _shares(graph, scalars, n, slope):
+                if a in depends and graph.value(share) != 0.0:
+                    _gather(graph, sums[a], share, lane)
+    graph.section = section
+    return found
+
+
+def _gather(graph: Graph, sums: _Sums, share: int, lane: int | None = None) -> None:
+    if lane is None:
+        sums.all = share if sums.all is None else graph.add(sums.all, share)
+    else:
+        sums.lanes[lane] = share if lane not in sums.lanes else graph.add(sums.lanes[lane], share)
+
+
+def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
+    """The sum of all that has come to a node; that of one with lanes may be the same in all of them."""
+    if not sums.lanes:
+        assert sums.all is not None
+        return sums.all
+    apart = graph.gather(tuple(sums.lanes.get(k, graph.const(0.0)) for k in range(lanes)))
+    return apart if sums.all is None else graph.add(sums.all, apart)
+
+
+def _shares(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Iterator[tuple[int, int, int | None]]:
+    """The share of each argument in a node's slope, and its lane, None for all."""
+    node = graph.nodes[n]
+    match node.op:
+        case "gather":
+            yield from ((a, graph.lane(slope, k), None) for k, a in enumerate(node.args))
+        case "lane":
+            assert isinstance(node.data, int)
+            yield node.args[0], slope, node.data
+        case "lane_sum":
+            yield node.args[0], slope, None
+        case _:
+            for a, share in zip(node.args, _products(graph, scalars, n, slope), strict=True):
+                yield a, share if graph.nodes[a].lanes else _over_lanes(graph, share, node.lanes), None
+
+
+def _over_lanes(graph: Graph, share: int, lanes: int) -> int:
+    """The share of an argument without lanes."""
+    if graph.nodes[share].lanes:
+        return graph.lane_sum(share)
+    return graph.mul(graph.const(float(lanes)), share) if lanes else share
+
+
+def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[int]:
+    """A node's slope times its derivative by each argument."""
+    node = graph.nodes[n]
+    match node.op:
+        case "add":
+            return slope, slope
+        case "sub":
+            return slope, graph.neg(slope)
+        case "neg":
+            return (graph.neg(slope),)
+        case "where":
+            zero = graph.const(0.0)
+            return zero, graph.call("where", (node.args[0], slope, zero)), graph.call("where", (node.args[0], zero, slope))
+        case "div":
+            by_above = graph.div(slope, node.args[1])
+            return by_above, graph.neg(graph.mul(by_above, n))
+    return [graph.mul(slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]

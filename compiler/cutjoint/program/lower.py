@@ -182,18 +182,21 @@ def _take(low: Lowering, block: Block) -> Elements:
 def _call(low: Lowering, block: Block) -> Elements:
     data: Any = block.data
     function, table = data
-    args = tuple(low.elements[a][0][0] for a in block.args)
-    g = low.graph
+    return [[call_scalar(low.graph, function, tuple(low.elements[a][0][0] for a in block.args), table)]]
+
+
+def call_scalar(g: Graph, function: str, args: tuple[int, ...], table: object = None) -> int:
+    """A scalar function of `FUNCTIONS`, by the operations that the graph has for it."""
     if function == "mul":
-        return [[g.mul(*args)]]
+        return g.mul(*args)
     if function == "div":
-        return [[g.div(*args)]]
+        return g.div(*args)
     if function == "pow" and (exponent := g.value(args[1])) is not None:
         if exponent == int(exponent):
-            return [[g.power(args[0], int(exponent))]]
+            return g.power(args[0], int(exponent))
         if exponent == 0.5:
-            return [[g.call("sqrt", args[:1])]]
-    return [[g.call(function, args, table)]]
+            return g.call("sqrt", args[:1])
+    return g.call(function, args, table)
 
 
 def _ldl(low: Lowering, block: Block) -> tuple[Elements, Elements]:

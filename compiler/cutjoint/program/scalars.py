@@ -63,6 +63,10 @@ class Graph:
     _known: dict[tuple[str, tuple[int, ...], object], int] = field(default_factory=dict, repr=False)
     section: int = 0
 
+    def copy(self) -> Graph:
+        """Copy the graph, to which more is added."""
+        return Graph(nodes=list(self.nodes), _known=dict(self._known))
+
     def _make(
         self, op: str, args: tuple[int, ...], data: object = None, *, binding: BindingTime | None = None, lanes: int | None = None
     ) -> int:

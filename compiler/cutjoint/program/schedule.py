@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from cutjoint.program.blocks import BindingTime, Block, Builder, ConstantError
 from cutjoint.program.lower import Lowering
@@ -30,27 +31,36 @@ def schedule(
         lowering.lower(block for _, results in checks for block in results.values())
     except OverflowedConstantError as error:
         raise ConstantError(builder.sections, error.section) from None
-    graph = lowering.graph
-    lowered = tuple(_function(graph, name, results, lowering) for name, results in functions)
+    labels = dict(sorted(builder.labels.items(), key=lambda item: (item[0] not in first, item[0].number)))
+    program = Program(
+        graph=lowering.graph, sections=tuple(builder.sections), elements=lowering.elements, labels=labels, functions=(), loaded=(),
+        stepped=(), stored=frozenset(), lanes=lanes,
+    )  # fmt: skip
+    return with_functions(program, [(name, _results(results, lowering)) for name, results in functions])
+
+
+def with_functions(program: Program, functions: Iterable[tuple[str, Sequence[Result]]]) -> Program:
+    """A program with these functions on its graph, in place of its own."""
+    graph = program.graph
+    lowered = tuple(_function(graph, name, results) for name, results in functions)
     early = _early(graph, lowered)
     stepped = tuple(n for n in early if graph.nodes[n].binding is BindingTime.STEP)
     loaded = tuple(n for n in early if graph.nodes[n].binding is BindingTime.PARAM)
-    labels = dict(sorted(builder.labels.items(), key=lambda item: (item[0] not in first, item[0].number)))
-    return Program(
-        graph=graph, sections=tuple(builder.sections), elements=lowering.elements, labels=labels,
-        functions=lowered, loaded=loaded, stepped=stepped, stored=_stored(graph, lowered, loaded, stepped), lanes=lanes,
-    )  # fmt: skip
+    return replace(program, functions=lowered, loaded=loaded, stepped=stepped, stored=_stored(graph, lowered, loaded, stepped))
 
 
-def _function(graph: Graph, name: str, results: Mapping[str, Block], lowering: Lowering) -> LoweredFunction:
-    scalars = tuple(
+def _results(results: Mapping[str, Block], lowering: Lowering) -> list[Result]:
+    return [
         Result(target=target, index=i, scalar=row[0])
         for target, block in results.items()
         for i, row in enumerate(lowering.elements[block])
-    )
-    reached = graph.reachable([r.scalar for r in scalars])
+    ]
+
+
+def _function(graph: Graph, name: str, results: Sequence[Result]) -> LoweredFunction:
+    reached = graph.reachable([r.scalar for r in results])
     late = tuple(n for n in reached if graph.nodes[n].binding is BindingTime.ITERATION)
-    return LoweredFunction(name=name, results=scalars, statements=late)
+    return LoweredFunction(name=name, results=tuple(results), statements=late)
 
 
 def _early(graph: Graph, functions: Sequence[LoweredFunction]) -> list[int]:

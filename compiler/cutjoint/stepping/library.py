@@ -82,7 +82,8 @@ class Library:
     """The C interface of one model, by the names of its header without the model's.
 
     ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states. ``direction_rows`` is the number of rows of their matrix. ``has_poses`` says whether it has poses of bodies and
+    first-order states. ``direction_rows`` is the number of rows of their matrix, ``record`` the
+    numbers of a record of a run. ``has_poses`` says whether it has poses of bodies and
     markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps of several
     together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates and speeds
     of the scene's start from parameters that a host has changed, where they follow from any.
@@ -93,17 +94,17 @@ class Library:
 
     def __init__(
         self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
-        direction_rows: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
+        direction_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
         functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
             "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "direction_rows": direction_rows, "has_poses": has_poses, "steps": steps, "settings": settings, "functions": functions,
-            "begin": begin,
+            "direction_rows": direction_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
+            "functions": functions, "begin": begin,
         }  # fmt: skip
         self.model, self.size, self.equations, self.freedoms, self.states = model, size, equations, freedoms, states
-        self.direction_rows = direction_rows
+        self.direction_rows, self.record = direction_rows, record
         self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
@@ -142,13 +143,20 @@ class Library:
             self.state_name = self._function("state_name", text, sim, index)
             self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
             self.set_minimal = self._function("set_minimal", index, sim, number, ctypes.c_void_p)
+            self.derive_minimal = self._function("derive_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
+            self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
             self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 4)
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
         if self.derives_steps:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
             lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
             self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
+        if record:
+            rows, three = (index, ctypes.c_void_p, ctypes.c_long), (ctypes.c_void_p,) * 3
+            self.play_adjoint = self._function(
+                "play_adjoint", index, sim, ctypes.c_long, *rows, index, *three, ctypes.c_size_t, *three
+            )  # fmt: skip
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
             if freedoms is not None:

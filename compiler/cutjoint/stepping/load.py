@@ -24,7 +24,7 @@ from cutjoint.toolchain.build import FLAGS
 
 def load(
     model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    linearise: bool = False, poses: bool = False, pushed: Sequence[str] = (), grounded: Sequence[str] = (),
+    linearise: bool = False, adjoint: bool = False, poses: bool = False, pushed: Sequence[str] = (), grounded: Sequence[str] = (),
     flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
@@ -51,18 +51,18 @@ def load(
         read = leave_to_host(read)
     return load_scene(
         with_inputs(read, pushed=pushed, grounded=grounded), chosen, method=method, integrator=integrator, linearise=linearise,
-        poses=poses, flags=flags, functions=functions,
+        adjoint=adjoint, poses=poses, flags=flags, functions=functions,
     )  # fmt: skip
 
 
 def load_scene(
     model: Model, scene: Scene, *, method: str = DEFAULT_METHOD, integrator: str | None = None, linearise: bool = False,
-    poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
+    adjoint: bool = False, poses: bool = False, flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
-    alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise)
+    alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise, adjoint=adjoint)
     standalone = alone()
 
     def build() -> Path:
@@ -81,7 +81,7 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
     return Simulation(Library(
         library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
         equations=len(equations.equation_names), freedoms=standalone.freedoms, states=len(mechanism.state.states),
-        direction_rows=standalone.direction_rows, has_poses=bool(standalone.poses), steps=standalone.steps,
+        direction_rows=standalone.direction_rows, record=standalone.record, has_poses=bool(standalone.poses), steps=standalone.steps,
         settings=standalone.settings, **more,
     ))  # fmt: skip
 

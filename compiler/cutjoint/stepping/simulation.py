@@ -6,7 +6,8 @@ import ctypes
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +15,32 @@ from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library
-from cutjoint.stepping.values import Array, Effort, Outputs, Poses, RunDerivative, StateSpace, StepDerivative, Values, find_place
+from cutjoint.stepping.values import (
+    Array,
+    Effort,
+    Outputs,
+    Poses,
+    RestDerivative,
+    RunAdjoint,
+    RunDerivative,
+    StateSpace,
+    StepDerivative,
+    Values,
+    find_place,
+    weigh_each,
+)
 
+_WITHOUT_ADJOINT = "load the model with adjoint=True"
 _NOT_LINEARISED = "load the model with linearise=True"
 _WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
+
+#: The status of a run of more parts than there are records for, and how many of these a run may take.
+_TOO_MANY_STEPS, _MOST_RECORDS = 14, 1 << 24
+
+#: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
+_AT_REST, _SINGULAR = 1e-3, 1e-11
 
 #: Characters of what a library says of a failure.
 _TEXT = 600
@@ -410,6 +431,39 @@ class Simulation:
         self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
         return StateSpace(A=A, B=B, C=C, D=D, x=states.array, states=tuple(states), inputs=inputs, outputs=outputs)
 
+    def rest_derivative(self, outputs: Sequence[str], by: Sequence[str]) -> RestDerivative:
+        """The change of the present pose at rest (static equilibrium) with the numbers named ``by``, parameters and inputs, and that of
+        ``outputs``, by the implicit function theorem.
+
+        Of poses at rest that go over into each other, as those of a car that may stand anywhere, it is the nearest one.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            KeyError: there is no such output, parameter or input.
+            ValueError: the mechanism is not at rest, or rests in no pose near by with another number.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        near = self.linearise()
+        parameters = self.library.names["parameter"]
+        E, F = np.zeros((len(near.states), len(parameters))), np.zeros((len(near.outputs), len(parameters)))
+        self._call(self.library.linearise_parameters, E.ctypes.data, F.ctypes.data)
+        places = {name: i for i, name in enumerate((*near.inputs, *parameters))}
+        numbers = [find_place(places, name) for name in by]
+        rates = np.zeros(len(near.states))
+        self._call(self.library.derive_minimal, rates.ctypes.data)
+        if not np.abs(rates).max(initial=0.0) <= _AT_REST:
+            raise ValueError(f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest")
+        pushed = np.hstack([near.B, E])[:, numbers]
+        states = np.asarray(-np.linalg.lstsq(near.A, pushed, rcond=_SINGULAR)[0], dtype=np.float64)
+        left, size = np.abs(near.A @ states + pushed).max(axis=0), np.abs(pushed).max(axis=0)
+        for name, rest in zip(by, left > 1e-6 * size, strict=True):
+            if rest:
+                raise ValueError(f"with another '{name}' the mechanism rests in no pose near this one")
+        chosen = [self.outputs.place(name) for name in outputs]
+        slopes = (near.C @ states + np.hstack([near.D, F])[:, numbers])[chosen]
+        values = self.outputs.array[chosen]
+        return RestDerivative(values=values, slopes=slopes, states=states, outputs=tuple(outputs), by=tuple(by))
+
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
 
@@ -429,11 +483,14 @@ class Simulation:
             states=tuple(states), inputs=inputs, parameters=parameters,
         )  # fmt: skip
 
-    def play_derivative(self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1) -> RunDerivative:
+    def play_derivative(
+        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None
+    ) -> RunDerivative:  # fmt: skip
         """Take so many steps, with the derivatives of ``outputs``, at the beginning and behind each ``every`` steps, by the numbers named
         ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
 
-        Parameters leave the states at the beginning as they are.  Each step is differentiated as by `step_derivative`.
+        Parameters leave the states at the beginning as they are, unless ``begin`` says how these change, (states, by), as
+        `rest_derivative` does.  Each step is differentiated as by `step_derivative`.
 
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.
@@ -443,15 +500,15 @@ class Simulation:
         """
         states = self.states
         self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
-        if steps < 0 or every < 1 or steps % every:
-            raise ValueError(f"{steps} steps are no multiple of {every}, behind which there is a row each")
+        chosen = self._chosen(steps, outputs, every)
         places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
         numbers = np.array([find_place(places, name) for name in by], dtype=np.intc)
-        chosen = np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
         matrix = np.zeros((self.library.direction_rows, len(numbers)))
         of_states = numbers - len(places) + len(states)
         matrix[of_states[of_states >= 0], np.flatnonzero(of_states >= 0)] = 1.0
         numbers[of_states >= 0] = -1
+        if begin is not None:
+            matrix[: len(states)] += self._begun(begin, states, by)
         start, rows = self.time, steps // every + 1
         values, slopes = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
         self._call(
@@ -460,6 +517,78 @@ class Simulation:
         )  # fmt: skip
         times = np.linspace(start, self.time, rows)
         return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=tuple(by))
+
+    def play_adjoint(
+        self, steps: int, outputs: Sequence[str], by: Sequence[str], weights: Array | str | Callable[[Array, Array], Array], *,
+        every: int = 1, begin: Array | None = None,
+    ) -> RunAdjoint:  # fmt: skip
+        """Take so many steps, with the derivatives of objectives by the numbers named ``by``, as of `play_derivative`, in the time of some
+        runs for each objective, however many numbers there are.
+
+        An objective is the sum of ``outputs`` at the beginning and behind each ``every`` steps by its ``weights``, (objectives, rows,
+        outputs): an array, or what a function makes of times and values, (rows) and (rows, outputs), the derivatives of objectives by
+        values; or one of each output by its name, "end", "integral", "mean", "rms", "largest" or "smallest".
+
+        Raises:
+            TypeError: the model was loaded without ``adjoint``.
+            KeyError: there is no such output, parameter, input or state.
+            ValueError: ``every`` does not divide the steps, or there are fewer than none, weights have another shape, or an objective has
+                no derivative.
+            SimulationError: a step failed, ended at an event or was taken in parts, and the state is that at the beginning; or there was no
+                `reset`.
+        """
+        states = self.states
+        self._require(self.library.record > 0, _WITHOUT_ADJOINT)
+        chosen = self._chosen(steps, outputs, every)
+        rows, size = steps // every + 1, (len(states), len(self.library.names["input"]), len(self.library.names["parameter"]))
+        names = (*states, *self.library.names["input"], *self.library.names["parameter"])
+        places = {name: i for i, name in enumerate(names)}
+        numbers = [find_place(places, name) for name in by]
+        start = self.time
+        if isinstance(weights, str):
+            weights = partial(weigh_each, weights, outputs=outputs)
+        if callable(weights):
+            begun = self.snapshot()
+            values = np.vstack([self.outputs.array, self.play(steps)[every - 1 :: every]])[:, chosen]
+            weights = weights(np.linspace(start, self.time, rows), values)
+            self.restore(begun)
+        weighed = np.ascontiguousarray(weights, dtype=np.float64)
+        if weighed.ndim != 3 or weighed.shape[1:] != (rows, len(chosen)):
+            raise ValueError(f"weights are {weighed.shape}, not (objectives, {rows}, {len(chosen)})")
+        values, slopes = np.empty((rows, len(chosen))), [np.empty((len(weighed), each)) for each in size]
+        records = 2 * (steps + rows)
+        while True:
+            tape, begun = np.empty((records, self.library.record)), self.snapshot()
+            status = self.library.play_adjoint(
+                self.address, steps, len(chosen), chosen.ctypes.data, every, len(weighed), weighed.ctypes.data, values.ctypes.data,
+                tape.ctypes.data, records, *(each.ctypes.data for each in slopes),
+            )  # fmt: skip
+            if status != _TOO_MANY_STEPS or records > _MOST_RECORDS:
+                break
+            self.restore(begun)
+            records *= 2
+        if status:
+            self._fail(status)
+        times = np.linspace(start, self.time, rows)
+        by_all = np.hstack(slopes)[:, numbers]
+        return RunAdjoint(
+            times=times, values=values, objectives=np.tensordot(weighed, values, 2),
+            slopes=by_all if begin is None else by_all + slopes[0] @ self._begun(begin, states, by),
+            outputs=tuple(outputs), by=tuple(by),
+        )  # fmt: skip
+
+    @staticmethod
+    def _begun(begin: Array, states: Values, by: Sequence[str]) -> Array:
+        """The changes of states at the beginning of a run."""
+        if np.shape(begin) != (len(states), len(by)):
+            raise ValueError(f"begin: it is {np.shape(begin)}, not ({len(states)}, {len(by)}), states and numbers")
+        return np.asarray(begin, dtype=np.float64)
+
+    def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
+        """The numbers of outputs in rows of a run."""
+        if steps < 0 or every < 1 or steps % every:
+            raise ValueError(f"{steps} steps are no multiple of {every}, behind which there is a row each")
+        return np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
 
     def find_dynamics(self) -> tuple[Array, Array]:
         """The mass matrix M (f, f) and the force (f) of M z'' = force for the f independent coordinates z, the first of ``states``, in SI

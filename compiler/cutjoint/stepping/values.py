@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,6 +170,21 @@ class StepDerivative:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RestDerivative:
+    """A pose at rest and how it changes with ``by``, in SI units: ``values`` (outputs) with their ``slopes`` (outputs, by), and the changes
+    of ``states`` (states, by)."""
+
+    values: Array
+    slopes: Array
+    states: Array
+    outputs: tuple[str, ...]
+    by: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<RestDerivative: {', '.join(self.outputs)} by {', '.join(self.by)}>"
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunDerivative:
     """Outputs of a run and their derivatives by ``by``, numbers where it began, in SI units: ``values`` (rows, outputs) and ``slopes``
     (rows, outputs, by) at ``times`` (s, rows), the first of which is the beginning.
@@ -189,14 +204,12 @@ class RunDerivative:
     @property
     def end(self) -> tuple[Array, Array]:
         """The values at the end."""
-        return self.values[-1], self.slopes[-1]
+        return self._of("end")
 
     @property
     def integral(self) -> tuple[Array, Array]:
         """Integrals over time, by the trapezoidal rule from row to row."""
-        pieces = np.diff(self.times) / 2
-        weights = np.append(pieces, 0.0) + np.append(0.0, pieces)
-        return weights @ self.values, np.tensordot(weights, self.slopes, 1)
+        return self._of("integral")
 
     @property
     def mean(self) -> tuple[Array, Array]:
@@ -205,10 +218,7 @@ class RunDerivative:
         Raises:
             ValueError: the run has no length.
         """
-        if not (length := self.times[-1] - self.times[0]) > 0.0:
-            raise ValueError("a run of no step has no mean")
-        value, slope = self.integral
-        return value / length, slope / length
+        return self._of("mean")
 
     @property
     def rms(self) -> tuple[Array, Array]:
@@ -217,11 +227,7 @@ class RunDerivative:
         Raises:
             ValueError: an output is 0 all the time, where the root has no derivative, or the run has no length.
         """
-        squares, slopes = replace(self, values=self.values**2, slopes=2 * self.values[:, :, None] * self.slopes).mean
-        for name, square in zip(self.outputs, squares, strict=True):
-            if square == 0.0:
-                raise ValueError(f"'{name}' is 0 all the time: its root mean square has no derivative")
-        return (root := np.sqrt(squares)), slopes / (2 * root[:, None])
+        return self._of("rms")
 
     @property
     def largest(self) -> tuple[Array, Array]:
@@ -230,7 +236,7 @@ class RunDerivative:
         Raises:
             ValueError: two rows have the largest value of an output, with different derivatives.
         """
-        return self._extreme(np.max)
+        return self._of("largest")
 
     @property
     def smallest(self) -> tuple[Array, Array]:
@@ -239,15 +245,91 @@ class RunDerivative:
         Raises:
             ValueError: two rows have the smallest value of an output, with different derivatives.
         """
-        return self._extreme(np.min)
+        return self._of("smallest")
 
-    def _extreme(self, find: Callable[..., Array]) -> tuple[Array, Array]:
-        extremes = find(self.values, axis=0)
-        slopes = np.empty(self.slopes.shape[1:])
-        for i, (name, value) in enumerate(zip(self.outputs, extremes, strict=True)):
-            rows = np.flatnonzero(self.values[:, i] == value)
-            slopes[i] = self.slopes[rows[0], i]
-            if not np.array_equal(self.slopes[rows, i], np.broadcast_to(slopes[i], (len(rows), len(self.by)))):
-                at = " and ".join(f"{self.times[row]:.6g} s" for row in rows[:2])
-                raise ValueError(f"'{name}' is the same {value:.6g} at {at}, with other derivatives: that it is the extreme has none")
-        return extremes, slopes
+    def _of(self, objective: str) -> tuple[Array, Array]:
+        found, weights = weigh(objective, self.times, self.values, self.outputs)
+        for i, rows in ties(objective, self.values).items():
+            slopes = self.slopes[rows, i]
+            if not np.array_equal(slopes, np.broadcast_to(slopes[0], slopes.shape)):
+                raise ValueError(told_tie(self.times[rows], self.outputs[i], found[i]))
+        return found, np.einsum("ro,rop->op", weights, self.slopes)
+
+
+#: Objectives of each output of a run.
+OBJECTIVES = ("end", "integral", "mean", "rms", "largest", "smallest")
+
+
+def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> tuple[Array, Array]:
+    """An objective of each output, (outputs), of `OBJECTIVES`, and its derivatives by the ``values`` of that in all rows, (rows, outputs).
+
+    Of several rows with an extreme it is that of the first.
+
+    Raises:
+        ValueError: it has none.
+    """
+    weights = np.zeros(values.shape)
+    if objective == "end":
+        weights[-1] = 1.0
+        return values[-1], weights
+    if objective in ("largest", "smallest"):
+        rows = (np.argmax if objective == "largest" else np.argmin)(values, axis=0)
+        columns = np.arange(values.shape[1])
+        weights[rows, columns] = 1.0
+        return values[rows, columns], weights
+    pieces = np.diff(times) / 2
+    weights[:] = (np.append(pieces, 0.0) + np.append(0.0, pieces))[:, None]
+    if objective != "integral":
+        if not (length := times[-1] - times[0]) > 0.0:
+            raise ValueError("a run of no step has no mean")
+        weights /= length
+    if objective != "rms":
+        return (weights * values).sum(axis=0), weights
+    roots = np.sqrt((weights * values**2).sum(axis=0))
+    for name, root in zip(outputs, roots, strict=True):
+        if root == 0.0:
+            raise ValueError(f"'{name}' is 0 all the time: its root mean square has no derivative")
+    return roots, weights * values / roots
+
+
+def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> Array:
+    """The weights of an objective of each output in turn, (outputs, rows, outputs).
+
+    Raises:
+        ValueError: it has no derivative, or rows share an extreme.
+    """
+    found, weights = weigh(objective, times, values, outputs)
+    for i, rows in ties(objective, values).items():
+        raise ValueError(told_tie(times[rows], outputs[i], found[i]))
+    return weights.T[:, :, None] * np.eye(len(outputs))[:, None, :]
+
+
+def ties(objective: str, values: Array) -> dict[int, NDArray[np.intp]]:
+    """By an output's number, the rows that share its extreme, where there are several."""
+    if objective not in ("largest", "smallest"):
+        return {}
+    extremes = (np.max if objective == "largest" else np.min)(values, axis=0)
+    rows = {i: np.flatnonzero(values[:, i] == extreme) for i, extreme in enumerate(extremes)}
+    return {i: found for i, found in rows.items() if len(found) > 1}
+
+
+def told_tie(times: Array, name: str, value: float) -> str:
+    """The message of an extreme that rows at some times share."""
+    at = " and ".join(f"{time:.6g} s" for time in times[:2])
+    return f"'{name}' is the same {value:.6g} at {at}, with other derivatives: that it is the extreme has none"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunAdjoint:
+    """Objectives of a run and their derivatives by ``by``, numbers where it began, in SI units: of ``objectives``, sums of the outputs'
+    ``values`` (rows, outputs) at ``times`` (s, rows) by weights, the ``slopes`` (objectives, by)."""
+
+    times: Array
+    values: Array
+    objectives: Array
+    slopes: Array
+    outputs: tuple[str, ...]
+    by: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<RunAdjoint: {len(self.objectives)} objectives by {len(self.by)} numbers, {len(self.times)} rows>"

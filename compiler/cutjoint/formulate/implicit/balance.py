@@ -29,7 +29,7 @@ from cutjoint.formulate.recursive.recursion import BodySystem
 from cutjoint.formulate.states import Entry, by_state, state_rates
 from cutjoint.model.records import GROUND, Body, Model
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_zero
-from cutjoint.program.vary import Variation
+from cutjoint.program.differentiate import Variation
 
 
 @dataclass(frozen=True, kw_only=True)

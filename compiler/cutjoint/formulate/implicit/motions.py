@@ -24,7 +24,7 @@ from cutjoint.formulate.recursive.kinematics import JointMotion, Kinematics, hal
 from cutjoint.kernels.joints import elementary_motions
 from cutjoint.model.records import GROUND
 from cutjoint.program.blocks import BindingTime, Block, Builder
-from cutjoint.program.vary import Inputs, Variation
+from cutjoint.program.differentiate import Inputs, Variation
 
 
 @dataclass(frozen=True, kw_only=True)

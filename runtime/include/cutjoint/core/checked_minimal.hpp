@@ -89,6 +89,11 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
   }
 
+  static int linearise_parameters(CheckedMinimal* s, double* E, double* F) {
+    if (const int status = ask(s)) return status;
+    return Base::status_of(s, s->derivatives.linearise_parameters(s->sim, s->minimal, E, F));
+  }
+
   static int directional(CheckedMinimal* s, const double* dx, const double* du, double* derivatives, double* outputs) {
     if (const int status = ask(s)) return status;
     if (states > 0 && (!dx || !derivatives)) return no_array;
@@ -114,6 +119,18 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     if (!all_finite(matrix, static_cast<int>(Derivatives::rows) * directions)) return not_finite;
     return Base::status_of(s, s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
                                                   {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
+  }
+
+  static int play_adjoint(CheckedMinimal* s, long steps, int reported, const int* outputs, long every, int objectives, const double* weights, double* values,
+                          double* tape, std::size_t records, double* by_state, double* by_input, double* by_parameter) {
+    if (const int status = ask(s)) return status;
+    if (steps < 0 || reported < 0 || objectives < 0 || every < 1) return no_such_index;
+    if ((reported > 0 && (!outputs || !values)) || !tape) return no_array;
+    if (objectives > 0 && ((reported > 0 && !weights) || !by_state || !by_input || !by_parameter)) return no_array;
+    for (int i = 0; i < reported; ++i)
+      if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
+    return Base::status_of(s, s->derivatives.play_adjoint(s->sim, s->minimal, steps, {static_cast<std::size_t>(reported), outputs, every, values, nullptr},
+                                                          {static_cast<std::size_t>(objectives), weights, by_state, by_input, by_parameter}, {tape, records}));
   }
 
   static int event_values(CheckedMinimal* s, double* values) {

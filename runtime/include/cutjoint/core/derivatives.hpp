@@ -50,22 +50,18 @@ class Derivatives {
   Fault linearise(Simulation& simulation, Minimal& minimal, double* A, double* B, double* C, double* D_) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
     const std::size_t first = A || C ? 0 : states, end = B || D_ ? states + inputs : states;
-    for (std::size_t from = first; from < end; from += directions) {
-      const std::size_t number = std::min(directions, end - from);
-      dx_.fill(Dual());
-      du_.fill(Dual());
-      for (std::size_t k = 0, j = from; k < number; ++k, ++j) (j < states ? dx_[j] : du_[numbers_per_input * (j - states)]).slope[k] = 1.0;
-      if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
-      for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
-        const bool by_state = j < states;
-        const std::size_t column = by_state ? j : j - states, width = by_state ? states : inputs;
-        if (double* matrix = by_state ? A : B)
-          for (std::size_t i = 0; i < states; ++i) matrix[i * width + column] = dxdot_[i].slope[k];
-        if (double* matrix = by_state ? C : D_)
-          for (std::size_t i = 0; i < columns; ++i) matrix[i * width + column] = columns_[i].slope[k];
-      }
-    }
-    return {};
+    return derive_columns(simulation, minimal, first, end, [&](std::size_t j) {
+      return j < states ? Columns{A, C, j, states} : Columns{B, D_, j - states, inputs};
+    });
+  }
+
+  /// x' = E p, y = F p by parameters.
+  Fault linearise_parameters(Simulation& simulation, Minimal& minimal, double* E, double* F) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    constexpr std::size_t before = states + inputs, number = M::sizes.parameters;
+    const Fault fault = derive_columns(simulation, minimal, before, before + number, [&](std::size_t j) { return Columns{E, F, j - before, number}; });
+    for (Dual& x : parameters_) x.slope = Slopes{};
+    return fault;
   }
 
  protected:
@@ -74,6 +70,33 @@ class Derivatives {
   static constexpr std::size_t given = numbers_per_input * inputs + M::sizes.held;  ///< numbers of inputs, and what controllers hold, which stays but along runs
 
   struct None {};
+
+  /// Where derivatives of x' and of y by one number go: a column of two matrices of the same width, null pointers where they are not wanted.
+  struct Columns {
+    double *of_rates, *of_outputs;
+    std::size_t column, width;
+  };
+
+  /// Derivatives along numbers of a list in turn, states, inputs and parameters.
+  template <class Place>
+  Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
+    for (std::size_t from = first; from < end; from += directions) {
+      const std::size_t number = std::min(directions, end - from);
+      dx_.fill(Dual());
+      du_.fill(Dual());
+      for (Dual& x : parameters_) x.slope = Slopes{};
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j)
+        (j < states ? dx_[j] : j < states + inputs ? du_[numbers_per_input * (j - states)] : parameters_[j - states - inputs]).slope[k] = 1.0;
+      if (from + number > states + inputs) load_parameters(simulation);
+      if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
+      for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
+        const Columns to = place(j);
+        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + to.column] = dxdot_[i].slope[k];
+        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + to.column] = columns_[i].slope[k];
+      }
+    }
+    return {};
+  }
 
   static std::span<const Chart> charts() { return M::charts; }
 

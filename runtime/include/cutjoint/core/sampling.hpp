@@ -88,6 +88,9 @@ class Sampling {
     go_to(t, rounding);
   }
 
+  /// Controllers hold these values for a while, until they are restored.
+  void hold(const Array<M, static_sizes<M>().held>& values) { memory_.values = values; }
+
   /// Where a function puts the next values of all.
   Real* next_values() { return next_.data(); }
 

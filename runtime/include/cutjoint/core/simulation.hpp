@@ -286,6 +286,14 @@ class Simulation {
     return sampling_;
   }
 
+  /// Let controllers hold these values, until a memory is restored.
+  template <class Values>
+  void hold(const Values& values)
+    requires may_sample<Subject>
+  {
+    sampling_.hold(values);
+  }
+
   /// When the next controller is due, s; infinity where there is none.
   double next_sample() const
     requires may_sample<Subject>

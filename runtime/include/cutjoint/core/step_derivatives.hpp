@@ -63,11 +63,18 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     return fault ? fault : left;
   }
 
- private:
+ protected:
   using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::no_row, Base::loaded_;
   using Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
   static constexpr bool is_adaptive = Steps::adaptive;
+
+  /// What takes down parts and samples in place of following them.
+  struct Recorder {
+    Fault (*part)(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) = nullptr;
+    Fault (*sample)(void* who, std::size_t first, std::size_t number) = nullptr;
+    void* who = nullptr;
+  };
 
   /// The rows of a matrix, or none, and what changes along its columns beside states: the numbers from one on, those of a list, or, -1, nothing.
   struct Block {
@@ -247,6 +254,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   /// A controller comes to hold the values of a sample, which change as the present state does.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
+    if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
     if constexpr (M::sizes.held > 0) {
       const auto& state = simulation_->complete_state();
       Fixed<Dual, M::sizes.held> next;
@@ -288,6 +296,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if (recorder_.part) return recorder_.part(recorder_.who, from, end, h);
     if (!is_loaded_) load_all();
     is_loaded_ = true;
     if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
@@ -392,6 +401,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   Simulation* simulation_ = nullptr;
   Minimal* minimal_ = nullptr;
+  Recorder recorder_;
   std::array<Block, 3> blocks_{};
   double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
   Fixed<double, n> known_;     ///< the accelerations whose changes these have

@@ -1,0 +1,174 @@
+"""The transposed functions of the recursive method: from how something changes with their results to how it changes with their arguments.
+
+``by_x`` is an array beside x, the change of an objective with each of its numbers.  Slopes by values of parameters' time are summed over a
+run in ``by_loaded``; ``load_transposed`` goes on from there to the parameters, once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from cutjoint.formulate.inputs import HELD, INPUTS
+from cutjoint.formulate.layout import Slot
+from cutjoint.formulate.records import CLOSE, SAMPLE, Function, RecursiveEquations
+from cutjoint.program.blocks import BindingTime
+from cutjoint.program.differentiate import adjoint
+from cutjoint.program.records import LoweredFunction, Program, Result
+from cutjoint.program.scalars import Graph
+from cutjoint.program.schedule import with_functions
+
+#: Of each function its arguments, its results, and what else the change of these depends on.
+_ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "evaluate": (("q", "v", "lambda"), ("vdot", "correction")),
+    "constraint_residual": (("q", "v"), ("residual", "rate")),
+    "project": (("q", "gap"), ("dz",)),
+    "report": (("q", "v", "vdot", "lambda"), ("column",)),
+    SAMPLE: (("q", "v", "vdot", "lambda"), ("held",)),
+}
+
+#: Functions that close loops.
+_OF_LOOPS = frozenset({"constraint_residual", "project"})
+
+#: Arrays of what is summed over a run.
+_SUMMED = ("loaded", "input")
+
+#: Functions of the class that are not transposed.
+_KEPT = ("scene_inputs", CLOSE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transposed:
+    """The equations and the program of the transposed functions; ``loaded`` is the length of ``by_loaded``."""
+
+    equations: RecursiveEquations
+    program: Program
+    loaded: int
+
+
+def transpose(equations: RecursiveEquations, program: Program) -> Transposed:
+    """The transposed functions of a program of the equations.
+
+    ``evaluate_transposed`` has the slopes by coordinates, speeds and multipliers, ``evaluate_summed`` those by all else.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    work = replace(program, graph=program.graph.copy())
+    functions = [f for f in program.functions if f.name in _ARGUMENTS and (equations.closures or f.name not in _OF_LOOPS)]
+    loaded = _loaded(work, functions)
+    lowered: list[tuple[str, Sequence[Result]]] = [(f.name, f.results) for f in program.functions if f.name.startswith(_KEPT)]
+    made: list[Function] = [f for f in equations.functions if f.name.startswith(_KEPT)]
+    for function in functions:
+        arguments, results = _ARGUMENTS[function.name]
+        slopes = _slopes(work.graph, equations, function, loaded)
+        parts = {f"{function.name}_transposed": arguments, f"{function.name}_summed": _SUMMED}
+        if function.name != "evaluate":
+            parts = {f"{function.name}_transposed": (*arguments, *_SUMMED)}
+        for name, wanted in parts.items():
+            lowered.append((name, [r for r in slopes if _array(equations, r.target) in wanted]))
+            given = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
+            made.append(Function(name=name, arguments=(*given, *(f"Real* by_{a}" for a in wanted)), results={}))
+    lowered.append(("load_transposed", _by_parameters(work.graph, equations, loaded)))
+    arrays = ("Real* by_parameters", *(["Real* by_series"] if equations.fits else []))
+    made.append(Function(name="load_transposed", arguments=("const Real* by_loaded", *arrays), results={}))
+    length = sum(map(len, loaded.values()))
+    slots = {f"by_{symbol}": replace(slot, array=f"by_{slot.array}") for symbol, slot in equations.slots.items()}
+    slots |= {
+        "by_loaded": Slot(array="by_loaded", offset=0, names=("",) * length),
+        "by_parameters": Slot(array="by_parameters", offset=0, names=tuple(p.name for p in equations.parameters)),
+    }
+    return Transposed(
+        equations=replace(equations, functions=tuple(made), slots={**equations.slots, **slots}),
+        program=with_functions(work, lowered), loaded=length,
+    )  # fmt: skip
+
+
+#: The places of a value's lanes in ``by_loaded``.
+_Places = range
+
+
+def _loaded(program: Program, functions: Sequence[LoweredFunction]) -> dict[int, _Places]:
+    """The values of parameters that functions read, where they change with any, and their places."""
+    graph, changing = program.graph, _changing(program.graph)
+    read: set[int] = set()
+    for n in graph.reachable([r.scalar for f in functions for r in f.results]):
+        if graph.nodes[n].binding > BindingTime.PARAM:
+            read.update(map(graph.signless, graph.nodes[n].args))
+    read.update(graph.signless(r.scalar) for f in functions for r in f.results)
+    found: dict[int, _Places] = {}
+    first = 0
+    for n in sorted(read & changing):
+        found[n] = range(first, first := first + max(graph.nodes[n].lanes, 1))
+    return found
+
+
+def _changing(graph: Graph) -> set[int]:
+    """The values of parameters' time that change with parameters."""
+    changing: set[int] = set()
+    for n, node in enumerate(graph.nodes):
+        if node.binding is BindingTime.PARAM and (_is_given(_symbol(graph, n)[0]) or not changing.isdisjoint(node.args)):
+            changing.add(n)
+    return changing
+
+
+def _is_given(name: str) -> bool:
+    """Return whether a symbol is that of parameters or of coefficients that follow from them."""
+    return name == "parameters" or name.startswith("series:")
+
+
+def _symbol(graph: Graph, n: int) -> tuple[str, int]:
+    """Name and element of an input of the program; an empty name of anything else."""
+    node = graph.nodes[n]
+    if node.op != "symbol":
+        return "", 0
+    assert isinstance(node.data, tuple)
+    name, index = node.data
+    return str(name), int(index)
+
+
+def _slopes(graph: Graph, equations: RecursiveEquations, function: LoweredFunction, loaded: Mapping[int, _Places]) -> list[Result]:
+    """The slopes of a weighed sum of a function's results by its arguments, by inputs and by values of parameters: all elements."""
+    weights: dict[int, int] = {}
+    for r in function.results:
+        weight = graph.symbol(f"by_{r.target}", r.index, BindingTime.ITERATION)
+        weights[r.scalar] = graph.add(weights[r.scalar], weight) if r.scalar in weights else weight
+    symbols = {
+        n: (name, index) for n in graph.reachable([r.scalar for r in function.results])
+        if (name := _symbol(graph, n)[0]) and (name in (INPUTS, HELD) or graph.nodes[n].binding is BindingTime.ITERATION)
+        for index in (_symbol(graph, n)[1],)
+    }  # fmt: skip
+    found = adjoint(graph, weights, {*symbols, *loaded})
+    by_place = {place: found[n] for n, place in symbols.items() if n in found}
+    zero = graph.const(0.0)
+    arguments, _ = _ARGUMENTS[function.name]
+    results = [
+        Result(target=f"by_{symbol}", index=i, scalar=by_place.get((symbol, i), zero))
+        for symbol, slot in equations.slots.items() if slot.array in arguments or symbol in (INPUTS, HELD)
+        for i in range(len(slot.names))
+    ]  # fmt: skip
+    lanes = (Result(target="by_loaded", index=i, scalar=graph.lane(found[n], k) if n in found else zero)
+             for n, places in loaded.items() for k, i in enumerate(places))  # fmt: skip
+    return [*results, *lanes]
+
+
+def _array(equations: RecursiveEquations, target: str) -> str:
+    """The array of a slope, without its mark."""
+    symbol = target.removeprefix("by_")
+    return equations.slots[symbol].array if symbol in equations.slots else symbol
+
+
+def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[int, _Places]) -> list[Result]:
+    """The slopes by parameters, and by coefficients of functions of loops, from those by values that follow from them."""
+    symbols = (graph.symbol("by_loaded", i, BindingTime.ITERATION) for places in loaded.values() for i in places)
+    weights = {n: graph.gather(tuple(next(symbols) for _ in places)) for n, places in loaded.items()}
+    given = {n: place for n in graph.reachable(list(loaded)) if _is_given((place := _symbol(graph, n))[0])}
+    found = adjoint(graph, weights, given)
+    by_place = {place: found[n] for n, place in given.items() if n in found}
+    series = {symbol: len(slot.names) for symbol, slot in equations.slots.items() if slot.array == "series"}
+    lengths, zero = {"parameters": len(equations.parameters), **series}, graph.const(0.0)
+    return [
+        Result(target=f"by_{symbol}", index=i, scalar=by_place.get((symbol, i), zero))
+        for symbol, count in lengths.items()
+        for i in range(count)
+    ]

@@ -1,0 +1,700 @@
+// Derivatives of objectives of a run by all that it depends on, from its end to its beginning.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <limits>
+
+#include "cutjoint/core/step_derivatives.hpp"
+#include "cutjoint/core/transposed_charts.hpp"
+
+namespace cutjoint {
+
+template <class Real, class Fits>
+class LoopFits;
+
+/// No loops whose functions are found with parameters.
+struct NoFits {
+  static constexpr int length = 0;
+};
+
+template <class Fits>
+struct FitsWithSlopes {
+  using type = LoopFits<Dual, Fits>;
+};
+
+template <>
+struct FitsWithSlopes<NoFits> {
+  using type = NoFits;
+};
+
+/// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up slopes by values of parameters, `loaded`
+/// of them; `Fits` are the loops whose functions are found with these.
+///
+/// A run is recorded part by part.  From its end on, the slopes of an objective by all at the end of a part become those by all at its beginning.  The
+/// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class T, std::size_t loaded, class Fits = NoFits>
+class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
+ public:
+  using Base = StepDerivatives<Simulation, D, S, freedoms>;
+  using typename Base::Course, typename Base::M, typename Base::Minimal;
+  using Base::inputs, Base::parameters, Base::states;
+
+ private:
+  using Base::m, Base::n, Base::is_explicit, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  static constexpr std::size_t coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
+
+ public:
+  /// Doubles of a record: a part of a step, a sample or a row.
+  static constexpr std::size_t record = 4 + 2 * length + held;
+
+  /// Room for records, as many as a run has parts, samples and rows.
+  struct Tape {
+    double* numbers;
+    std::size_t records;
+  };
+
+  /// So many objectives, sums of the outputs of all rows with `weights` (number, rows, outputs), and their slopes (number, states), (number, inputs) and
+  /// (number, parameters).
+  struct Objectives {
+    std::size_t number;
+    const double* weights;
+    double *by_state, *by_input, *by_parameter;
+  };
+
+  /// Step the simulation so many times, and find how objectives change with the states at the beginning, with a shift of each input all the time, and
+  /// with parameters.
+  Fault play_adjoint(Simulation& simulation, Minimal& minimal, long steps, Course course, const Objectives& objectives, const Tape& tape) {
+    const auto begun = simulation.memory();
+    this->open(simulation, minimal, nullptr);
+    tape_ = tape;
+    records_ = 0;
+    const Fault missed = write_run(steps, course);
+    const auto ended = simulation.memory();
+    simulation.restore(begun);
+    if (missed) return missed;
+    load_transposed();
+    const std::size_t rows = static_cast<std::size_t>(steps / course.every) + 1;
+    for (std::size_t i = 0; i < objectives.number; ++i) {
+      if (const Fault fault = go_back(course.number, objectives.weights + i * rows * course.number, rows)) return fault;
+      if constexpr (has_fits) transposed_.load_transposed(by_loaded_.data(), objectives.by_parameter + i * parameters, by_series_.data());
+      else transposed_.load_transposed(by_loaded_.data(), objectives.by_parameter + i * parameters);
+      for (std::size_t k = 0; k < inputs; ++k) objectives.by_input[i * inputs + k] = by_input_[numbers_per_input * k];
+      if (const Fault fault = begin_of(objectives, i)) return fault;
+    }
+    simulation.restore(ended);
+    return {};
+  }
+
+ private:
+  static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< of a projection
+
+  enum class Kind : int { part, sample, row };
+  using Numbers = Fixed<double, n>;
+
+  static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
+  static constexpr std::size_t unknowns = n + m, block = 16, width = (unknowns + block - 1) / block * block;
+  using Unknowns = Fixed<double, unknowns>;
+  using Padded = Fixed<double, width>;
+
+  /// Slopes by a state, or one without its time.
+  struct Point {
+    Fixed<double, coordinates> q;
+    Numbers v, vdot;
+    Fixed<double, m> lambda;
+
+    void clear() { q.fill(0.0), v.fill(0.0), vdot.fill(0.0), lambda.fill(0.0); }
+
+    template <class State>
+    void take(const State& state) {
+      std::copy(state.q.begin(), state.q.end(), q.begin());
+      std::copy(state.v.begin(), state.v.end(), v.begin());
+      std::copy(state.vdot.begin(), state.vdot.end(), vdot.begin());
+      std::copy(state.lambda.begin(), state.lambda.end(), lambda.begin());
+    }
+
+    const double* read(const double* x) {
+      const auto all = [&x](auto& numbers) { std::copy_n(x, numbers.size(), numbers.begin()), x += numbers.size(); };
+      all(q), all(v), all(vdot), all(lambda);
+      return x;
+    }
+
+    double* write(double* x) const {
+      x = std::copy(q.begin(), q.end(), x);
+      x = std::copy(v.begin(), v.end(), x);
+      x = std::copy(vdot.begin(), vdot.end(), x);
+      return std::copy(lambda.begin(), lambda.end(), x);
+    }
+  };
+
+  struct Record {
+    Kind kind;
+    double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
+    int first = 0, number = 0;  ///< values of a sample
+    Point from, end;
+    Fixed<double, held> values;  ///< that controllers hold meanwhile
+  };
+
+  // The record
+
+  Fault write_run(long steps, Course& course) {
+    Simulation& simulation = *simulation_;
+    blocks_ = {};
+    blocks_[0].held = held;
+    this->recorder_ = {&write_part, &write_sample, this};
+    const auto go = [&]() -> Fault {
+      if constexpr (held > 0) {
+        const auto& sampling = simulation.sampling();
+        for (std::size_t i = 0; i < sampling.size(); ++i)
+          if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
+            if (const Fault fault = write_sample(this, sampling.first_of(i), sampling.held_by(i))) return fault;
+      }
+      if (const Fault fault = write_row(course)) return fault;
+      this->is_loaded_ = false;
+      for (long i = 1; i <= steps; ++i) {
+        if (const Fault fault = this->take(simulation)) return fault;
+        if (i % course.every == 0)
+          if (const Fault fault = write_row(course)) return fault;
+      }
+      return {};
+    };
+    const Fault fault = go();
+    this->recorder_ = {};
+    return fault;
+  }
+
+  Fault write_row(Course& course) {
+    const double* known = simulation_->report();
+    for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
+    outputs_ = course.outputs;
+    record_.from.take(simulation_->complete_state());
+    return write(Kind::row, simulation_->state().t, 0.0);
+  }
+
+  static Fault write_part(void* who, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    x.record_.from.take(from);
+    x.record_.end.take(end);
+    return x.write(Kind::part, from.t, h);
+  }
+
+  static Fault write_sample(void* who, std::size_t first, std::size_t number) {
+    Adjoint& x = *static_cast<Adjoint*>(who);
+    x.record_.from.take(x.simulation_->complete_state());
+    x.record_.first = static_cast<int>(first), x.record_.number = static_cast<int>(number);
+    return x.write(Kind::sample, x.simulation_->state().t, 0.0);
+  }
+
+  Fault write(Kind kind, double t, double h) {
+    if (records_ == tape_.records) return {.cause = Cause::too_many_steps, .t = t, .step = static_cast<long>(records_)};
+    double* x = tape_.numbers + records_++ * record;
+    *x++ = static_cast<double>(kind);
+    *x++ = kind == Kind::sample ? record_.first : h;
+    *x++ = t;
+    *x++ = record_.number;
+    x = record_.from.write(x);
+    x = (kind == Kind::part ? record_.end : record_.from).write(x);
+    if constexpr (held > 0) {
+      M& mechanism = simulation_->mechanism();
+      mechanism.begin_step(t, 1.0);
+      std::copy_n(mechanism.last_inputs() + (given - held), held, x);
+      mechanism.begin_step(simulation_->state().t, 1.0);
+    }
+    return {};
+  }
+
+  void read(std::size_t place) {
+    const double* x = tape_.numbers + place * record;
+    record_.kind = static_cast<Kind>(static_cast<int>(*x++));
+    record_.h = *x++, record_.first = static_cast<int>(record_.h);
+    record_.t = *x++;
+    record_.number = static_cast<int>(*x++);
+    x = record_.from.read(x);
+    x = record_.end.read(x);
+    std::copy_n(x, held, record_.values.begin());
+  }
+
+  // The way back
+
+  void load_transposed() {
+    Simulation& simulation = *simulation_;
+    if constexpr (given > 0) transposed_.drive_by({&fill, this});
+    load_mechanism(transposed_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), simulation.penalties());
+  }
+
+  static void fill(void* self, double, double* input) {
+    const Adjoint& x = *static_cast<const Adjoint*>(self);
+    std::copy(x.u_.begin(), x.u_.end(), input);
+  }
+
+  /// Be at a time, where controllers hold what they held then.
+  void begin_step(double t, [[maybe_unused]] const Fixed<double, held>& values) {
+    M& mechanism = simulation_->mechanism();
+    if constexpr (held > 0) simulation_->hold(values);
+    mechanism.begin_step(t, 1.0);
+    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), given, this->u_.begin());
+    transposed_.begin_step(t, 1.0);
+  }
+
+  Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
+    by_.clear();
+    by_loaded_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
+    solved_ = 0;
+    read(records_ - 1);
+    for (std::size_t place = records_; place-- > 0;) {
+      if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
+      else if (record_.kind == Kind::sample) go_over_sample();
+      else if (!go_over_part()) return no_end();
+      if (place == 0) break;
+      const Record behind = record_;
+      read(place - 1);
+      const bool goes_on = !is_explicit && record_.kind != Kind::sample && behind.from.vdot == record_.end.vdot;
+      if (!goes_on && !find_anew(behind)) return no_end();
+    }
+    return {};
+  }
+
+  Fault no_end() const { return {.cause = Cause::accelerations_not_finite, .t = record_.t}; }
+
+  /// Accelerations and multipliers have been found anew from the rest of a state: its slopes by them become those by that.
+  bool find_anew(const Record& at) {
+    begin_step(at.t, at.values);
+    put(at.from, at.t);
+    if (!this->enter(simulation_->mechanism(), stage_)) return false;
+    Point of = by_;
+    by_.vdot.fill(0.0), by_.lambda.fill(0.0);
+    return pull_accelerations(of.vdot, of.lambda, by_);
+  }
+
+  void put(const Point& point, double t) {
+    stage_.t = t;
+    std::copy(point.q.begin(), point.q.end(), stage_.q.begin());
+    std::copy(point.v.begin(), point.v.end(), stage_.v.begin());
+    std::copy(point.vdot.begin(), point.vdot.end(), stage_.vdot.begin());
+    std::copy(point.lambda.begin(), point.lambda.end(), stage_.lambda.begin());
+  }
+
+  void go_over_row(std::size_t number, const double* weights) {
+    begin_step(record_.t, record_.values);
+    by_columns_.fill(0.0);
+    for (std::size_t i = 0; i < number; ++i) by_columns_[static_cast<std::size_t>(outputs_[i])] += weights[i];
+    const Point& x = record_.from;
+    transposed_.report_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_columns_.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
+                                  more_.lambda.data(), more_loaded_.data(), more_input_.data());
+    add_more();
+    add_sums();
+  }
+
+  void go_over_sample() {
+    if constexpr (held > 0) {
+      begin_step(record_.t, record_.values);
+      Fixed<double, held> by_next;
+      for (int i = record_.first; i < record_.first + record_.number; ++i) std::swap(by_next[static_cast<std::size_t>(i)], by_held_[static_cast<std::size_t>(i)]);
+      const Point& x = record_.from;
+      transposed_.sample_transposed(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), by_next.data(), more_.q.data(), more_.v.data(), more_.vdot.data(),
+                                    more_.lambda.data(), more_loaded_.data(), more_input_.data());
+      add_more();
+      add_sums();
+    }
+  }
+
+  void add_more() {
+    add(more_.q, by_.q), add(more_.v, by_.v), add(more_.vdot, by_.vdot), add(more_.lambda, by_.lambda);
+  }
+
+  template <class Numbers>
+  static void add(const Numbers& more, Numbers& to) {
+    for (std::size_t i = 0; i < to.size(); ++i) to[i] += more[i];
+  }
+
+  void add_sums() {
+    add(more_loaded_, by_loaded_);
+    for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
+    for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
+  }
+
+  bool go_over_part() {
+    if constexpr (is_explicit) return go_over_slopes<typename Simulation::Steps::Method>();
+    else if constexpr (seeks_multipliers) return false;
+    else return go_over_rule();
+  }
+
+  // The trapezoidal rule
+
+  bool go_over_rule() {
+    const double h = record_.h;
+    begin_step(record_.t + h, record_.values);
+    const Point& from = record_.from;
+    put(record_.end, record_.t + h);
+    if (!settle(from, h) || !pull_closed_loops()) return false;
+    Numbers by_delta;
+    Fixed<double, coordinates> by_before;
+    const RetractionSlopes<balls> turning(charts(), from.q.data(), way_of_.data());
+    const auto measure = [&] {
+      transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution_.data(), solution_.data() + n, more_.q.data(), more_.v.data(), more_.lambda.data());
+      add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
+      by_delta.fill(0.0), by_before.fill(0.0);
+      turning.pull(more_.q.data(), by_before.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) left_[i] = by_.vdot[i] + h / 2 * more_.v[i] + h * h / 4 * by_delta[i] - solution_[i];
+      for (std::size_t i = 0; i < m; ++i) left_[n + i] = more_.lambda[i];
+    };
+    if (!solve(h, measure)) return false;
+    sum_up(solution_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      by_.vdot[i] = h / 2 * more_.v[i] + h * h / 4 * by_delta[i];
+      by_.v[i] = more_.v[i] + h * by_delta[i];
+    }
+    by_.q = by_before;
+    by_.lambda.fill(0.0);
+    return true;
+  }
+
+  /// The fixed point at the end as the run came near to it, before loops are closed, in the stage.
+  bool settle(const Point& from, double h) {
+    double before = 0.0;
+    for (int iteration = 1; iteration <= 30; ++iteration) {
+      for (std::size_t i = 0; i < n; ++i) {
+        stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
+        way_of_[i] = h * from.v[i] + h * h / 4 * (from.vdot[i] + stage_.vdot[i]);
+      }
+      retract<double>(charts(), from.q.data(), way_of_.data(), stage_.q.data());
+      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), gap_.data());
+      double change = 0.0, size = 0.0;
+      for (std::size_t i = 0; i < n; ++i) {
+        change = std::max(change, std::abs(found_values_[i] - stage_.vdot[i]));
+        size = std::max(size, std::abs(found_values_[i]));
+      }
+      if (!(change - change == 0.0)) return false;
+      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += gap_[i];
+      const double share = change / (1.0 + size);
+      if (share <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      before = share;
+    }
+    return false;
+  }
+
+  /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
+  template <class Measure>
+  bool solve(double h, Measure measure) {
+    if (h != solved_for_) solved_ = 0, forget();
+    solved_for_ = h;
+    const Unknowns last = solution_;
+    for (std::size_t i = 0; i < unknowns; ++i) solution_[i] = solved_ == 0 ? (i < n ? by_.vdot[i] : 0.0) : solved_ == 1 ? last[i] : 2 * last[i] - last_[i];
+    last_ = last;
+    solved_ = std::min(solved_ + 1, 2);
+    double before = std::numeric_limits<double>::infinity();
+    int stalled = 0;
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      measure();
+      const double share = share_of(0, n), beside = share_of(n, unknowns);
+      if (!(share + beside - (share + beside) == 0.0)) return false;
+      stalled = share < before ? 0 : stalled + 1;
+      if (share <= 1e-12 && (beside <= 1e-12 || before <= 1e-10)) return true;
+      if (share <= 1e-9 && stalled > 2) return true;
+      before = std::min(share, before);
+      find_step(iteration > 0);
+      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step_of_[i];
+    }
+    return false;
+  }
+
+  double share_of(std::size_t first, std::size_t end) const {
+    double left = 0.0, size = 0.0;
+    for (std::size_t i = first; i < end; ++i) {
+      if (!(std::abs(left_[i]) <= left)) left = std::abs(left_[i]);
+      size = std::max(size, std::abs(solution_[i]));
+    }
+    return left > 0.0 ? left / std::max(left, size) : left;
+  }
+
+  /// The step for what is left, s = H r, from that before and what it has left; with that H becomes H - (z / (s . z - s . s)) s^T H, z = H r.
+  void find_step(bool learns) {
+    Padded found;
+    for (std::size_t i = 0; i < unknowns; ++i) found[i] = dot(inverse_of_left_.data() + i * width, left_.data());
+    double turned = 0.0, along = 0.0;
+    if (learns) {
+      along = dot(step_of_.data(), found.data());
+      const double size = dot(step_of_.data(), step_of_.data());
+      turned = std::abs(along - size) > 1e-6 * size ? along - size : 0.0;
+    }
+    const double share = turned == 0.0 ? 0.0 : 1.0 / turned;
+    for (std::size_t i = 0; i < unknowns; ++i) {
+      shares_[i] = share * found[i];
+      step_of_[i] = found[i] - along * shares_[i];
+    }
+    learn();
+  }
+
+  /// H less the shares times a row, and the row s^T H of that.
+  void learn() {
+    for (std::size_t first = 0; first < width; first += block) {
+      double *const row = row_.data() + first, *entries = inverse_of_left_.data() + first;
+      const Four a = four(row), b = four(row + 4), c = four(row + 8), d = four(row + 12);
+      Four next_a{}, next_b{}, next_c{}, next_d{};
+      const auto go = [](double* entry, double share, const Four& row, double step, Four& next) {
+        const Four less = four(entry) - share * row;
+        std::memcpy(entry, &less, sizeof less);
+        next += step * less;
+      };
+      for (std::size_t i = 0; i < unknowns; ++i, entries += width) {
+        const double share = shares_[i], step = step_of_[i];
+        go(entries, share, a, step, next_a), go(entries + 4, share, b, step, next_b);
+        go(entries + 8, share, c, step, next_c), go(entries + 12, share, d, step, next_d);
+      }
+      const Four next[] = {next_a, next_b, next_c, next_d};
+      std::memcpy(row, next, sizeof next);
+    }
+  }
+
+  /// H is 1.
+  void forget() {
+    inverse_of_left_.fill(0.0), row_.fill(0.0);
+    for (std::size_t i = 0; i < unknowns; ++i) inverse_of_left_[i * width + i] = 1.0;
+  }
+
+  static double dot(const double* a, const double* b) {
+    Four p{}, q{}, r{}, s{};
+    for (std::size_t i = 0; i < width; i += block) {
+      p += four(a + i) * four(b + i), q += four(a + i + 4) * four(b + i + 4);
+      r += four(a + i + 8) * four(b + i + 8), s += four(a + i + 12) * four(b + i + 12);
+    }
+    const Four all = (p + q) + (r + s);
+    return (all[0] + all[1]) + (all[2] + all[3]);
+  }
+
+  static Four four(const double* x) {
+    Four numbers;
+    std::memcpy(&numbers, x, sizeof numbers);
+    return numbers;
+  }
+
+  /// What the solution, slopes by accelerations and then by corrections of multipliers, changes with besides states.
+  void sum_up(const double* solution) {
+    transposed_.evaluate_summed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_loaded_.data(), more_input_.data());
+    add_sums();
+  }
+
+  // Accelerations as functions of states
+
+  /// Add to slopes by the stage's coordinates and speeds what those by its accelerations and multipliers make.
+  bool pull_accelerations(const Numbers& by_vdot, const Fixed<double, m>& by_lambda, Point& to) {
+    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+    Unknowns solution;
+    std::copy(by_vdot.begin(), by_vdot.end(), solution.begin());
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution.data(), solution.data() + n, more_.q.data(), more_.v.data(), more_.lambda.data());
+      double left = 0.0, size = 0.0;
+      for (std::size_t i = 0; i < m; ++i) {
+        const double more = by_lambda[i] + more_.lambda[i];
+        if (!(std::abs(more) <= left)) left = std::abs(more);
+        solution[n + i] += more;
+        size = std::max(size, std::abs(solution[n + i]));
+      }
+      if (!(left - left == 0.0)) return false;
+      if (left <= 1e-14 * size || (left <= 1e-9 * size && !(left < before / 2))) break;
+      before = left;
+    }
+    add(more_.q, to.q), add(more_.v, to.v);
+    sum_up(solution.data());
+    return true;
+  }
+
+  // Explicit methods
+
+  template <class Table>
+  bool go_over_slopes() {
+    constexpr std::size_t stages = Table::stages - 1;
+    const double h = record_.h;
+    M& mechanism = simulation_->mechanism();
+    std::array<Point, stages> points;
+    std::array<Fixed<double, coordinates>, stages> turns;
+    const auto row = [](std::size_t stage) {
+      std::array<double, stages> weights;
+      for (std::size_t j = 0; j < stages; ++j) weights[j] = Table::weights[stage][j].template as<double>();
+      return weights;
+    };
+    const auto time = [&](std::size_t stage) { return record_.t + Table::nodes[stage].template as<double>() * h; };
+    for (std::size_t stage = 0; stage <= stages; ++stage) {
+      put(record_.from, time(stage));
+      for (std::size_t j = 0; j < stage; ++j) {
+        const double weight = h * row(stage)[j];
+        for (std::size_t i = 0; i < coordinates; ++i) stage_.q[i] += weight * turns[j][i];
+        for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
+      }
+      if (stage == stages) break;
+      begin_step(stage_.t, record_.values);
+      if (!this->enter(mechanism, stage_)) return false;
+      std::copy(this->still_.begin(), this->still_.end(), stage_.vdot.begin());
+      std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
+      points[stage].take(stage_);
+      coordinate_rates<double>(charts(), stage_.q.data(), stage_.v.data(), turns[stage].data());
+    }
+    begin_step(stage_.t, record_.values);
+    const StateOf<M> end = stage_;
+    normalise<double>(charts(), stage_.q.data());
+    if (!pull_closed_loops()) return false;
+    pull_lengths(charts(), end.q.data(), by_.q.data());
+    std::array<Fixed<double, coordinates>, stages> by_turns{};
+    std::array<Numbers, stages> by_slopes{};
+    Point by = by_, whole = by_;
+    for (std::size_t stage = stages; stage > 0; --stage) {
+      for (std::size_t j = 0; j < stage; ++j) {
+        const double weight = h * row(stage)[j];
+        for (std::size_t i = 0; i < coordinates; ++i) by_turns[j][i] += weight * by.q[i];
+        for (std::size_t i = 0; i < n; ++i) by_slopes[j][i] += weight * by.v[i];
+      }
+      const std::size_t at = stage - 1;
+      by.clear();
+      put(points[at], time(at));
+      std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
+      begin_step(stage_.t, record_.values);
+      pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turns[at].data(), by.q.data(), by.v.data());
+      if (!pull_accelerations(by_slopes[at], Fixed<double, m>(), by)) return false;
+      add(by.q, whole.q), add(by.v, whole.v);
+    }
+    by_ = whole;
+    by_.vdot.fill(0.0), by_.lambda.fill(0.0);
+    return true;
+  }
+
+  // Closed loops
+
+  /// From slopes behind the projection of the stage to those before.
+  bool pull_closed_loops() {
+    if constexpr (m > 0) {
+      if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
+      std::array<Point, most_moves> places, speeds;
+      std::array<Fixed<double, m>, most_moves> gaps, rates;
+      StateOf<M> now = stage_;
+      std::size_t moved = 0, sped = 0;
+      if (!follow_moves(now, places, gaps, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
+      for (std::size_t i = sped; i-- > 0;) {
+        const Point& x = speeds[i];
+        pull_move(x, rates[i], by_.v);
+        transposed_.constraint_residual_transposed(x.q.data(), x.v.data(), nothing_.data(), by_gap_.data(), more_.q.data(), more_.v.data(), more_loaded_.data(), more_input_.data());
+        add(more_.q, by_.q), add(more_.v, by_.v);
+        add_sums();
+      }
+      for (std::size_t i = moved; i-- > 0;) {
+        const Point& x = places[i];
+        Fixed<double, coordinates> behind = by_.q;
+        Numbers by_delta;
+        by_.q.fill(0.0);
+        simulation_->mechanism().project(x.q.data(), gaps[i].data(), found_values_.data());
+        RetractionSlopes<balls>(charts(), x.q.data(), found_values_.data()).pull(behind.data(), by_.q.data(), by_delta.data());
+        pull_move(x, gaps[i], by_delta);
+        transposed_.constraint_residual_transposed(x.q.data(), x.v.data(), by_gap_.data(), nothing_.data(), more_.q.data(), more_.v.data(), more_loaded_.data(), more_input_.data());
+        add(more_.q, by_.q);
+        add_sums();
+      }
+    }
+    return true;
+  }
+
+  /// From slopes by a move that closes a gap to those by the gap, and by coordinates, which are added.
+  void pull_move(const Point& at, const Fixed<double, m>& gap, const Numbers& by_move) {
+    transposed_.project_transposed(at.q.data(), gap.data(), by_move.data(), more_.q.data(), by_gap_.data(), more_loaded_.data(), more_input_.data());
+    add(more_.q, by_.q);
+    add_sums();
+  }
+
+  /// The moves that close the loops of a state, or their rates; false where they stay open.
+  bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& gaps, std::size_t& number,
+                    bool is_place) {
+    constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
+    M& mechanism = simulation_->mechanism();
+    Fixed<double, m> residual, rate;
+    double last = std::numeric_limits<double>::infinity();
+    for (;;) {
+      mechanism.constraint_residual(now.q.data(), now.v.data(), residual.data(), rate.data());
+      const Fixed<double, m>& gap = is_place ? residual : rate;
+      double left = 0.0, size = 1.0;
+      for (const double x : gap) left = std::max(left, std::abs(x));
+      for (const double x : now.v) size = is_place ? size : std::max(size, std::abs(x));
+      if (!(left - left == 0.0)) return false;
+      if (left <= rounding * size || (left > last / 2 && left <= 1e-9 * size)) return true;
+      if (number == most_moves) return false;
+      last = left;
+      before[number].take(now);
+      gaps[number] = gap;
+      mechanism.project(now.q.data(), gap.data(), found_values_.data());
+      if (is_place) retract<double>(charts(), before[number].q.data(), found_values_.data(), now.q.data());
+      else
+        for (std::size_t i = 0; i < n; ++i) now.v[i] += found_values_[i];
+      ++number;
+    }
+  }
+
+  // The beginning
+
+  /// What an objective changes with where the run begins: all that follows from states, inputs and parameters there.
+  Fault begin_of(const Objectives& objectives, std::size_t objective) {
+    double* const by_state = objectives.by_state + objective * states;
+    double* const by_input = objectives.by_input + objective * inputs;
+    double* const by_parameter = objectives.by_parameter + objective * parameters;
+    constexpr std::size_t all = states + inputs + parameters;
+    std::array<int, directions> by{};
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      matrix_.fill(0.0);
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        by[k] = which < states ? -1 : static_cast<int>(which - states);
+        if (which < states) matrix_[which * number + k] = 1.0;
+      }
+      blocks_ = {};
+      blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
+      double* const carried = this->carried_ = matrix_.data() + (states + held) * number;
+      this->load_all();
+      if (const Fault fault = this->find_carried()) return fault;
+      const Dual* series = nullptr;
+      if constexpr (has_fits) series = fits_.find(this->mechanism_, this->parameters_.data());
+      for (std::size_t k = 0; k < number; ++k) {
+        double sum = 0.0;
+        const double* row = carried + k;
+        const auto add_rows = [&](const auto& slopes) {
+          for (const double slope : slopes) sum += slope * *row, row += number;
+        };
+        for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].slope[k];
+        add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda);
+        const std::size_t which = first + k;
+        if (which < states) by_state[which] = sum;
+        else if (which < states + inputs) by_input[which - states] += sum;
+        else by_parameter[which - states - inputs] += sum;
+      }
+    }
+    return {};
+  }
+
+  using Base::stage_;
+
+  static constexpr bool has_fits = Fits::length > 0;
+
+  T transposed_;
+  [[no_unique_address]] typename FitsWithSlopes<Fits>::type fits_{};
+  Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
+  Tape tape_{};
+  std::size_t records_ = 0;
+  const int* outputs_ = nullptr;
+  Record record_{};
+  Point by_, more_;
+  Fixed<double, loaded> by_loaded_, more_loaded_;
+  Fixed<double, given> by_input_, more_input_;
+  Fixed<double, held> by_held_;
+  Fixed<double, Base::columns> by_columns_;
+  Fixed<double, m> gap_, by_gap_, nothing_;
+  Numbers way_of_, found_values_;
+  Unknowns solution_, last_;
+  Padded left_, step_of_, shares_, row_;
+  Fixed<double, unknowns * width> inverse_of_left_;
+  double solved_for_ = 0.0;  ///< the length of part of which it has learnt
+  int solved_ = 0;           ///< how many solutions there are behind, two at most
+  Fixed<double, Base::rows * directions> matrix_;
+};
+
+}  // namespace cutjoint
