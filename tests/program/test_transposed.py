@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cutjoint.run.given import take_model
 
 from cutjoint.compile.pipeline import generate
 from cutjoint.formulate.transposed import Transposed, transpose
@@ -15,7 +16,6 @@ from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
-from cutjoint.run.given import take_model
 from tests.conftest import MODELS
 
 #: Functions by numbers at which they have derivatives.

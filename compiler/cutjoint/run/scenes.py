@@ -59,7 +59,7 @@ def held_as_usual(scene: Scene, method: str, integrator: str | None, dt: float |
     """The scene with the closure of the integrator that a caller asks for, or of equal steps ``dt`` (s), if it names none."""
     own = scene.numerics
     asked = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
-    if own.closure is not None or asked not in INTEGRATORS or method not in METHODS:
+    if own.closure is not None or asked is None or asked not in INTEGRATORS or method not in METHODS:
         return scene
     usual = INTEGRATORS[asked].closure
     return with_closure(scene, usual) if usual in METHODS[method].closures else scene

@@ -24,10 +24,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from cutjoint.package.system import processors
 from cutjoint.run.result_files import write_whole
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.run import perform_study
-from cutjoint.sweeps.work import processors
 from cutjoint_bench.studies.clusters import Processes, kill, local_cluster, process_cluster
 from cutjoint_bench.studies.provenance import provenance
 from cutjoint_bench.studies.sweep import STUDIES, text_of
