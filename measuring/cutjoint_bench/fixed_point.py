@@ -23,12 +23,9 @@ MOST_STATES = 500
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """The largest step, s, with a contracting map at every state, and the largest with a map that ends within the scene's iterations; the
-    time in s of the state that sets the first.
-    """
+    """The largest step, s, with a contracting map at every state, and the time in s of the state that sets it."""
 
     contracts: float
-    ends: float
     time: float
 
 
@@ -36,19 +33,16 @@ def predict_limit(case: Case, artifact: Artifact) -> Prediction | None:
     """Predict the largest step of a case compiled by the recursive method; None where its penalty follows the step.
 
     With the accelerations a of a state, the map from accelerations to accelerations has the Jacobian
-    dt^2/4 da/dq + dt/2 da/dv (eqs. 43, 44); the fixed point contracts while its spectral radius is below one.  After n iterations an error
-    is radius^n of what it was, so they reach a tolerance where the radius is below tolerance^(1/n).
+    dt^2/4 da/dq + dt/2 da/dv (eqs. 43, 44), which contracts while its spectral radius is below one.  Mixed iterations may go beyond, in
+    two directions at a time.
     """
     if case.scene.numerics.by_step:
         return None
-    numerics = case.scene.numerics.of_method("recursive")
-    enough = numerics.tolerance ** (1 / numerics.iterations)
-    contracts, ends, time = inf, inf, 0.0
+    contracts, time = inf, 0.0
     for t, stiffness, damping in _tangents(case, artifact):
-        if (found := _limit(stiffness, damping, 1.0, contracts)) < contracts:
+        if (found := _limit(stiffness, damping, contracts)) < contracts:
             contracts, time = found, t
-        ends = _limit(stiffness, damping, enough, ends)
-    return Prediction(contracts=contracts, ends=ends, time=time)
+    return Prediction(contracts=contracts, time=time)
 
 
 def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Array]]:
@@ -65,11 +59,11 @@ def _tangents(case: Case, artifact: Artifact) -> Iterator[tuple[float, Array, Ar
                 yield found["t"], stiffness, damping
 
 
-def _limit(stiffness: Array, damping: Array, radius: float, known: float) -> float:
-    """The step at which the map has a spectral radius, if that is below a known one; to a part in a thousand, else the known one."""
+def _limit(stiffness: Array, damping: Array, known: float) -> float:
+    """The step at which the map has a spectral radius of one, if that is below a known one; to a part in a thousand, else the known one."""
 
     def is_below(dt: float) -> bool:
-        return bool(np.abs(np.linalg.eigvals(dt * dt / 4 * stiffness + dt / 2 * damping)).max(initial=0.0) < radius)
+        return bool(np.abs(np.linalg.eigvals(dt * dt / 4 * stiffness + dt / 2 * damping)).max(initial=0.0) < 1.0)
 
     high = min(known, 1e3)
     if is_below(high):

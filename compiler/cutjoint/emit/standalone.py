@@ -459,6 +459,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     stored = _stored(parts.program)
     if parts.system is None:
         stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
+        stored += 0 if steps.stages else 12 * n + 8  # accelerations of steps and iterations before
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)
         if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold

@@ -5,6 +5,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/crossed_impacts.hpp"
+#include "cutjoint/core/extrapolation.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/impacts.hpp"
 #include "cutjoint/core/mechanism.hpp"
@@ -43,7 +44,7 @@ class FixedPointSteps {
   static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
 
   /// Take over a state.
-  void begin(const StateOf<M>&) {}
+  void begin(const StateOf<M>&) { steps_.expected().forget(true); }
 
   Fault start(StateOf<M>&, Real) { return {}; }
 
@@ -92,10 +93,16 @@ class FixedPointSteps {
   /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
   double change() const { return steps_.change(); }
 
-  using Memory = typename CrossedIf<M>::Memory;
+  struct Memory {
+    Extrapolation<M> expected;
+    [[no_unique_address]] typename CrossedIf<M>::Memory impacts;
+  };
 
-  Memory memory() const { return impacts_.memory(); }
-  void restore(const StateOf<M>&, const Memory& memory) { impacts_.restore(memory); }
+  Memory memory() const { return {steps_.expected(), impacts_.memory()}; }
+  void restore(const StateOf<M>&, const Memory& memory) {
+    steps_.expected() = memory.expected;
+    impacts_.restore(memory.impacts);
+  }
 
  private:
   M& mechanism_;

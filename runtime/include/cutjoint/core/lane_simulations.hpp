@@ -97,6 +97,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
       const auto memory = sims[k]->memory();
       inputs_[k].begin(memory.inputs, memory.followed, memory.settings.dt);
       this->put(static_cast<int>(k), start_from(k, memory));
+      this->expect(static_cast<int>(k), memory.integrator.expected);
       if (!first) first = sims[k];
     }
     if (first) this->begin(first->memory().settings, first->watches_gaps() ? first->gap_limits() : nullptr);
@@ -132,6 +133,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
     memory = alone.memory();
     inputs_[place].begin(memory.inputs, memory.followed, memory.settings.dt);
     this->go_on_from(k, start_from(place, memory), fault);
+    this->expect(k, memory.integrator.expected);
   }
 
   std::array<Sim*, width> sims_{};

@@ -186,9 +186,16 @@ class LaneSteps {
   template <class Memory>
   void leave(int k, Memory& memory) const {
     take_lane(k, state_, memory.state);
+    steps_.expected().take_lane(k, memory.integrator.expected);
     memory.origin = origin_[k];
     memory.number = static_cast<long>(number_[k]);
     memory.unmeasured = at(unmeasured_, k);
+  }
+
+  /// The instance in a lane goes on from accelerations that have been.
+  template <class Expected>
+  void expect(int k, const Expected& expected) {
+    steps_.expected().put_lane(k, expected);
   }
 
   /// The instance in a lane goes on from elsewhere; with a fault it stops there.
@@ -212,6 +219,9 @@ class LaneSteps {
   template <class StateOfOne>
   void fill(int k, const LaneStart<StateOfOne>& start) {
     put_lane(k, start.state, state_);
+    Mask which = Instances::all_if(false);
+    which[k] = -1;
+    steps_.expected().forget(which);
     put_data(k, start.parameters, start.penalties, start.roads, start.inputs);
     origin_.v[k] = start.origin;
     number_.v[k] = static_cast<double>(start.number);

@@ -7,9 +7,11 @@
 #include <span>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/extrapolation.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/largest.hpp"
 #include "cutjoint/core/mechanism.hpp"
+#include "cutjoint/core/mixing.hpp"
 #include "cutjoint/core/projection.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/selection.hpp"
@@ -17,7 +19,7 @@
 
 namespace cutjoint {
 
-/// How the fixed point is sought.
+/// How the fixed point is sought: from the accelerations that those at the ends of the last steps lead to, by mixed iterations.
 ///
 /// It counts as reached when the accelerations change by at most `tolerance` times (1 + the largest of them); rates of states count as shares of
 /// their `nominals`.  The multipliers are
@@ -54,7 +56,7 @@ class Trapezoidal {
   Trapezoidal(M& mechanism, Real dt, FixedPoint fixed_point)
       : mechanism_(mechanism), dt_(dt), fixed_point_(fixed_point), v_hat_(sizes_of(mechanism).speeds), z_hat_(v_hat_.size()),
         delta_(v_hat_.size()), vdot_(v_hat_.size()), difference_(v_hat_.size()), correction_(sizes_of(mechanism).equations),
-        before_(design_state(mechanism)), projection_(mechanism) {}
+        before_(design_state(mechanism)), expected_(v_hat_.size()), mixing_(v_hat_.size()), projection_(mechanism) {}
 
   /// One step of a mechanism alone; `state` is that at its end.  There is a fault when the iteration diverges to infinity or does not end, or loops
   /// stay open; `state` is then the last one that converged, and the mechanism is at its time.
@@ -79,6 +81,10 @@ class Trapezoidal {
   }
 
   Projection<M>& projection() { return projection_; }
+
+  /// Memory of the next steps: accelerations at the ends of the last ones.
+  Extrapolation<M>& expected() { return expected_; }
+  const Extrapolation<M>& expected() const { return expected_; }
 
   /// Go on with steps of another length.
   void set_step(Real dt) { dt_ = dt; }
@@ -109,6 +115,11 @@ class Trapezoidal {
     }
     const Real t = state.t + dt_;
     mechanism_.begin_step(t, Real(1));
+    const std::span<const double> nominals = nominals_of(mechanism_);
+    expected_.expect(state.vdot, dt, nominals);
+    mixing_.begin();
+    // the first accelerations follow from the last step's multipliers, and are no sign of how those with present ones follow their tries
+    const int first_mixed = correction_.empty() ? 1 : 2;
     Mask open = going, failed{};
     for (int iteration = 1; Instances::any(open); ++iteration) {
       follow(state);
@@ -121,9 +132,12 @@ class Trapezoidal {
       const Mask lost = Instances::both(open, Instances::either(Instances::without(late, close), Instances::without(open, Instances::finite(change_))));
       if (Instances::any(lost)) note(lost, t, iteration);
       failed = Instances::either(failed, lost);
+      const Mask done = Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close), next = Instances::without(open, done);
+      if (iteration >= first_mixed && Instances::any(next)) mixing_.mix(difference_, change_, nominals, next, vdot_);
       Instances::take_all(open, vdot_, state.vdot);
-      open = Instances::without(open, Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close));
+      open = next;
     }
+    expected_.keep(state.vdot, Instances::without(going, failed));
     follow(state);
     state.t = t;
     restore(state, Instances::without(Instances::all_if(true), Instances::without(going, failed)));
@@ -189,6 +203,8 @@ class Trapezoidal {
   Speeds<M> v_hat_, z_hat_, delta_, vdot_, difference_;
   Equations<M> correction_;
   StateOf<M> before_;
+  Extrapolation<M> expected_;
+  Mixing<M> mixing_;
   Projection<M> projection_;
   Real change_{0}, size_{1};
   typename Instances::Count evaluations_{};
