@@ -119,14 +119,18 @@ def _of_tables(tables: Mapping[str, Path | None]) -> Iterator[list[_Written]]:
     for option, path in tables.items():
         if path is None:
             continue
-        asked, partial = f"{option} {path}", partial_of(resolved(path))
+        asked = f"{option} {path}"
+        if is_stream(path):
+            yield [_Written(asked=asked, path=path)]
+            continue
+        partial = partial_of(resolved(path))
         beside = {
             "the units": units_of(resolved(path)), "the errors": error_of(resolved(path)),
             "the rows of an unfinished table": partial,
             "the units of an unfinished table": units_of(partial), "the reason for an unfinished table": reason_of(resolved(path)),
         }  # fmt: skip
         files = [_Written(asked=asked, path=file, part=part) for part, file in beside.items()]
-        yield [_Written(asked=asked, path=path), *([] if is_stream(path) else files)]
+        yield [_Written(asked=asked, path=path), *files]
 
 
 def _pictures(folder: Path) -> Iterator[_Written]:
