@@ -1,10 +1,12 @@
-"""Draws docs/pictures/models/*.png, each everyday model at a time of its run, and docs/pictures/iltis.gif, the vehicle on a ramp.
+"""Draws docs/pictures/models/*.png, each everyday model at a time of its run, docs/pictures/iltis.gif, the vehicle on a ramp, and
+docs/pictures/drive.png, a page in which it is driven, and drive-phone.png, the same on a phone.
 
 Run it as `.venv/bin/python -m docs.pictures.models` in the repository; it needs Chromium.
 """
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -87,6 +89,31 @@ def draw_moving() -> None:
     first.save(FOLDER / "iltis.gif", save_all=True, append_images=others, duration=round(1e3 * step), loop=0, optimize=True)
 
 
+#: Sizes of a screen and of a phone's, pixels; a drive by scripted keys over a number of steps.
+SCREENS = {"drive.png": (1280, 800), "drive-phone.png": (390, 844)}
+KEYS = [
+    [0, "down", "ArrowUp"], [1500, "down", "ArrowLeft"], [1900, "up", "ArrowLeft"], [2500, "down", "ArrowRight"],
+    [2900, "up", "ArrowRight"],
+]  # fmt: skip
+STEPS = 5200
+
+
+def draw_drive() -> None:
+    """Write the pictures of a drive over hills and steps."""
+    with tempfile.TemporaryDirectory() as name, opened() as browser:
+        page = Path(name) / "drive.html"
+        command = ["drive", MODELS / "iltis_driven.yaml", "--scene", "by_hand", "--out", page]
+        done = CliRunner().invoke(cutjoint, [str(word) for word in command], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+        for file, size in SCREENS.items():
+            browser.open(page, size=size)
+            browser.run("document.getElementById('kept').hidden = true")
+            browser.run("cutjoint.drive.road('hills with steps', 1)")
+            browser.run(f"cutjoint.drive.steps({STEPS}, {json.dumps(KEYS)})")
+            browser.picture(FOLDER / file)
+
+
 if __name__ == "__main__":
     draw()
     draw_moving()
+    draw_drive()

@@ -39,7 +39,7 @@ class Model {
 
   /** A simulation with the settings, parameters and start of the scene; `free` gives its memory back. */
   create() {
-    const at = this.#blocks.pop() ?? this.#take(this.facts.size), sim = this.call('create', at, this.facts.size);
+    const at = this.#blocks.pop() ?? this.take(this.facts.size), sim = this.call('create', at, this.facts.size);
     if (!sim) throw new Error('the simulation does not fit the memory that the module says');
     return new Simulation(this, sim, () => this.#blocks.push(at));
   }
@@ -69,12 +69,12 @@ class Model {
 
   /** A place for so many bytes that one call reads or writes. */
   room(bytes) {
-    if (this.#room.bytes < bytes) this.#room = { at: this.#take(2 * bytes), bytes: 2 * bytes };
+    if (this.#room.bytes < bytes) this.#room = { at: this.take(2 * bytes), bytes: 2 * bytes };
     return this.#room.at;
   }
 
-  /** New memory behind what there is, which begins a page. */
-  #take(bytes) {
+  /** The place of so many bytes of new memory, which begins a page and stays. */
+  take(bytes) {
     return this.exports.memory.grow(Math.ceil(bytes / PAGE)) * PAGE;
   }
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from shutil import which
 
 import numpy as np
 import pytest
 
 from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_case
-from cutjoint.view.drive import Ends, make_drive
+from cutjoint.toolchain import wasm
+from cutjoint.toolchain.compiler import find_compiler
+from cutjoint.view.drive import ROADS, Ends, make_drive, replay_drive, simulated
 from cutjoint.view.page import own_script
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.view.browser import Page
@@ -58,6 +63,13 @@ def press(page: Page, *keys: str, up: bool = False) -> None:
         page._call("Input.dispatchKeyEvent", type="keyUp" if up else "keyDown", code=key, key=key)
 
 
+def wait_for(page: Page, script: str) -> None:
+    end = time.monotonic() + 60
+    while not page.run(script):
+        assert time.monotonic() < end, script
+        time.sleep(0.05)
+
+
 def steps(page: Page, count: int, keys: Sequence[Sequence[object]] = ()) -> None:
     page.run(f"cutjoint.drive.steps({count}, {json.dumps(keys)})")
 
@@ -96,6 +108,136 @@ def test_a_lap_of_a_car_replays_bit_by_bit(car: Path, browser: Page) -> None:
 
 @needs_cpp
 @needs_zig
+@pytest.mark.parametrize(("name", "seed", "count"), [("hills", 3, 61_696), ("ISO 8608 C", 7, 20_000), ("flat", 1, 0)])
+def test_a_page_has_the_roads_of_a_replay_bit_by_bit(name: str, seed: int, count: int, car: Path, browser: Page) -> None:
+    browser.open(car)
+    browser.run(f"cutjoint.drive.road('{name}', {seed})")
+    assert browser.run("cutjoint.drive.shown().road") == name
+    here, there = ROADS[name].heights(seed)[1].ravel()[:count], browser.run(f"cutjoint.drive.heights().slice(0, {count})")
+    assert np.array_equal(here, there)
+    assert count == 0 or np.std(here) > 1e-3
+
+
+@needs_cpp
+@needs_zig
+def test_a_drive_on_another_road_replays_bit_by_bit_and_the_road_of_the_scene_comes_back(car: Path, browser: Page) -> None:
+    browser.open(car)
+    steps(browser, 500)
+    level = browser.run("cutjoint.drive.table()")
+    browser.run("cutjoint.drive.road('hills with steps', 2)")
+    steps(browser, 2500, [[0, "down", "ArrowUp"], [700, "down", "ArrowLeft"], [1000, "up", "ArrowLeft"]])
+    log, table = car.with_name("hills.json"), browser.run("cutjoint.drive.table()")
+    log.write_text(browser.run("cutjoint.drive.log()"), encoding="utf-8")
+    call("drive", car.with_name("driven.yaml"), "--scene", "turns", "--replay", log, "--out", car.with_name("hills.csv"))
+    here, there = rows_of(car.with_name("hills.csv").read_text(encoding="utf-8")), rows_of(table)
+    assert np.array_equal(here, there[:, : here.shape[1]])
+    loads = [i for i, name in enumerate(table.splitlines()[0].split(",")) if ".Fz" in name]
+    assert len(loads) == 4
+    assert np.ptp(here[:, loads], axis=0).min() > 1000, "wheels meet the plates"
+    ground = browser.run("cutjoint.drive.groundBelow()")
+    assert abs(ground) > 0.1, "it is on a hill"
+    browser.run("cutjoint.drive.road('', 1)")
+    steps(browser, 500)
+    assert browser.run("cutjoint.drive.table()") == level
+
+
+@needs_cpp
+@needs_zig
+def test_a_closed_page_loses_no_drive(car: Path, browser: Page) -> None:
+    browser.open(car)
+    browser.run("localStorage.clear()")
+    browser.run("cutjoint.drive.road('hills', 1)")
+    steps(browser, 1500, [[0, "down", "ArrowUp"], [200, "down", "ArrowLeft"], [500, "up", "ArrowLeft"]])
+    driven = browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]")
+    browser.open(car)
+    assert not browser.run("document.getElementById('kept').hidden")
+    assert re.match(r"A drive of [12] s is kept", browser.run("document.getElementById('lasted').textContent"))
+    browser.run("cutjoint.drive.goOn(cutjoint.drive.kept().earlier)")
+    assert browser.run("[cutjoint.drive.table(), cutjoint.drive.log()]") == driven
+    steps(browser, 100)
+    assert browser.run("cutjoint.drive.shown().step") == 1600
+    browser.run("Storage.prototype.setItem = () => { throw new DOMException('full', 'QuotaExceededError'); }")
+    browser.run("cutjoint.drive.store()")
+    assert "This browser keeps no drive (QuotaExceededError)" in browser.run("document.getElementById('saying').textContent")
+
+
+@needs_cpp
+@needs_zig
+def test_an_earlier_drive_is_a_ghost(car: Path, browser: Page) -> None:
+    browser.open(car, size=(1280, 800))
+    steps(browser, 1000, [[0, "down", "ArrowUp"], [100, "down", "ArrowLeft"]])
+    log, place = json.loads(browser.run("cutjoint.drive.log()")), browser.run("cutjoint.drive.outputs()")[:2]
+    browser.run(f"cutjoint.drive.ghost({json.dumps(log)})")
+    assert browser.run("cutjoint.drive.shown().ghost") == 1 + 1000 // log["every"]
+    at = browser.run("cutjoint.drive.rival('chassis')")
+    assert at[:2] == pytest.approx(place, abs=0.3), "where it has been, at its last row"
+    browser.run("cutjoint.drive.reset()")
+    steps(browser, 1000, [[0, "down", "ArrowUp"], [100, "down", "ArrowRight"]])
+    at, own = browser.run("cutjoint.drive.rival('chassis')"), browser.run("cutjoint.drive.outputs()")
+    assert at[1] > 0.01 > -0.01 > own[1]
+    assert browser.run("cutjoint.plotted().length") == 3, "its curve is beside that of this drive"
+    browser.picture(PICTURES / "drive-ghost.png")
+    browser.run(f"cutjoint.drive.ghost({json.dumps({**log, 'mark': '0'})})")
+    assert "That is no drive of this page" in browser.run("document.getElementById('saying').textContent")
+    browser.run("cutjoint.drive.ghost()")
+    assert browser.run("[cutjoint.drive.shown().ghost, cutjoint.plotted().length]") == [0, 2]
+    require_silence(browser)
+
+
+@needs_cpp
+@needs_zig
+def test_a_lost_gamepad_a_hidden_page_and_no_number_pause_it_with_a_word(delta: Path, browser: Page) -> None:
+    browser.open(delta)
+    browser.run("navigator.getGamepads = () => [{ connected: true, mapping: 'standard', axes: [0, 0], buttons: [] }]")
+    press(browser, "Space")
+    wait_for(browser, "cutjoint.drive.shown().time > 0.05")
+    browser.run("dispatchEvent(new Event('gamepaddisconnected'))")
+    assert not browser.run("cutjoint.drive.shown().playing")
+    assert "The gamepad is gone" in browser.run("document.getElementById('saying').textContent")
+    press(browser, "Space", up=True)
+    press(browser, "Space")
+    assert browser.run("cutjoint.drive.shown().playing")
+    browser.run("Object.defineProperty(document, 'hidden', { value: true }); document.dispatchEvent(new Event('visibilitychange'))")
+    assert not browser.run("cutjoint.drive.shown().playing")
+    assert "Paused while the page was hidden" in browser.run("document.getElementById('saying').textContent")
+    steps(browser, 200)
+    before = browser.run("cutjoint.drive.table()")
+    browser.run("cutjoint.drive.simulation().parameters.fill(NaN)")
+    steps(browser, 100)
+    assert browser.run("cutjoint.drive.shown().fault")
+    assert browser.run("document.getElementById('rescue').hidden") is False
+    assert browser.run("cutjoint.drive.table()").startswith(before)
+
+
+@pytest.mark.heavy
+@needs_cpp
+@pytest.mark.skipif(not (which("qemu-aarch64") and which("aarch64-linux-gnu-g++")), reason="needs qemu-user and g++-aarch64-linux-gnu")
+def test_a_replay_on_another_processor_has_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)
+    alone = simulated(model, scene, "recursive")
+    events = [[0, 0, 0.2], [0, 2, -0.1], [137, 1, 0.31], *([at, 0, 0.2 + 1e-4 * at] for at in range(200, 900))]
+    dt, count, every = 0.001, 2000, 20
+    drive = {"cutjoint": "drive", "mark": alone.mark, "model": "delta", "scene": scene.name, "dt": dt, "steps": count, "every": every}
+    drive |= {"given": {}, "events": [[at, f"q{index + 1}", value] for at, index, value in events]}
+    (tmp_path / "drive.json").write_text(json.dumps(drive), encoding="utf-8")
+    here = replay_drive(model, scene, tmp_path / "drive.json").rows
+    tools = "aarch64-linux-gnu"
+    monkeypatch.setattr(wasm, "find_compiler", lambda: replace(find_compiler(), command=(f"{tools}-g++",)))
+    library = alone.build_twin()
+    (tmp_path / "delta.h").write_text(alone.files["delta.h"], encoding="utf-8")
+    given = ("-I.", '-DHEADER="delta.h"', "-DMODEL=delta", f"-DBYTES={alone.size}")
+    sources = (str(Path(__file__).with_name("replay.c")), str(library))
+    subprocess.run([f"{tools}-gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", *given, *sources, "-o", "replay"], cwd=tmp_path, check=True)
+    said = "\n".join(" ".join(map(repr, line)) for line in ((dt, count, every, here.shape[1] - 1, len(events)), *events))
+    call_it = ["qemu-aarch64", "-L", f"/usr/{tools}", "-E", f"LD_LIBRARY_PATH={library.parent}", "./replay"]
+    done = subprocess.run(call_it, cwd=tmp_path, input=said, check=True, capture_output=True, text=True)
+    there = np.array([[float.fromhex(x) for x in line.split()] for line in done.stdout.splitlines()])
+    assert np.array_equal(there, here[1:, 1:])
+    assert np.ptp(there[:, 0]) > 1e-3
+
+
+@needs_cpp
+@needs_zig
 def test_a_replay_of_another_model_is_refused(tmp_path: Path) -> None:
     drive = {"cutjoint": "drive", "mark": "0", "model": "press", "scene": "turn", "dt": 0.001, "given": {}, "steps": 1, "every": 1}
     drive["events"] = []
@@ -110,10 +252,7 @@ def test_keys_move_it_against_the_clock(delta: Path, browser: Page) -> None:
     browser.open(delta)
     assert not browser.run("cutjoint.drive.shown().playing")
     press(browser, "ArrowRight")
-    end = time.monotonic() + 60
-    while browser.run("cutjoint.drive.shown().time") < 0.5:
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_for(browser, "cutjoint.drive.shown().time > 0.5")
     press(browser, "ArrowRight", up=True)
     press(browser, "Space")
     shown = browser.run("cutjoint.drive.shown()")

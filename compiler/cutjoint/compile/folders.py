@@ -77,7 +77,8 @@ def lanes_break_even(operations: int, steps: float) -> bool:
 class Standalone:
     """The folder and the library of a mechanism; ``name`` is the model's, ``digest`` that of its source, ``parts`` the code of both,
     ``integrator`` the name of the rule of its steps, ``run_file`` the settings, parameters and start that it begins with, ``code`` the
-    library's text behind its interface.  The program of a folder that is ``reproducible`` has the same bits on all processors."""
+    library's text behind its interface.  The program of a folder that is ``reproducible`` has the same bits on all processors, and a
+    host of one that ``lays_roads`` changes the road under its wheels."""
 
     name: str
     digest: str
@@ -86,6 +87,7 @@ class Standalone:
     run_file: RunFile
     code: str = ""
     reproducible: bool = False
+    lays_roads: bool = False
 
     @property
     def method(self) -> str:
@@ -146,7 +148,8 @@ class Standalone:
     @cached_property
     def files(self) -> Mapping[str, str]:
         """The files of the folder by name."""
-        return emit_standalone(self.parts, self._beginning, self.digest, libm=mathematics() if self.reproducible else None)
+        libm = mathematics() if self.reproducible else None
+        return emit_standalone(self.parts, self._beginning, self.digest, libm=libm, lays_roads=self.lays_roads)
 
     @cached_property
     def library(self) -> Source:

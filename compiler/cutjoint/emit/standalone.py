@@ -39,6 +39,7 @@ _DUAL_LANES = "cutjoint/core/dual_lanes.hpp"
 _POSES = "cutjoint/core/poses.hpp"
 _DYNAMICS = "cutjoint/core/dynamics.hpp"
 _SUPPLIED = "cutjoint/core/supplied.hpp"
+_LAID_ROAD = "cutjoint/core/laid_road.hpp"
 _FITS = "cutjoint/core/loop_fits.hpp"
 _SIDE_BY_SIDE = "cutjoint/core/lane_simulations.hpp"
 
@@ -139,11 +140,14 @@ class Mathematics:
     c: Sequence[str]
 
 
-def emit_standalone(parts: SimulationCode, begin: Beginning, digest: str, *, libm: Mathematics | None = None) -> dict[str, str]:
+def emit_standalone(
+    parts: SimulationCode, begin: Beginning, digest: str, *, libm: Mathematics | None = None, lays_roads: bool = False
+) -> dict[str, str]:  # fmt: skip
     """The files by name; ``begin`` has the integrator, the settings, parameters and start that a simulation begins with, ``digest``
-    tells its snapshots from those of other models.  Its project compiles a mathematical library, ``libm``, if one is given."""
+    tells its snapshots from those of other models.  Its project compiles a mathematical library, ``libm``, if one is given.  A host
+    ``lays_roads`` under wheels by one more call."""
     parts, view = prepare(parts, begin, digest)
-    view |= {"libm": libm}
+    view |= {"libm": libm, "lays_roads": lays_roads}
     page = parts.page
     p, header = page.stem, str(view["header"])
     return {
@@ -193,7 +197,8 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask")
         for texts, more in ((code, instances.code), (sized, [instances.sized(page, "side_by_side")])):
             texts += ["namespace side_by_side {\n", *more, "}  // namespace side_by_side\n"]
-    core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *(() if parts.system is None else _FACTORISATIONS)])
+    laid = [_LAID_ROAD] if view["lays_roads"] and view["roads"] else []
+    core = amalgamate([*headers_of(parts, steps, has_lanes=has_lanes), *laid, *(() if parts.system is None else _FACTORISATIONS)])
     standard = sorted({*core.standard, *OF_INTERFACE})
     return "\n".join([
         "\n".join(f"// {line}" for line in page.banner), page.render("standalone/demands.hpp.jinja", **view),
@@ -253,7 +258,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
-        **_roads(equations, begin),
+        **_roads(equations, begin), "lays_roads": False,
     }  # fmt: skip
 
 

@@ -23,8 +23,8 @@ ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
 BAND = (0.011, 2.83)
 #: The distance of places of a rough road, m, and their number along it, after which it repeats: 102.4 m.
 STEP, LENGTH = 0.05, 2048
-#: No wave has more cycles a metre in any direction: four places.
-_FINEST = 5.0
+#: The fewest places of a wave in any direction.
+_FINEST = 4
 #: The number of waves, in as many directions, for each number of cycles along the road.
 _DIRECTIONS = 32
 
@@ -154,28 +154,38 @@ def surface_of(road: Road) -> Surface | None:
     return Surface(field=field, patches=road.patches) if road.parts else None
 
 
-def rough_field(roughness: float, seed: int, width: float) -> Field:
+def rough_field(
+    roughness: float, seed: int, width: float, *, band: tuple[float, float] = BAND, step: float = STEP, length: int = LENGTH,
+    level: float = 0.0,
+) -> Field:  # fmt: skip
     """A rough surface that is ``width`` (m) across and about y = 0, with a ``roughness`` in m^3.
 
-    It is a sum of plane waves of an isotropic surface whose density along x is ``roughness`` (n / 0.1)^-2 in `BAND`.  Directions and phases
-    are SplitMix64's numbers of the seed.  Only sums, products, quotients and roots of floats make it: all machines have the same bits.
+    It is a sum of plane waves of an isotropic surface whose density along x is ``roughness`` (n / 0.1)^-2 in a ``band`` of cycles a metre.
+    Places are ``step`` (m) apart, ``length`` of them, a power of two, along x.  Directions and phases are SplitMix64's numbers of the seed.
+    Within a distance ``level`` (m) of the origin it is level, and has its heights from four times that on.
+    Only sums, products, quotients and roots of floats make it: all machines have the same bits, and so have pages
+    (`templates/view/page/ground.js`).
     """
-    cycles = np.arange(1, LENGTH // 2) / (LENGTH * STEP)
-    cycles = cycles[(cycles >= BAND[0]) & (cycles <= BAND[1])]
+    cycles, finest = np.arange(1, length // 2) / (length * step), 1 / (_FINEST * step)
+    cycles = cycles[(cycles >= band[0]) & (cycles <= band[1])]
     random = uniform(seed, 2 * cycles.size * _DIRECTIONS).reshape(2, cycles.size, _DIRECTIONS)
-    largest = np.sqrt(1 - (cycles / _FINEST) * (cycles / _FINEST))[:, None]
+    largest = np.sqrt(1 - (cycles / finest) * (cycles / finest))[:, None]
     sine = largest * (2 * (np.arange(_DIRECTIONS) + random[0]) / _DIRECTIONS - 1)
     across = cycles[:, None] * sine / np.sqrt(1 - sine * sine)
-    size = np.sqrt(2 * roughness * (0.1 / cycles) * (0.1 / cycles) / (LENGTH * STEP) / _DIRECTIONS)
-    half = int(np.ceil(width / 2 / STEP))
-    places = np.arange(-half, half + 1) * STEP
-    parts = np.zeros((2, places.size, LENGTH))
-    first = round(float(cycles[0]) * LENGTH * STEP)
+    size = np.sqrt(2 * roughness * (0.1 / cycles) * (0.1 / cycles) / (length * step) / _DIRECTIONS)
+    half = int(np.ceil(width / 2 / step))
+    places = np.arange(-half, half + 1) * step
+    parts = np.zeros((2, places.size, length))
+    first = round(float(cycles[0]) * length * step)
     for wave in range(_DIRECTIONS):
         for part, values in zip(parts, turned(places[:, None] * across[:, wave] + random[1, :, wave]), strict=True):
             part[:, first : first + cycles.size] += size * values
     heights = _transformed(parts[0], parts[1])[0]
-    return Field(start=(0.0, -half * STEP), step=(STEP, STEP), heights=heights.T, wraps=True)
+    if level:
+        along = np.minimum(np.arange(length), length - np.arange(length)) * step
+        share = np.clip((along * along + places[:, None] * places[:, None] - level * level) / (15 * level * level), 0.0, 1.0)
+        heights = heights * (share * share * (3 - 2 * share))
+    return Field(start=(0.0, -half * step), step=(step, step), heights=heights.T, wraps=True)
 
 
 def uniform(seed: int, count: int) -> NDArray[np.float64]:

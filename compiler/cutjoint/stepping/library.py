@@ -133,6 +133,9 @@ class Library:
             self.advance_to_event = self._function("advance_to_event", index, sim, number, ctypes.POINTER(ctypes.c_int))
             self.event_names = self._table("event_name")
         self.set_equilibrium = self._function("set_equilibrium", index, sim, index)
+        if hasattr(self._library, f"{model}_lay_road"):
+            address = ctypes.c_void_p
+            self.lay_road = self._function("lay_road", index, address, index, address, address, index, index)
         self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
         self.displace = self._function("displace", index, sim, ctypes.c_void_p)
         self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)

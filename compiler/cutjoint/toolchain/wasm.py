@@ -31,7 +31,8 @@ _CXX = (
 _LIBM = ("-std=c99", *_EXACT, "-U__FP_FAST_FMA", "-fvisibility=hidden", "-w")
 _C = ("-O2", *_LIBM)
 
-_WASM = ("-target", "wasm32-wasi", "-msimd128")
+#: Vectors are those that the code has: others, which the compiler finds in it, are put together by more instructions than they save.
+_WASM = ("-target", "wasm32-wasi", "-msimd128", "-fno-slp-vectorize", "-fno-vectorize")
 
 #: The bytes of a module's stack, many times what a step of any model has taken.
 _STACK = 1 << 20

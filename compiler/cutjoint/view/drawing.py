@@ -33,10 +33,10 @@ def draw(placed: Placed, t: Array, *, failed: str = "", columns: Mapping[tuple[s
                 rotation=quaternions_of(pose.rotation), about={"body": body.name},
             )
         )  # fmt: skip
-    forces = ForceNodes(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, far=placed.far, up=up)
+    forces = ForceNodes(model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up)
     arrows = Arrows(
         model=model, scene=placed.scene, numbers=numbers, sizes=placed.sizes, poses=placed.poses, up=up, columns=columns or {}
-    )
+    )  # fmt: skip
     return Drawing(name=model.name, t=t, nodes=(*nodes, *forces.all(), *mark(placed, failed), *arrows.all()), up=up)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,10 +20,12 @@ from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.errors import nearest
 from cutjoint.model.quantities import bodies_of
-from cutjoint.model.records import Binding, Model, Parameter, Scene
+from cutjoint.model.records import Binding, Force, HeightTable, Model, Output, Parameter, RoughSurface, Scene
 from cutjoint.model.text import escaped
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import given_inputs, require_unit
+from cutjoint.run.road_field import BAND, LENGTH, ROUGHNESS, STEP, rough_field, surface_of
+from cutjoint.run.roads import profile_pieces
 from cutjoint.run.run_file import parameter_values
 from cutjoint.stepping.load import open_standalone
 from cutjoint.stepping.simulation import Simulation
@@ -39,7 +41,7 @@ _ROLES: Mapping[str, re.Pattern[str]] = {
 #: The keys of what a car does, and of other inputs in their order, by the codes of the UI Events standard: down and up.
 _CAR_KEYS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "steer": (("ArrowLeft", "KeyA"), ("ArrowRight", "KeyD")), "throttle": ((), ("ArrowUp", "KeyW")), "brake": ((), ("ArrowDown", "KeyS")),
-}
+}  # fmt: skip
 _PAIRS = (("ArrowLeft", "ArrowRight"), ("ArrowDown", "ArrowUp"), ("KeyA", "KeyD"), ("KeyS", "KeyW"), ("KeyJ", "KeyL"), ("KeyK", "KeyI"))
 
 _OF_CARS = _PAIRS[:4]
@@ -53,6 +55,49 @@ _MOMENTS = {"throttle": 0.03, "brake": 0.1}
 
 #: Rows of the record in a second, and the wheels of what is driven as a car.
 _ROWS, _WHEELS = 60.0, 3
+
+#: The outputs that each wheel has in a page.
+_OF_WHEELS = ("Fx", "Fy", "Fz", "road_friction")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaidRoad:
+    """A road that a page lays without compiling: ``lines`` in the order of x, each by its begin, height and slope, and waves of a
+    ``roughness`` (m^3), as `road_field.rough_field` has them."""
+
+    lines: Sequence[tuple[float, float, float]] = ((-1.0, 0.0, 0.0),)
+    roughness: float = 0.0
+    width: float = 16.0
+    band: tuple[float, float] = BAND
+    step: float = STEP
+    length: int = LENGTH
+    level: float = 0.0
+
+    def heights(self, seed: int) -> tuple[Array, Array]:
+        """The grid's first place along x and y and the distances of places (4,), and heights (along x, along y), m; none of a road without
+        waves."""
+        if not self.roughness:
+            return np.zeros(4), np.zeros((0, 0))
+        field = rough_field(self.roughness, seed, self.width, band=self.band, step=self.step, length=self.length, level=self.level)
+        return np.array([*field.start, *field.step]), np.ascontiguousarray(field.heights)
+
+
+def _steps() -> Sequence[tuple[float, float, float]]:
+    """Plates of 3, 5 and 8 cm in turn, each 20 m, up within a length that a tyre stands on, down by a longer ramp."""
+    lines = [(-1.0, 0.0, 0.0)]
+    for i in range(127):
+        x, rise = 25.0 + 20 * i, (0.03, 0.05, 0.08)[i % 3]
+        lines += [(x, 0.0, rise / 0.25), (x + 0.25, rise, 0.0), (x + 4, rise, -rise / 2), (x + 6, 0.0, 0.0)]
+    return tuple(lines)
+
+
+_HILLS = LaidRoad(roughness=0.8, width=480.0, band=(0.0039, 0.016), step=2.0, length=256, level=12.0)
+
+#: The roads of pages, by name.
+ROADS: Mapping[str, LaidRoad] = {
+    "flat": LaidRoad(), "hills": _HILLS, "hills with steps": replace(_HILLS, lines=_steps()), "steps": LaidRoad(lines=_steps()),
+    **{f"ISO 8608 {grade}": LaidRoad(roughness=roughness) for grade, roughness in ROUGHNESS.items()},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,24 +140,69 @@ def make_drive(
     values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
     numbers = Numbers.of(model, scene, parameters)
     masses = {body.name: numbers.number(body.mass) for body in model.bodies}
-    is_car = sum(isinstance(look, Wheel) for force in model.forces for _, look in named_looks(force)) >= _WHEELS
+    wheels = list(_wheels(model))
+    is_car = len(wheels) >= _WHEELS
     weight = 9.81 * sum(masses.values())
     axes = _Axes(
         model=model, values=values, weight=weight, extent=find_sizes(model, scene, numbers).extent,
         roles={**(_find_roles(model) if is_car else {}), **(roles or {})}, ranges={each.name: each for each in ranges},
     ).find()  # fmt: skip
-    alone = _simulated(model, scene, method)
-    step, elements = alone.settings.step if dt is None else dt, bodies_of(model)
+    alone = simulated(model, scene, method)
+    step, elements, equations = alone.settings.step if dt is None else dt, bodies_of(model), alone.parts.stepped
     facts = {
         "dt": step, "every": max(1, round(max(1 / _ROWS, scene.output_step) / step)), "car": is_car, "axes": axes,
         "body": max(masses, key=lambda name: masses[name], default=""), "given": {name: float(value) for name, value in parameters.items()},
-        "of": {o.column: list(elements.get(o.element, ())) for o in scene.outputs},
+        "replay": f"cutjoint drive {Path(model.span.file).name} --scene {scene.name}",
+        "of": {o.column: list(elements.get(o.element, ())) for o in equations.outputs},
+        "ground": _ground(scene) if equations.roads else None, "wheels": [_wheel(*wheel, numbers, equations.outputs) for wheel in wheels],
+        "roads": {name: vars(road) for name, road in ROADS.items()} if alone.lays_roads else {},
     }  # fmt: skip
     return Drive(module=alone.build_module(), facts=facts)
 
 
-def _simulated(model: Model, scene: Scene, method: str) -> Standalone:
-    return make_standalone(generate(model, scene, scene.outputs, method=method, poses=True), equal_steps=True)
+def simulated(model: Model, scene: Scene, method: str) -> Standalone:
+    """The folder of a scene whose outputs have those of wheels too, with a road that may have a surface."""
+    more = [
+        Output(element=wheel.name, quantity=quantity, span=wheel.span)
+        for wheel, _ in _wheels(model) for quantity in _OF_WHEELS if quantity in wheel.element.quantities
+    ]  # fmt: skip
+    known = {output.column for output in scene.outputs}
+    outputs = (*scene.outputs, *(output for output in more if output.column not in known))
+    if scene.road.contact == "point" and scene.road.surface is None:
+        level = HeightTable(start=(0.0, 0.0), step=(1.0, 1.0), heights=((0.0, 0.0),) * 2, bilinear=False, span=scene.span)
+        scene = replace(scene, road=replace(scene.road, surface=level))
+    alone = make_standalone(generate(model, scene, outputs, method=method, poses=True), equal_steps=True)
+    return replace(alone, lays_roads=_lays_roads(alone))
+
+
+def _lays_roads(alone: Standalone) -> bool:
+    """Return whether wheels meet a road as points, which other roads know; rigid discs meet an envelope."""
+    equations = alone.parts.stepped
+    return bool(equations.roads) and equations.scene.road.contact == "point"
+
+
+def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
+    """The forces that are wheels, with their looks."""
+    return ((force, look) for force in model.forces for _, look in named_looks(force) if isinstance(look, Wheel))
+
+
+def _wheel(wheel: Force, look: Wheel, numbers: Numbers, outputs: Sequence[Output]) -> dict[str, Any]:
+    """The place of a wheel in the design position, m, and the numbers of its outputs."""
+    of = {o.quantity: i for i, o in enumerate(outputs) if o.element == wheel.name}
+    at = [float(x) for x in numbers.triple(look.at.of(wheel))]
+    return {"name": wheel.name, "at": at, "of": {q: of[q] for q in _OF_WHEELS if q in of}}
+
+
+def _ground(scene: Scene) -> dict[str, Any]:
+    """The scene's own road as a page draws it: pieces of both sides, heights, and patches with another friction."""
+    road = scene.road
+    sides = {side: [list(vars(p).values()) for p in profile_pieces(getattr(road, side), road.start)] for side in ("left", "right")}
+    surface, rough = surface_of(road), road.surface
+    patches = [[*patch.x, *patch.y, patch.friction] for patch in road.patches]
+    if isinstance(rough, RoughSurface):
+        waves = vars(LaidRoad(roughness=ROUGHNESS[rough.grade], width=rough.width))
+        return {**sides, "waves": waves, "seed": rough.seed, "patches": patches}
+    return {**sides, "field": surface.field.described() if surface and surface.field else None, "patches": patches}
 
 
 def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAULT_METHOD) -> Replay:
@@ -123,7 +213,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
         SimulationError: the drive ended with this fault.
         ToolchainError: the C++ compiler failed.
     """
-    alone = _simulated(model, scene, method)
+    alone = simulated(model, scene, method)
     drive = _read_drive(path)
     if drive.mark != alone.mark:
         of = escaped(f"'{drive.model}', {drive.scene}")
@@ -132,7 +222,12 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     for name in (*drive.given, *(name for _, name, _ in drive.events)):
         if name not in moves:
             raise RunError(f"--replay {path}: {_unknown(model, escaped(name), moves)}")
+    if drive.road and (drive.road not in ROADS or not alone.lays_roads):
+        raise RunError(f"--replay {path}: no road '{escaped(drive.road)}'; it has: {', '.join(ROADS)}")
     sim = open_standalone(alone, alone.build_twin(), lanes=None)
+    if drive.road:
+        lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
+        sim.library.lay_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
     for name, value in drive.given.items():
         _give(sim, name, value)
     sim.reset(dt=drive.dt)
@@ -158,7 +253,7 @@ def _give(sim: Simulation, name: str, value: float) -> None:
 
 class _Saved(BaseModel, extra="forbid", strict=True):
     """A drive as a page saves it: before the step of an event an input or a parameter has another value; ``every`` so many steps
-    are a row."""
+    are a row.  The ``road`` is one of `ROADS`, "" for the scene's."""
 
     cutjoint: Literal["drive"]
     mark: str
@@ -166,6 +261,8 @@ class _Saved(BaseModel, extra="forbid", strict=True):
     scene: str
     dt: Annotated[FiniteFloat, Field(gt=0)]
     given: dict[str, FiniteFloat]
+    road: str = ""
+    seed: Annotated[NonNegativeInt, Field(lt=2**53)] = 1
     steps: NonNegativeInt
     every: PositiveInt
     events: list[tuple[NonNegativeInt, str, FiniteFloat]]

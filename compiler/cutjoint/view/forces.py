@@ -109,8 +109,8 @@ class ForceNodes(Placed):
     def _road(self, wheels: list[tuple[float, Array]]) -> Node:
         """Both tracks under the way of all wheels, each with its radius, in strips of a metre."""
         way = np.concatenate([centre for _, centre in wheels])
-        margin = 4 * max(radius for radius, _ in wheels) + self.far / 10
-        x0, x1 = np.floor(way[:, 0].min() - margin), np.ceil(way[:, 0].max() + margin + self.far)
+        margin = 4 * max(radius for radius, _ in wheels)
+        x0, x1 = np.floor(way[:, 0].min() - margin), np.ceil(way[:, 0].max() + margin)
         road, parts = self.scene.road, []
         tracks = [(road.left, 0.0, max(way[:, 1].max(), 0.0) + margin / 2), (road.right, min(way[:, 1].min(), 0.0) - margin / 2, 0.0)]
         for segments, right, left in tracks:

@@ -62,7 +62,7 @@ SCRIPTS = (
 )  # fmt: skip
 
 #: More files of pages with a simulation that runs, before the last.
-DRIVING = ("drive",)
+DRIVING = ("ground", "keeping", "drive")
 
 #: The number of last rows of a failed run that are played slowly.
 LAST_ROWS = 40

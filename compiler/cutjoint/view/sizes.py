@@ -101,15 +101,13 @@ def _corners(numbers: Numbers, shape: Shape) -> Iterator[Array]:
 
 @dataclass(frozen=True, kw_only=True)
 class Placed:
-    """A model in a scene, its numbers and sizes, and the ``poses`` of all bodies, of the ground too; the road is drawn so far (m) around
-    them, beyond the wheels' own reach."""
+    """A model in a scene, its numbers and sizes, and the ``poses`` of all bodies, of the ground too."""
 
     model: Model
     scene: Scene
     numbers: Numbers
     sizes: Sizes
     poses: Mapping[str, BodyPose]
-    far: float = 0.0
 
     def place(self, body: str, point: Vector) -> Array:
         """The place of a body's point over time, (times, 3)."""

@@ -41,9 +41,6 @@ PAGE, GLTF = ".html", ".glb"
 #: The largest number of shown rows of a run, and of their bytes: a page opens at once, and nobody sees more.
 _ROWS, _BYTES = 2000, 1_800_000
 
-#: m; so far ahead the road of a page goes in which a car is driven.
-_AROUND = 300.0
-
 #: m; pictures have numbers of 32 bits, and squares of larger ones are none.
 _FAR = 1e18
 
@@ -188,11 +185,10 @@ def _content(
     placed = _placed(shown, shown.poses, shown.t)
     outputs = {o.column: (o.element, o.quantity) for o in shown.scene.outputs}
     columns = {outputs[c.name]: c.values for c in shown.columns if c.name in outputs and c.values.size == shown.t.size}
-    placed = replace(placed, far=_AROUND if drive else 0.0)
     has_arrows = kind == PAGE and not shown.motions  # forces are known at the times of a run alone
     drawing = draw(placed, shown.t, failed=shown.failure.element if shown.failure else "", columns=columns if has_arrows else {})
     camera = find_camera(placed, drawing)
-    if drive and not (shown.scene.road.left or shown.scene.road.right or shown.scene.road.parts):  # flat ground has no end in the page
+    if drive:  # the page draws the road that it lays
         drawing = replace(drawing, nodes=tuple(node for node in drawing.nodes if "road" not in node.about))
         camera = replace(camera, road=False, floor=0.0 if camera.road else camera.floor)
     times = motion_times()

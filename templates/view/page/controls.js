@@ -69,7 +69,7 @@ const read = (id) => new GLTFLoader().parseAsync(bytes(id), '');
 
 async function begin() {
   load(await read('glb'));
-  if (over) loadGhost(await read('over-glb'));
+  if (over) loadGhost(await read('over-glb'), over.name);
   listValues();
   if (about.plots.length) choosePlot('#0');
   else drawPlot();

@@ -1,7 +1,7 @@
 // What the page holds: facts, the numbers of the run's table, and what is chosen.
 const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, GLTFLoader, HemisphereLight,
-  LineBasicMaterial, LineSegments, Matrix4, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
-  Scene, Vector2, Vector3, WebGLRenderer,
+  LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
+  Scene, Vector2, Vector3, Vector4, WebGLRenderer,
 } = Libraries;
 const bytes = (id) => Uint8Array.from(atob(held(id)), (c) => c.charCodeAt(0)).buffer;
 const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {

@@ -3,6 +3,7 @@ const { drive } = about;
 
 /** Seconds of a frame that steps may take, that a frame makes up for at most, and between snapshots, curves and lines of figures. */
 const BUDGET = 0.03, MOST = 0.1, BETWEEN = 1, CURVES = 0.4, FIGURES = 0.25;
+const RPM = 30 / Math.PI;
 /** Rows of the curves, and snapshots before every other one of the older half goes. */
 const SHOWN = 3000, KEPT = 1200;
 /** How fast keys move what they move, in ways from rest to its end a second: away, and back where it goes back by itself. */
@@ -20,7 +21,7 @@ class Growing {
 }
 
 const run = {
-  sim: undefined, core: undefined, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
+  sim: undefined, core: undefined, module: undefined, road: undefined, given: {}, script: undefined, busy: false, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
   late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
 };
 
@@ -64,16 +65,31 @@ class Axis {
     if (!this.touched || this.value === this.sent) return;
     this.sent = this.value;
     run.events.push([run.step, this.name, this.value]);
-    if (this.kind === 'input') run.sim.setInput(this.name, this.value);
-    else run.sim.setParameter(this.name, this.value);
+    give(run.core, run.sim, this.name, this.value);
   }
+  /** The value as it was given in a drive that is taken once more. */
+  take(value) { [this.place, this.wanted, this.touched, this.held, this.sent] = [this.placeOf(value), this.placeOf(value), true, !this.role, value]; }
   get state() { return [this.place, this.wanted, this.touched, this.held, this.sent]; }
   set state(state) { [this.place, this.wanted, this.touched, this.held, this.sent] = state; }
 }
 
+/** What a drive that was saved gave, from step to step. */
+class Script {
+  constructor({ events }) { [this.events, this.next] = [events, 0]; }
+  /** The events up to a step that have not been given. */
+  *upTo(step) { while (this.next < this.events.length && this.events[this.next][0] <= step) yield this.events[this.next++]; }
+}
+
+const give = (core, sim, name, value) => sim[core.inputs.some((input) => input.name === name) ? 'setInput' : 'setParameter'](name, value);
+
 /** One step with the inputs as they are; a fault ends the drive with the core's words. */
 function advance() {
-  for (const axis of run.axes) { axis.move(drive.dt); axis.send(); }
+  if (run.script) for (const event of run.script.upTo(run.step)) {
+    run.events.push(event);
+    give(run.core, run.sim, event[1], event[2]);
+    run.axes.find((axis) => axis.name === event[1])?.take(event[2]);
+  }
+  else for (const axis of run.axes) { axis.move(drive.dt); axis.send(); }
   run.sim.step();
   run.step++;
   if (run.step % drive.every === 0) takeRow();
@@ -113,6 +129,7 @@ function stop(error) {
   by('advice').textContent = 'The drive so far is kept: save it as CSV, go back by the slider of the time, or reset.';
   by('slowly').hidden = true;
   by('rescue').hidden = false;
+  storeDrive();
 }
 
 /** Back to the last snapshot at a time or before; what came later is forgotten. */
@@ -129,29 +146,55 @@ function goBack(time) {
   showDriven(true);
 }
 
-/** The start of the scene, with parameters as they were given. */
-function restart() {
+/** A simulation at the start of the scene, with what is given besides. */
+function begun(core, given) {
+  const sim = core.create();
+  sim.setStep(drive.dt);
+  for (const [name, value] of Object.entries(given)) give(core, sim, name, value);
+  sim.start();
+  return sim;
+}
+
+/** The start of the scene, on the road as it is. */
+function restart(given = drive.given) {
+  const shownBy = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
   run.sim?.free();
-  run.sim = run.core.create();
-  run.sim.setStep(drive.dt);
-  for (const [name, value] of Object.entries(drive.given)) run.sim[run.core.inputs.some((i) => i.name === name) ? 'setInput' : 'setParameter'](name, value);
-  run.axes = drive.axes.map((each) => new Axis(each));
-  Object.assign(run, { step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, heading: undefined });
+  run.sim = begun(run.core, given);
+  run.axes = drive.axes.map((each, i) => Object.assign(new Axis(each), shownBy[i]));
+  Object.assign(run, { given, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, heading: undefined });
   run.rows = [...run.core.outputs, ...run.axes].map(() => new Growing());
   by('failure').hidden = true;
-  run.sim.start();
   for (const axis of run.axes) if (!axis.touched && axis.kind === 'input') axis.rest = run.sim.input(axis.name);
   takeRow();
   keep();
 }
 
+/** A road, with memory of its own; the drive begins anew. */
+async function takeRoad(name, seed, given) {
+  const before = [run.core, run.sim, run.road], core = await instantiate(run.module), road = drive.ground ? makeRoad(name, seed) : undefined;
+  if (road) layRoad(core, road);
+  Object.assign(run, { core, sim: undefined, road });
+  try {
+    restart(given);
+  } catch (error) {
+    [run.core, run.sim, run.road] = before;
+    if (!run.sim) throw error;
+    say(`${name || 'the road of the scene'}: no start there (${error.message})`);
+  }
+  if (!drive.ground) return;
+  [by('road').value, by('seed').value] = [run.road.name, run.road.seed];
+  by('seed').hidden = !run.road.field || !run.road.lines;
+  drawGround(run.road);
+}
+
 function playDrive(on) {
-  state.playing = on && !run.fault;
+  state.playing = on && !run.fault && !run.busy;
   by('play').textContent = state.playing ? 'Pause' : 'Drive';
   run.before = undefined;
   run.keys.clear();
+  by('kept').hidden ||= state.playing;
   if (state.playing) requestAnimationFrame(driveFrame);
-  else showFigures();
+  else { showFigures(); storeDrive(); }
 }
 
 /** Steps of equal length as the clock asks for them; what a frame cannot take is late, and the drive slower than the clock. */
@@ -174,26 +217,28 @@ function driveFrame(now) {
   if (run.rest >= dt) { run.late++; run.rest = 0; }
   showDriven(now - run.drawn > 1000 * CURVES);
   if (now - run.told > 1000 * FIGURES) { run.told = now; showFigures(); }
+  if (now - kept.at > kept.every) storeDrive();
   if (goes && state.playing) requestAnimationFrame(driveFrame);
 }
 
 /** Bodies, eye, sliders and clock as they are now; curves too where they are asked for. */
 function showDriven(curves) {
   const { poses } = run.sim, [from] = [nodes.get(drive.body)?.getWorldPosition(new Vector3())];
-  const rows = about.bodies.map((_, i) => poses.subarray(16 * i, 16 * i + 7));
+  const rows = about.bodies.map((_, i) => poses.subarray(16 * i, 16 * i + 7)), at = 16 * about.bodies.indexOf(drive.body);
+  moveGround(poses[at], poses[at + 1]);
   follow(run.sim.time, ...rows);
+  showGhostDrive(run.sim.time);
   last = Math.max(run.sim.time, 1e-9);
   by('time').value = 1;
   look(from);
   for (const axis of run.axes) showAxis(axis);
-  const at = 16 * about.bodies.indexOf(drive.body);
-  if (drive.car) by('fast').textContent = (3.6 * Math.hypot(...poses.subarray(at + 7, at + 10))).toFixed(0);
+  if (drive.car) showDials(Math.hypot(...poses.subarray(at + 7, at + 10)));
   if (!curves) return;
   run.drawn = performance.now();
   t = Float32Array.from(run.times.last(SHOWN));
   columns.forEach((column, i) => Object.assign(column, measured({ ...column, values: Float32Array.from(run.rows[i].last(SHOWN)) })));
   showValues();
-  if (plot && !state.over) plot.setData([t, ...state.chosen.map((name) => columns.find((c) => c.name === name)).filter(Boolean).map((c) => c.values)]);
+  if (plot && !state.over && !ghost.columns.size) plot.setData([t, ...state.chosen.map((name) => columns.find((c) => c.name === name)).filter(Boolean).map((c) => c.values)]);
   else drawPlot();
   cursor();
 }
@@ -205,26 +250,59 @@ function showAxis(axis) {
   if (axis.bar) axis.bar.style.setProperty('--place', axis.place);
 }
 
+/** Speed, gear and engine, and of each wheel its load, a circle of the friction that it has, and its force in that. */
+function showDials(speed) {
+  const { outputs } = run.sim, value = (index) => (index === undefined ? 0 : outputs[index]), [gear, engine] = [/gear|selected/, /engine.*speed/].map((name) => run.core.outputs.findIndex((o) => name.test(o.name)));
+  by('fast').textContent = (3.6 * speed).toFixed(0);
+  by('gear').textContent = [gear < 0 ? '' : `gear ${outputs[gear].toFixed(0)}`, engine < 0 ? '' : `${(RPM * outputs[engine] / 10).toFixed(0)}0 rpm`].filter(Boolean).join(', ');
+  const loads = drive.wheels.map(({ of }) => value(of.Fz));
+  run.usual ??= loads.reduce((sum, load) => sum + load, 0) / loads.length;
+  drive.wheels.forEach(({ of }, i) => {
+    const [circle, line, dot, text] = run.wheels[i], most = loads[i] * (of.road_friction === undefined ? 1 : value(of.road_friction)), scale = 17 / run.usual;
+    const [x, y] = [-value(of.Fy), -value(of.Fx)].map((force) => Math.min(Math.max(scale * force, -30), 30));
+    circle.setAttribute('r', Math.min(Math.max(scale * most, 0), 27));
+    for (const [element, names] of [[line, ['x2', 'y2']], [dot, ['cx', 'cy']]]) names.forEach((name, k) => element.setAttribute(name, [x, y][k]));
+    circle.parentNode.classList.toggle('slides', Math.hypot(value(of.Fx), value(of.Fy)) > 0.95 * most && most > 0);
+    text.textContent = (loads[i] / 1000).toFixed(1);
+  });
+}
+
+/** A drawing of each wheel where it is, ahead up. */
+function layWheels() {
+  const part = (name, parent, given = {}) => { const made = document.createElementNS('http://www.w3.org/2000/svg', name); for (const [key, value] of Object.entries(given)) made.setAttribute(key, value); return parent.appendChild(made); };
+  const far = [0, 1].map((axis) => Math.max(...drive.wheels.map(({ at }) => Math.abs(at[axis] - middle(axis))), 1e-9));
+  function middle(axis) { const all = drive.wheels.map(({ at }) => at[axis]); return (Math.min(...all) + Math.max(...all)) / 2; }
+  run.wheels = drive.wheels.map(({ at, name }) => {
+    const group = part('g', by('wheels'), { transform: `translate(${88 - 34 * (at[1] - middle(1)) / far[1]} ${58 - 30 * (at[0] - middle(0)) / far[0]})` });
+    part('title', group).textContent = `${name}: load in kN, the circle of its friction, its force`;
+    return ['circle', 'line', 'circle', 'text'].map((kind, i) => part(kind, group, [{}, {}, { r: 3, class: 'dot' }, { x: at[1] > middle(1) ? -30 : 30, y: 4, 'text-anchor': at[1] > middle(1) ? 'end' : 'start' }][i]));
+  });
+}
+
 function showFigures() {
   const share = run.wall > 0 ? run.simulated / run.wall : 0, speed = Number(by('speed').value);
   const core = run.physics > 0 ? `; the core ${(run.simulated / run.physics).toPrecision(2)} times real time, ${(1000 * run.physics / Math.max(run.frames, 1)).toFixed(2)} ms a frame` : '';
+  by('pace').hidden = !run.wall;
   by('pace').textContent = `${(share / speed).toFixed(2)} of the clock, ${run.late} late${core}`;
 }
 
-/** The eye behind a car, at the driver's place, or where it was turned to. */
+/** The eye behind a car, at the driver's place, or where it was turned to; the sun and its shadow go with the car. */
 function look(from) {
-  const node = nodes.get(drive.body);
-  if (!node || run.camera === 'orbit') return;
-  const at = node.getWorldPosition(new Vector3()), turn = node.getWorldQuaternion(new Quaternion()), size = outlook.extent;
-  const ahead = new Vector3(1, 0, 0).applyQuaternion(turn), up = new Vector3(0, 1, 0);
+  const node = nodes.get(drive.body), size = outlook.extent;
+  if (!node) return;
+  const at = node.getWorldPosition(new Vector3());
+  if (ground.road) { sun.position.copy(at).add(new Vector3(-4, 9, 5).multiplyScalar(size)); sun.target.position.copy(at); }
+  if (run.camera === 'orbit') return;
+  const turn = node.getWorldQuaternion(new Quaternion()), ahead = new Vector3(1, 0, 0).applyQuaternion(turn), up = new Vector3(0, 1, 0);
   if (run.camera === 'driver') {
     camera.position.copy(at).addScaledVector(up, 0.22 * size);
     orbit.target.copy(camera.position).addScaledVector(ahead, 4 * size);
   } else {
-    const level = ahead.setY(0).normalize();
+    const level = ahead.setY(0).normalize(), [back, high] = camera.aspect < 1 ? [-3, 1.25] : [-2.1, 0.75];
     run.heading = run.heading && from && at.distanceTo(from) < size ? run.heading.lerp(level, 0.08).normalize() : level.clone();
-    camera.position.copy(at).addScaledVector(run.heading, -2.1 * size).addScaledVector(up, 0.75 * size);
+    camera.position.copy(at).addScaledVector(run.heading, back * size).addScaledVector(up, high * size);
     orbit.target.copy(at).addScaledVector(run.heading, 0.8 * size);
+    if (ground.road) camera.position.y = Math.max(camera.position.y, heightAt(camera.position.x, -camera.position.z) + 0.3 * size);
   }
   camera.lookAt(orbit.target);
   redraw();
@@ -248,13 +326,23 @@ function driveTable() {
 }
 
 /** All that a replay needs: steps, and what was given before which. */
-const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, given: drive.given, steps: run.step, every: drive.every, events: run.events });
+const driveLog = () => JSON.stringify({ cutjoint: 'drive', mark: run.core.facts.mark, model: about.title, scene: about.scene, dt: drive.dt, given: run.given, ...(run.road?.lines ? { road: run.road.name, seed: run.road.seed } : {}), steps: run.step, every: drive.every, events: run.events });
 
 const saveDrive = () => save(`${stem()}.csv`, new Blob([driveTable()], { type: 'text/csv' }));
 
+const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓' })[key] ?? key.replace(/^Key|^Digit/, '');
+
+/** The keys that there are, over the picture. */
+function layKeys() {
+  const own = run.axes.filter((axis) => axis.plus.length && hasPads(axis)).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
+  for (const [keys, text] of [...own, [['space'], 'pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
+    const line = by('keys').appendChild(document.createElement('div'));
+    line.append(...keys.map((key) => Object.assign(document.createElement('kbd'), { textContent: key })), ` ${text}`);
+  }
+}
+
 /** A line with a slider for each axis, the keys beside its name, and for a car bars over the picture. */
 function layAxes() {
-  const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑', ArrowDown: '↓', Space: 'space' })[key] ?? key.replace(/^Key|^Digit/, '');
   for (const axis of run.axes) {
     const line = document.createElement('div'), label = document.createElement('label'), hint = document.createElement('kbd');
     [axis.output, axis.input] = [document.createElement('output'), document.createElement('input')];
@@ -265,11 +353,13 @@ function layAxes() {
     axis.input.setAttribute('aria-label', axis.name);
     axis.input.addEventListener('input', () => { const { name } = axis; run.axes.find((each) => each.name === name).put(Number(axis.input.value)); if (!state.playing) showAxis(run.axes.find((each) => each.name === name)); });
     line.append(label, axis.output, axis.input);
-    by(axis.kind === 'input' ? 'inputs' : 'tunable').append(line);
+    by(axis.role || (axis.kind === 'input' && !drive.car) ? 'inputs' : 'tunable').append(line);
+    if (axis.role) by('bars').append(Object.assign(document.createElement('span'), { textContent: axis.name }));
     axis.bar = axis.role ? by('bars').appendChild(Object.assign(document.createElement('i'), { className: axis.role, title: axis.name })) : undefined;
     for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length && hasPads(axis)) layPad(axis, side, keys[0], keyName(keys[0]));
   }
-  by('tuning').hidden = !run.axes.some((axis) => axis.kind !== 'input');
+  by('tuning').open = !drive.car;
+  by('tuning').hidden = !by('tunable').childElementCount;
 }
 
 /** Thumbs have room for four buttons: those of a car's pedals and wheel, or of the first two inputs. */
@@ -298,12 +388,14 @@ function listen() {
     } else if (e.code === 'Space' && e.target.tagName !== 'BUTTON') { e.preventDefault(); playDrive(!state.playing); }
     else if (e.code === 'KeyR') resetDrive();
     else if (e.code === 'KeyC') chooseCamera({ chase: 'driver', driver: 'orbit', orbit: 'chase' }[run.camera]);
+    else if (e.code === 'KeyH') by('keys').hidden = !by('keys').hidden;
     else if (e.code === 'Backspace') { e.preventDefault(); goBack(run.sim.time - 3); }
   });
   addEventListener('keyup', (e) => run.keys.delete(e.code));
   addEventListener('blur', () => run.keys.clear());
-  document.addEventListener('visibilitychange', () => { if (document.hidden && state.playing) playDrive(false); });
-  addEventListener('gamepaddisconnected', () => { run.pad = undefined; playDrive(false); });
+  addEventListener('pagehide', storeDrive);
+  document.addEventListener('visibilitychange', () => { if (document.hidden && state.playing) { playDrive(false); say('Paused while the page was hidden.'); } });
+  addEventListener('gamepaddisconnected', () => { if (!run.pad) return; run.pad = undefined; playDrive(false); say('The gamepad is gone: paused. Plug it in, or go on with the keys.'); });
   by('play').addEventListener('click', () => playDrive(!state.playing));
   by('again').addEventListener('click', () => resetDrive());
   by('back').addEventListener('click', () => goBack(run.sim.time - 3));
@@ -315,9 +407,16 @@ function listen() {
 
 function resetDrive() {
   playDrive(false);
-  const parts = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
+  if (run.busy) return;
   restart();
-  run.axes.forEach((axis, i) => Object.assign(axis, parts[i]));
+  chooseCamera(run.camera);
+  showDriven(true);
+}
+
+/** Another road, from the start. */
+async function changeRoad(name, seed) {
+  playDrive(false);
+  await takeRoad(name, seed);
   chooseCamera(run.camera);
   showDriven(true);
 }
@@ -333,8 +432,13 @@ const driven = {
     showDriven(true);
     return run.step;
   },
+  road: changeRoad, goOn, ghost: raceGhost, store: storeDrive, kept: () => kept,
+  heights() { return Array.from(run.road.field?.heights ?? []); },
+  groundBelow() { return heightAt(run.sim.poses[0], run.sim.poses[1]); },
+  /** Where the ghost of a body is, in the model's axes. */
+  rival(body) { return rival.figure.nodes.get(body).position.toArray(); },
   goBack, reset: resetDrive, table: driveTable, log: driveLog, camera: chooseCamera,
-  shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },
+  shown() { return { step: run.step, time: run.sim.time, late: run.late, fault: run.fault?.message ?? '', playing: state.playing, snapshots: run.snapshots.length, camera: run.camera, road: run.road?.name ?? '', ghost: rival.rows?.length ?? 0, axes: Object.fromEntries(run.axes.map((axis) => [axis.name, axis.value])) }; },
   outputs() { return Array.from(run.sim.outputs); },
   simulation() { return run.sim; },
 };
@@ -342,18 +446,33 @@ const driven = {
 async function showDrive() {
   document.body.classList.add('driving');
   document.body.classList.remove('still', 'bare');
-  run.core = await instantiate(bytes('module'));
-  restart();
+  run.module = await WebAssembly.compile(bytes('module'));
+  if (drive.ground) {
+    renderer.shadowMap.enabled = sun.castShadow = true;
+    Object.assign(sun.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: 0.1, far: 30 * outlook.extent });
+    sun.shadow.mapSize.set(1024, 1024);
+    scene.add(sun.target);
+    model.traverse((object) => { object.castShadow = object.isMesh; });
+    fill(by('road'), [['', 'of the scene'], ...Object.keys(drive.roads).map((name) => [name, name])], '');
+    for (const id of ['road', 'seed']) by(id).addEventListener('change', () => changeRoad(by('road').value, Math.max(0, Math.floor(Number(by('seed').value)))));
+  }
+  by('laying').hidden = !drive.ground;
+  await takeRoad(drive.road ?? '', 1);
+  if (drive.car) layWheels();
   layAxes();
+  layKeys();
   listen();
+  findKept();
   window.cutjoint.drive = driven;
   columns.push(...[...run.core.outputs, ...run.axes].map(({ name, unit }) => ({ name, unit, bodies: drive.of[name] ?? [], values: new Float32Array(1), decimals: 3 })));
   fill(by('column'), columns.map((c) => [c.name, c.name]), columns[0]?.name);
   by('choice').hidden = !columns.length;
-  state.chosen = columns.slice(0, 1).map((c) => c.name);
+  state.chosen = [(run.core.outputs.find((o) => drive.car && o.unit === 'm/s') ?? columns[0])?.name].filter(Boolean);
+  by('column').value = state.chosen[0] ?? '';
   listValues();
   by('play').textContent = 'Drive';
   by('hud').hidden = !drive.car;
+  dress();
   chooseCamera(run.camera);
   showDriven(true);
   showFigures();

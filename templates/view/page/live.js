@@ -1,19 +1,24 @@
 // A host that runs elsewhere: where its bodies are comes as events.
 let heard = 0;
 
-/** A time, then of each body the place of its centre of mass and its attitude w, x, y, z. */
-function follow(time, ...poses) {
-  heard++;
-  const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());
+/** Of each body the place of its centre of mass and its attitude w, x, y, z, for a mechanism that is drawn. */
+function stand(figure, poses) {
   about.bodies.forEach((name, i) => {
-    const [x, y, z, a, b, c, d] = poses[i], node = nodes.get(name);
+    const [x, y, z, a, b, c, d] = poses[i], node = figure.nodes.get(name);
     node.position.set(x, y, z);
     node.quaternion.set(b, c, d, a);
     const centre = sliders?.bodies.find((body) => body.name === name)?.centre ?? [0, 0, 0];
     const back = new Matrix4().makeTranslation(...centre.map((value) => -value));
-    frames.set(name, new Matrix4().compose(node.position, node.quaternion, new Vector3(1, 1, 1)).multiply(back));
+    figure.frames.set(name, new Matrix4().compose(node.position, node.quaternion, new Vector3(1, 1, 1)).multiply(back));
   });
-  for (const other of sliders?.others ?? []) placeOther(other);
+  for (const other of sliders?.others ?? []) placeOther(other, figure);
+}
+
+/** The mechanism stands so at a time. */
+function follow(time, ...poses) {
+  heard++;
+  const before = state.follow && nodes.get(state.follow)?.getWorldPosition(new Vector3());
+  stand(shown, poses);
   state.time = time;
   by('clock').textContent = `${time.toFixed(2)} s`;
   model.updateMatrixWorld();

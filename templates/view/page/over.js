@@ -10,7 +10,7 @@ if (over) {
 
 const hidden = (object) => object.userData.road || object.userData.mark !== undefined;
 
-function loadGhost(gltf) {
+function loadGhost(gltf, name) {
   ghost.scene = gltf.scene;
   ghost.material = new MeshLambertMaterial({ transparent: true, opacity: 0.38, depthWrite: false });
   gltf.scene.traverse((object) => {
@@ -24,7 +24,7 @@ function loadGhost(gltf) {
     ghost.action.play();
   }
   by('over').hidden = by('ghostly').hidden = false;
-  by('over').textContent = `over ${over.name}`;
+  by('over').textContent = `over ${name}`;
   by('ghost').addEventListener('change', (e) => { ghost.scene.visible = e.target.checked; redraw(); });
   dress();
   moveGhost();

@@ -111,16 +111,17 @@ function dress() {
   scene.fog = new Fog(scene.background, 1, 2);
   ghost.material?.color.set(style.getPropertyValue('--ghost'));
   const night = matchMedia('(prefers-color-scheme: dark)').matches;
+  if (about.drive?.ground) { scene.background.set(style.getPropertyValue('--air')); scene.fog.color.copy(scene.background); if (ground.light) ground.light.value = night ? 0.3 : 0.72; }
   for (const [material, colour] of tarmac) material.color.copy(colour).multiplyScalar(night ? 0.3 : 1);
   if (grid) scene.remove(grid);
   grid = undefined;
-  if (!outlook.road || about.drive) {
+  if (!outlook.road && !about.drive?.ground) {
     const about10 = 10 ** Math.floor(Math.log10(outlook.extent / 4)), share = outlook.extent / 4 / about10;
     cell = about10 * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
     grid = floor(new Color(style.getPropertyValue('--floor')));
     scene.add(grid);
   }
-  by('scale').textContent = outlook.road ? 'strips of the road: 1 m' : `grid: ${+cell.toPrecision(3)} m`;
+  by('scale').textContent = about.drive?.ground ? 'squares: 10 m, lines: 1 m of height' : outlook.road ? 'strips of the road: 1 m' : `grid: ${+cell.toPrecision(3)} m`;
   if (plot) drawPlot();
   redraw();
 }
@@ -157,10 +158,10 @@ function redraw() {
 }
 
 function render() {
-  sun.position.copy(camera.position).add(new Vector3(0, outlook.extent, 0));
+  if (!about.drive?.ground) sun.position.copy(camera.position).add(new Vector3(0, outlook.extent, 0));
   if (grid) grid.position.set(cell * Math.round(orbit.target.x / cell), outlook.floor, cell * Math.round(orbit.target.z / cell));
   const far = camera.position.distanceTo(orbit.target);
-  [scene.fog.near, scene.fog.far] = outlook.road ? [4 * far, 14 * far] : [far, 2.2 * far + 4 * cell];
+  [scene.fog.near, scene.fog.far] = about.drive?.ground ? [60, 235] : outlook.road ? [4 * far, 14 * far] : [far, 2.2 * far + 4 * cell];
   renderer.render(scene, camera);
   label();
 }

@@ -35,5 +35,5 @@ function saveVideo() {
   wait();
 }
 
-const SAVING = { table: () => save(`${stem()}.csv`, new Blob([about.drive ? driveTable() : tableText()], { type: 'text/csv' })), log: () => save(`${stem()}.json`, new Blob([driveLog()], { type: 'application/json' })), picture: savePicture, video: saveVideo };
+const SAVING = { table: () => save(`${stem()}.csv`, new Blob([about.drive ? driveTable() : tableText()], { type: 'text/csv' })), log: () => { save(`${stem()}.json`, new Blob([driveLog()], { type: 'application/json' })); say(`Replay: ${about.drive.replay} --replay ${stem()}.json`); }, picture: savePicture, video: saveVideo };
 by('save').addEventListener('change', (e) => { const how = SAVING[e.target.value]; e.target.value = ''; how?.(); });

@@ -79,21 +79,24 @@ function slide(slider, wanted) {
 }
 
 let pose = sliders ? Float64Array.from(sliders.q) : undefined;
-const frames = new Map(), standing = [];
+const standing = [];
+
+/** A mechanism that is drawn: its nodes by body and by element, and the frames of its bodies. */
+const shown = { nodes, elements, frames: new Map() };
 
 /** Where a point of a body is, or of the ground. */
-const pointAt = ({ body, point }) => body ? new Vector3(...point).applyMatrix4(frames.get(body)) : new Vector3(...point);
+const pointAt = ({ body, point }, { frames }) => body ? new Vector3(...point).applyMatrix4(frames.get(body)) : new Vector3(...point);
 
 function showPose() {
   const values = Mechanism.poses(pose);
   sliders.bodies.forEach(({ name, centre }, i) => {
     const [a, b, c, d, e, f, g, h, k, x, y, z] = values.slice(12 * i, 12 * i + 12), node = nodes.get(name);
     const frame = new Matrix4().set(a, b, c, x, d, e, f, y, g, h, k, z, 0, 0, 0, 1);
-    frames.set(name, frame);
+    shown.frames.set(name, frame);
     node.position.set(...centre).applyMatrix4(frame);
     node.quaternion.setFromRotationMatrix(frame);
   });
-  for (const other of sliders.others) placeOther(other);
+  for (const other of sliders.others) placeOther(other, shown);
   for (const { slider, input, output } of standing) {
     input.value = pose[slider.q];
     output.textContent = `${pose[slider.q].toFixed(3)} ${slider.unit}`;
@@ -102,17 +105,17 @@ function showPose() {
   redraw();
 }
 
-function placeOther(other) {
-  const node = elements.get(other.name);
+function placeOther(other, figure) {
+  const node = figure.elements.get(other.name), { frames } = figure;
   if (!node) return;
   if (other.on) {
     const frame = other.on.body ? frames.get(other.on.body) : new Matrix4();
     node.userData.own ??= new Quaternion().setFromRotationMatrix(frame).invert().multiply(node.quaternion);
-    node.position.copy(pointAt(other.on));
+    node.position.copy(pointAt(other.on, figure));
     node.quaternion.setFromRotationMatrix(frame).multiply(node.userData.own);
     return;
   }
-  const end = pointAt(other.to), start = pointAt(other.from), axis = new Vector3(...(other.axis ?? [0, 0, 1]));
+  const end = pointAt(other.to, figure), start = pointAt(other.from, figure), axis = new Vector3(...(other.axis ?? [0, 0, 1]));
   if (other.axis) {
     if (other.from.body) axis.transformDirection(frames.get(other.from.body));
     start.copy(end).addScaledVector(axis, -end.clone().sub(start).dot(axis));
