@@ -148,11 +148,29 @@ def test_starts_and_what_is_left_out(tmp_path: Path) -> None:
         ('<include file="m.xml"/>', "includes 'm.xml' again"),
         ('<equality><joint joint1="a_j" polycoef="0.1 0 0 0 0"/></equality>', "holds the joint 'a_j' still"),
         ("<nonsense/>", "is refused by MuJoCo"),
+        ('<asset><texture type="cube" fileright="../../etc/passwd"/></asset>', "outside the folder of the file"),
+        ('<asset><model name="x" file="/etc/passwd"/></asset>', "outside the folder of the file"),
+        ('<asset><model name="x" file="m.xml"/></asset>', "includes 'm.xml' again"),
+        ('<asset><texture type="2d" builtin="flat" width="30000" height="30000"/></asset>', "is 900000000 large"),
+        ('<asset><hfield nrow="30000" ncol="30000" size="1 1 1 1"/></asset>', "is 900000000 large"),
+        ('<size nuser_body="500000000"/>', "is 500000000 large"),
+        ('<worldbody><flexcomp name="f" count="50 50 50"/></worldbody>', "large"),
+        ('<worldbody><replicate count="99"><replicate count="999"><body/></replicate></replicate></worldbody>', "up to 98901 times"),
     ],
 )
 def test_what_is_refused(tmp_path: Path, more: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         read_model(written(tmp_path, ARMS, more))
+
+
+def test_a_file_that_is_taken_in_may_repeat_no_more(tmp_path: Path) -> None:
+    (tmp_path / "part.xml").write_text(f'<mujoco><worldbody><replicate count="99">{ARMS}</replicate></worldbody></mujoco>')
+    (tmp_path / "model.xml").write_text('<mujoco><extension><plugin plugin="x"/></extension></mujoco>')
+    outer = '<replicate count="99"><include file="part.xml"/></replicate>'
+    with pytest.raises(ModelError, match="up to 9801 times"):
+        read_model(written(tmp_path, outer, ""))
+    with pytest.raises(ModelError, match="a plugin, whose code is not run"):
+        read_model(written(tmp_path, ARMS, '<asset><model name="x" file="model.xml"/></asset>'))
 
 
 def test_what_includes_bring(tmp_path: Path) -> None:

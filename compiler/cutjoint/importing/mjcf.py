@@ -6,6 +6,7 @@ springs; here they are rigid.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from itertools import combinations
 from pathlib import Path
@@ -16,12 +17,17 @@ import numpy as np
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
 from cutjoint.importing.xml import Node, read_xml
+from cutjoint.model.text import is_number
 from cutjoint.package.extensions import MissingPackageError
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
 _LARGEST_FILE = 200_000_000
+#: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
+#: say it.
+_ELEMENTS, _LARGEST_SIZE, _FAR = 20_000, 4_000_000, 1e9
+_SIZES = {"texture": (("width", "height"),), "hfield": (("nrow", "ncol"),), "composite": (("count",) * 2,), "flexcomp": (("count",) * 2,)}
 #: Arrays of MuJoCo's model that are read.
 _NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "site_pos", "site_quat", "jnt_axis", "jnt_pos",
             "jnt_stiffness", "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear",
@@ -42,7 +48,8 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     root = read_xml(path)
     if root.tag != "mujoco":
         root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")
-    _require_inside(root, path.parent, path.parent, [path])
+    roots = _require_inside(root, path.parent, path.parent, [path.resolve()])
+    _require_small(roots)
     try:
         import mujoco
     except ImportError:
@@ -70,29 +77,54 @@ def _heed(node: Node) -> None:
         _heed(child)
 
 
-def _require_inside(root: Node, folder: Path, at: Path, seen: list[Path]) -> None:
-    """Refuse files that stand outside the folder of the model, are very large, or are code."""
+def _require_small(roots: list[Node]) -> None:
+    """Refuse files of a few lines that MuJoCo's compiler makes very large models of."""
+    copies, nodes = math.prod(map(_copies, roots)), [node for root in roots for node in _all(root)]
+    if copies * len(nodes) > _ELEMENTS:
+        roots[0].refuse(f"repeats its {len(nodes)} elements up to {copies} times", "make it smaller")
+    for node in nodes:
+        sizes = [math.prod(_whole(node.attributes.get(name, "")) for name in names) for names in _SIZES.get(node.tag, ())]
+        if node.tag == "size":
+            sizes = [_whole(value) for name, value in node.attributes.items() if name != "memory"]
+        if max(sizes, default=0) > _LARGEST_SIZE:
+            node.refuse(f"is {max(sizes)} large", f"make it {_LARGEST_SIZE} at most")
+
+
+def _copies(node: Node) -> int:
+    """The largest product of counts of ``<replicate>`` within each other."""
+    own = _whole(node.attributes.get("count", "")) if node.tag == "replicate" else 1
+    return own * max(map(_copies, node.children), default=1)
+
+
+def _whole(text: str) -> int:
+    """The product of the numbers in an attribute without their fractions; what is none counts as one."""
+    return math.prod(max(1, int(min(float(word), _FAR))) for word in text.split() if is_number(word))
+
+
+def _require_inside(root: Node, folder: Path, at: Path, seen: list[Path]) -> list[Node]:
+    """The outermost elements of a file and of all that it takes in.  Files outside the folder of the model, very large ones and code are
+    refused."""
+    roots = [root]
     for node in _all(root):
         if node.tag == "plugin":
             node.refuse("is a plugin, whose code is not run", "leave it out")
         for key in ("meshdir", "texturedir", "assetdir"):
             _inside(node, node.attributes.get(key, ""), folder, at)
     folders = {node.attributes.get(key, "") for node in _all(root) for key in ("meshdir", "texturedir", "assetdir")} | {""}
-    for node in _all(root):
-        file = node.attributes.get("file", "")
-        if not file:
-            continue
+    named = [(node, value) for node in _all(root) for name, value in node.attributes.items() if name.startswith("file")]
+    for node, file in named:
         for part in folders:
             target = _inside(node, f"{part}/{file}" if part else file, folder, at)
             if target.is_file() and target.stat().st_size > _LARGEST_FILE:
                 node.refuse(f"names a file of more than {_LARGEST_FILE // 1_000_000} MB", "make it smaller")
-        if node.tag == "include":
+        if node.tag in ("include", "model"):
             target = _inside(node, file, folder, at)
             if target in seen or len(seen) > _INCLUDES:
                 node.refuse(f"includes '{file[:60]}' again, or more than {_INCLUDES} files", "include each file once")
             seen.append(target)
             if target.is_file():
-                _require_inside(read_xml(target), folder, at, seen)
+                roots += _require_inside(read_xml(target), folder, at, seen)
+    return roots
 
 
 def _inside(node: Node, name: str, folder: Path, at: Path) -> Path:
