@@ -5,9 +5,9 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstring>
 #include <limits>
 
+#include "cutjoint/core/secant_inverse.hpp"
 #include "cutjoint/core/step_derivatives.hpp"
 #include "cutjoint/core/transposed_charts.hpp"
 
@@ -78,15 +78,13 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     if (missed) return missed;
     load_transposed();
     const std::size_t rows = static_cast<std::size_t>(steps / course.every) + 1;
-    for (std::size_t i = 0; i < objectives.number; ++i) {
-      if (const Fault fault = go_back(course.number, objectives.weights + i * rows * course.number, rows)) return fault;
-      if constexpr (has_fits) transposed_.load_transposed(by_loaded_.data(), objectives.by_parameter + i * parameters, by_series_.data());
-      else transposed_.load_transposed(by_loaded_.data(), objectives.by_parameter + i * parameters);
-      for (std::size_t k = 0; k < inputs; ++k) objectives.by_input[i * inputs + k] = by_input_[numbers_per_input * k];
-      if (const Fault fault = begin_of(objectives, i)) return fault;
+    Fault fault;
+    for (std::size_t i = 0; i < objectives.number && !fault; ++i) {
+      fault = go_back(course.number, objectives.weights + i * rows * course.number, rows);
+      if (!fault) fault = begin_of(objectives, i);
     }
-    simulation.restore(ended);
-    return {};
+    simulation.restore(fault ? begun : ended);
+    return fault;
   }
 
  private:
@@ -96,11 +94,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   using Numbers = Fixed<double, n>;
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
-  static constexpr std::size_t unknowns = n + m, block = 16, width = (unknowns + block - 1) / block * block;
+  static constexpr std::size_t unknowns = n + m;
   using Unknowns = Fixed<double, unknowns>;
-  using Padded = Fixed<double, width>;
 
-  /// Slopes by a state, or one without its time.
+  /// A state without its time, or slopes by one.
   struct Point {
     Fixed<double, coordinates> q;
     Numbers v, vdot;
@@ -334,7 +331,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     Fixed<double, coordinates> by_before;
     const RetractionSlopes<balls> turning(charts(), from.q.data(), way_of_.data());
     const auto measure = [&] {
-      transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution_.data(), solution_.data() + n, more_.q.data(), more_.v.data(), more_.lambda.data());
+      evaluate_transposed(solution_.data());
       add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
       by_delta.fill(0.0), by_before.fill(0.0);
       turning.pull(more_.q.data(), by_before.data(), by_delta.data());
@@ -380,7 +377,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
   template <class Measure>
   bool solve(double h, Measure measure) {
-    if (h != solved_for_) solved_ = 0, forget();
+    if (h != solved_for_) solved_ = 0, inverse_of_rule_.forget();
     solved_for_ = h;
     const Unknowns last = solution_;
     for (std::size_t i = 0; i < unknowns; ++i) solution_[i] = solved_ == 0 ? (i < n ? by_.vdot[i] : 0.0) : solved_ == 1 ? last[i] : 2 * last[i] - last_[i];
@@ -396,8 +393,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
       if (share <= 1e-12 && (beside <= 1e-12 || before <= 1e-10)) return true;
       if (share <= 1e-9 && stalled > 2) return true;
       before = std::min(share, before);
-      find_step(iteration > 0);
-      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step_of_[i];
+      const auto& step = inverse_of_rule_.find_step(left_, iteration > 0);
+      for (std::size_t i = 0; i < unknowns; ++i) solution_[i] += step[i];
     }
     return false;
   }
@@ -411,68 +408,13 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     return left > 0.0 ? left / std::max(left, size) : left;
   }
 
-  /// The step for what is left, s = H r, from that before and what it has left; with that H becomes H - (z / (s . z - s . s)) s^T H, z = H r.
-  void find_step(bool learns) {
-    Padded found;
-    for (std::size_t i = 0; i < unknowns; ++i) found[i] = dot(inverse_of_left_.data() + i * width, left_.data());
-    double turned = 0.0, along = 0.0;
-    if (learns) {
-      along = dot(step_of_.data(), found.data());
-      const double size = dot(step_of_.data(), step_of_.data());
-      turned = std::abs(along - size) > 1e-6 * size ? along - size : 0.0;
-    }
-    const double share = turned == 0.0 ? 0.0 : 1.0 / turned;
-    for (std::size_t i = 0; i < unknowns; ++i) {
-      shares_[i] = share * found[i];
-      step_of_[i] = found[i] - along * shares_[i];
-    }
-    learn();
+  /// More slopes by the stage's coordinates, speeds and multipliers, from those by accelerations and then by corrections of multipliers.
+  void evaluate_transposed(const double* solution) {
+    transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_.q.data(), more_.v.data(),
+                                    more_.lambda.data());
   }
 
-  /// H less the shares times a row, and the row s^T H of that.
-  void learn() {
-    for (std::size_t first = 0; first < width; first += block) {
-      double *const row = row_.data() + first, *entries = inverse_of_left_.data() + first;
-      const Four a = four(row), b = four(row + 4), c = four(row + 8), d = four(row + 12);
-      Four next_a{}, next_b{}, next_c{}, next_d{};
-      const auto go = [](double* entry, double share, const Four& row, double step, Four& next) {
-        const Four less = four(entry) - share * row;
-        std::memcpy(entry, &less, sizeof less);
-        next += step * less;
-      };
-      for (std::size_t i = 0; i < unknowns; ++i, entries += width) {
-        const double share = shares_[i], step = step_of_[i];
-        go(entries, share, a, step, next_a), go(entries + 4, share, b, step, next_b);
-        go(entries + 8, share, c, step, next_c), go(entries + 12, share, d, step, next_d);
-      }
-      const Four next[] = {next_a, next_b, next_c, next_d};
-      std::memcpy(row, next, sizeof next);
-    }
-  }
-
-  /// H is 1.
-  void forget() {
-    inverse_of_left_.fill(0.0), row_.fill(0.0);
-    for (std::size_t i = 0; i < unknowns; ++i) inverse_of_left_[i * width + i] = 1.0;
-  }
-
-  static double dot(const double* a, const double* b) {
-    Four p{}, q{}, r{}, s{};
-    for (std::size_t i = 0; i < width; i += block) {
-      p += four(a + i) * four(b + i), q += four(a + i + 4) * four(b + i + 4);
-      r += four(a + i + 8) * four(b + i + 8), s += four(a + i + 12) * four(b + i + 12);
-    }
-    const Four all = (p + q) + (r + s);
-    return (all[0] + all[1]) + (all[2] + all[3]);
-  }
-
-  static Four four(const double* x) {
-    Four numbers;
-    std::memcpy(&numbers, x, sizeof numbers);
-    return numbers;
-  }
-
-  /// What the solution, slopes by accelerations and then by corrections of multipliers, changes with besides states.
+  /// Those by all else, which are summed.
   void sum_up(const double* solution) {
     transposed_.evaluate_summed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution, solution + n, more_loaded_.data(), more_input_.data());
     add_sums();
@@ -487,7 +429,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     std::copy(by_vdot.begin(), by_vdot.end(), solution.begin());
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < 200; ++iteration) {
-      transposed_.evaluate_transposed(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), solution.data(), solution.data() + n, more_.q.data(), more_.v.data(), more_.lambda.data());
+      evaluate_transposed(solution.data());
       double left = 0.0, size = 0.0;
       for (std::size_t i = 0; i < m; ++i) {
         const double more = by_lambda[i] + more_.lambda[i];
@@ -576,7 +518,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
       for (std::size_t i = sped; i-- > 0;) {
         const Point& x = speeds[i];
         pull_move(x, rates[i], by_.v);
-        transposed_.constraint_residual_transposed(x.q.data(), x.v.data(), nothing_.data(), by_gap_.data(), more_.q.data(), more_.v.data(), more_loaded_.data(), more_input_.data());
+        pull_residual(x, nothing_, by_gap_);
         add(more_.q, by_.q), add(more_.v, by_.v);
         add_sums();
       }
@@ -588,7 +530,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
         simulation_->mechanism().project(x.q.data(), gaps[i].data(), found_values_.data());
         RetractionSlopes<balls>(charts(), x.q.data(), found_values_.data()).pull(behind.data(), by_.q.data(), by_delta.data());
         pull_move(x, gaps[i], by_delta);
-        transposed_.constraint_residual_transposed(x.q.data(), x.v.data(), by_gap_.data(), nothing_.data(), more_.q.data(), more_.v.data(), more_loaded_.data(), more_input_.data());
+        pull_residual(x, by_gap_, nothing_);
         add(more_.q, by_.q);
         add_sums();
       }
@@ -601,6 +543,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     transposed_.project_transposed(at.q.data(), gap.data(), by_move.data(), more_.q.data(), by_gap_.data(), more_loaded_.data(), more_input_.data());
     add(more_.q, by_.q);
     add_sums();
+  }
+
+  /// More slopes by coordinates and speeds, from those by the residual of loops and its rate.
+  void pull_residual(const Point& at, const Fixed<double, m>& by_residual, const Fixed<double, m>& by_rate) {
+    transposed_.constraint_residual_transposed(at.q.data(), at.v.data(), by_residual.data(), by_rate.data(), more_.q.data(), more_.v.data(),
+                                               more_loaded_.data(), more_input_.data());
   }
 
   /// The moves that close the loops of a state, or their rates; false where they stay open.
@@ -637,6 +585,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     double* const by_state = objectives.by_state + objective * states;
     double* const by_input = objectives.by_input + objective * inputs;
     double* const by_parameter = objectives.by_parameter + objective * parameters;
+    if constexpr (has_fits) transposed_.load_transposed(by_loaded_.data(), by_parameter, by_series_.data());
+    else transposed_.load_transposed(by_loaded_.data(), by_parameter);
+    for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
     constexpr std::size_t all = states + inputs + parameters;
     std::array<int, directions> by{};
     for (std::size_t first = 0; first < all; first += directions) {
@@ -690,8 +641,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   Fixed<double, m> gap_, by_gap_, nothing_;
   Numbers way_of_, found_values_;
   Unknowns solution_, last_;
-  Padded left_, step_of_, shares_, row_;
-  Fixed<double, unknowns * width> inverse_of_left_;
+  typename SecantInverse<unknowns>::Numbers left_;
+  SecantInverse<unknowns> inverse_of_rule_;
   double solved_for_ = 0.0;  ///< the length of part of which it has learnt
   int solved_ = 0;           ///< how many solutions there are behind, two at most
   Fixed<double, Base::rows * directions> matrix_;
