@@ -18,7 +18,7 @@ from cutjoint.model.records import Model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files, write_whole
-from cutjoint.run.scenes import find_case
+from cutjoint.run.scenes import find_case, held_as_usual
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.topology.reading import read_model
 
@@ -57,7 +57,8 @@ def _write_module(
     poses: bool,
 ) -> str:  # fmt: skip
     """Write the folder with its module of WebAssembly; what was written, in words."""
-    case, chosen = find_case(model, scene)
+    case, found = find_case(model, scene)
+    chosen = held_as_usual(found, method, integrator)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
     alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
     files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"

@@ -75,6 +75,7 @@ def compile_scene(
         TakesLong: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
+    scene = held_as_usual(scene, options.method, options.integrator)
     require_choice(options.method, options.precision, options.additions)
     require_code(model)
     if options.can_be_interpreted and must_interpret():

@@ -16,7 +16,7 @@ from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import changing, following, parameter_values
-from cutjoint.run.scenes import Given, take_model
+from cutjoint.run.scenes import Given, held_as_usual, take_model
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
@@ -61,6 +61,7 @@ def load_scene(
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
+    scene = held_as_usual(scene, method, integrator)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise, adjoint=adjoint)
     standalone = alone()

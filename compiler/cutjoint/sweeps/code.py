@@ -25,6 +25,7 @@ from cutjoint.model.starts import UNIT_BOUND
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import changing, require_same_start, sources_of_parts
+from cutjoint.run.scenes import held_as_usual
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
 
@@ -135,6 +136,7 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
 
 
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
+    scene = held_as_usual(scene, study.method, study.integrator)
     generated = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(generated, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)

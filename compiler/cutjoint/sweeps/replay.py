@@ -14,7 +14,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.result_files import naming_output
-from cutjoint.run.scenes import in_scene
+from cutjoint.run.scenes import held_as_usual, in_scene
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.sweeps.records import Kind, Study
@@ -58,7 +58,8 @@ def replay(study: Study, run: int, view: Path) -> Path:
     steps = choose_steps(scene, study.method, study.integrator)
     read = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
     model = in_scene(replace(read, code=study.model.code), scene)
-    artifact = compile_scene(model, scene, CompileOptions(method=study.method, flags=study.flags))
+    held = held_as_usual(scene, study.method, study.integrator)
+    artifact = compile_scene(model, held, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
         artifact, parameters=parameters,
         integrator=steps.integrator, tolerance=steps.tolerance, events=steps.events, coordinates=True, error=False, check=False,

@@ -21,6 +21,7 @@ from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import without_mark
+from cutjoint.run.scenes import held_as_usual
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology
@@ -114,6 +115,7 @@ def make_fmu(
         others: as of `pipeline.generate`, `make_standalone`.
     """
     _require_method(method, kind)
+    scene = held_as_usual(scene, method, integrator)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
