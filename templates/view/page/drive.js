@@ -313,7 +313,7 @@ function chooseCamera(name) {
   orbit.enabled = name === 'orbit';
   camera.fov = name === 'driver' ? 60 : 35;
   camera.updateProjectionMatrix();
-  if (name === 'orbit') { state.follow = drive.body; home(); }
+  if (name === 'orbit') { state.follow = drive.car ? drive.body : outlook.follow; home(); }
   else state.follow = '';
   look();
 }
