@@ -331,7 +331,7 @@ def _about(name: str, program: Program) -> str:
     if name in _STAGES:
         return _STAGES[name]
     function, _, ending = name.rpartition("_")
-    about = _TRANSPOSED[ending].format(function) if ending in _TRANSPOSED else _ABOUT[name]
+    about = _ABOUT[name] if name in _ABOUT else _TRANSPOSED[ending].format(function)
     return f"{about}  {program.operations(name)} operations."
 
 
