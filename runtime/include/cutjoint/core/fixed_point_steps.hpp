@@ -93,6 +93,9 @@ class FixedPointSteps {
   /// What the last iteration still changed the accelerations by, as a share of 1 + the largest of them.
   double change() const { return steps_.change(); }
 
+  /// What the next step expects by the last ones.
+  Extrapolation<M>& expected() { return steps_.expected(); }
+
   struct Memory {
     Extrapolation<M> expected;
     [[no_unique_address]] typename CrossedIf<M>::Memory impacts;

@@ -542,7 +542,19 @@ class Simulation {
 
   /// Parameters that have changed count from now on.
   void heed_parameters() {
-    if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) load();
+    if (!std::equal(parameters_.begin(), parameters_.end(), loaded_.begin())) begin_again([this] { load(); });
+  }
+
+  /// Begin steps anew at a state to which other steps led: what they expect of accelerations stays.
+  template <class Begin>
+  void begin_again(Begin begin) {
+    if constexpr (requires { steps_->expected(); }) {
+      const auto expected = steps_->expected();
+      begin();
+      steps_->expected() = expected;
+    } else {
+      begin();
+    }
   }
 
   /// So do inputs, but those that move guides: calls follow these.  Earlier reports are of the inputs of the last step.
@@ -663,7 +675,7 @@ class Simulation {
     state_ = state;
     followed_ = followed;
     subject().begin_step(state_.t, Real(1));
-    steps_->begin(state_);
+    begin_again([this] { steps_->begin(state_); });
   }
 
   Fault whole_step() {
