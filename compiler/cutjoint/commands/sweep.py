@@ -61,8 +61,7 @@ def command(
 
 def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: int) -> None:
     """The page of a sweep, and before it the pages of its worst runs, to which it leads."""
-    from cutjoint.sweeps.page import make_page, worst_runs
-    from cutjoint.sweeps.replay import replay_runs
+    from cutjoint.sweeps.page import make_page, replay_runs, worst_runs
 
     folder, runs = view.with_name(f"{view.stem}-runs"), worst_runs(study, done, replays)
     with _progress(study) as (advance, _):
@@ -74,7 +73,7 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
 
 
 def _replay(study: Study, run: int, view: Path) -> None:
-    from cutjoint.sweeps.replay import replay
+    from cutjoint.sweeps.page import replay
 
     require_view(view, "--view")
     with options.progress_bar(f"running {study.model.name}"):
