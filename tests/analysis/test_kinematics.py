@@ -376,9 +376,15 @@ def test_what_an_axle_lacks_is_said(model: str, words: list[str], text: str) -> 
     assert text in " ".join(done.output.split())
 
 
-def test_a_rack_without_a_guide_is_asked_for(tmp_path: Path) -> None:
-    file = tmp_path / "axle.yaml"
-    file.write_text((MODELS / "axle.yaml").read_text(encoding="utf-8").replace(", guide: steer", ""), encoding="utf-8")
+def test_a_rack_without_a_guide_is_found_or_asked_for(tmp_path: Path) -> None:
+    """It is the only slider along y on the chassis; one that rises to the side steers where it is named."""
+    text = (MODELS / "axle.yaml").read_text(encoding="utf-8").replace(", guide: steer", "")
+    file, slide = tmp_path / "axle.yaml", "at: [0.07, 0, 0.14], axis: [0, 1, 0]}"
+    assert text.count(slide) == 1
+    file.write_text(text, encoding="utf-8")
+    found = CliRunner().invoke(main, ["kinematics", str(file), "--points", "3"])
+    assert ["steered", "by", "rack_slide"] in [line.split() for line in found.output.splitlines()]
+    file.write_text(text.replace(slide, slide.replace("[0, 1, 0]", "[0, 1, 0.2]")), encoding="utf-8")
     done = CliRunner().invoke(main, ["kinematics", str(file)])
     assert "its wheels move though their heights are held" in done.output
     assert CliRunner().invoke(main, ["kinematics", str(file), "--points", "3", "--steer", "rack_slide"]).exit_code == 0

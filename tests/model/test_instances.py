@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import sympy
 
+from cutjoint.model.errors import ModelError
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import variable
 from cutjoint.model.read import read_model_text
@@ -296,3 +297,24 @@ def test_problems_of_points_that_instances_give() -> None:
         f"m.yaml:{line}:{row.index('top:') + 1}: instance 'right': the submodel 'wing' has no point 'top'; did you mean 'tip'?",
         f"m.yaml:{line}:{row.index('nets') + 1}: instance 'right': unknown point 'nets'; did you mean 'nest'?",
     ]
+
+
+def test_a_signal_of_the_model_is_not_seen_by_a_submodel() -> None:
+    text = """
+cutjoint: 1
+name: two
+gravity: [0, 0, 0]
+submodels:
+  part: {connectors: [], parameters: [], signals: {twice: 2*speed}}
+instances: {left: {use: part}}
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: x}}
+signals: {speed: rail.displacement_rate}
+outputs: [left.twice.value]
+scenes: {run: {end: 1}}
+"""
+    with pytest.raises(ModelError) as caught:
+        read_model_text(text, "two.yaml")
+    (problem,) = caught.value.problems
+    assert problem.message == "'speed' is the model's, and a submodel does not see it"
+    assert problem.hint == "give it as a parameter: parameters: [..., speed]"

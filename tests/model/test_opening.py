@@ -105,6 +105,28 @@ def test_a_pattern_opens_the_arguments_of_instances() -> None:
     assert [p.name for p in model.parameters] == ["left.stiffness", "right.stiffness"]
 
 
+DEFAULTED = """\
+cutjoint: 1
+name: rack
+gravity: [0, 0, -9.81]
+submodels: {steering: {include: library/rack_steering}}
+instances: {steering: {use: steering, connect: {chassis: ground}, with: {angle: 0.1}BINDING}}
+outputs: [steering.slide.displacement]
+scenes: {run: {end: 0.1}}
+"""
+
+
+def test_defaults_are_opened_by_a_pattern_alone() -> None:
+    """Expressions over an opened one go along; an instance with a binding opens what stands there."""
+    model = read_model_text(DEFAULTED.replace("BINDING", ""), "rack.yaml", opened=["steering.column"])
+    assert [(p.name, p.value) for p in model.parameters] == [("steering.column", 120.0)]
+    (force,) = model.forces
+    assert model.parameters[0].symbol in force.law.free_symbols
+    whole = read_model_text(DEFAULTED.replace("BINDING", ", binding: param"), "rack.yaml")
+    assert "steering.angle" in {p.name for p in whole.parameters}
+    assert not {"steering.column", "steering.mass"} & {p.name for p in whole.parameters}
+
+
 def test_a_pattern_without_a_number_is_told() -> None:
     with pytest.raises(ModelError) as caught:
         read_model(PRESS, opened=["*.mass", "crank.mas"])

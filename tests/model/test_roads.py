@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
 from cutjoint.model.records import HeightTable, Road
+from cutjoint.run.road_field import surface_of
 
 MODEL = """cutjoint: 1
 name: m
@@ -101,3 +104,141 @@ def test_faults_of_roads(tmp_path: Path, road: str, problem: str) -> None:
         read(tmp_path, road)
     assert problem in str(caught.value)
     assert "m.yaml:12:" in str(caught.value)
+
+
+# OpenCRG
+
+#: Three channels of the reference line and four long sections, NaN where a channel has none.
+HEAD = """$CT
+a road, 2.0 m wide
+$
+$ROAD_CRG                                                    ! the line
+REFERENCE_LINE_START_U   = 10.0
+reference_line_increment = 0.5
+long_section_v_right     = -0.75
+long_section_v_left      = 0.75
+reference_line_start_z   = 3.0
+LINE
+$
+BLOCKS$KD_DEFINITION
+#:FORMAT
+U:reference line u,m,10.0,0.5
+D:reference line phi,rad
+D:reference line slope,m/m
+D:reference line banking,m/m
+D:long section 1,m
+D:long section 2,m
+D:long section 3,m
+D:long section 4,m
+$
+"""
+
+GRID = np.random.default_rng(7).normal(0, 0.02, (9, 4)).round(5)
+SLOPES = np.array([np.nan, 0.02, 0.03, -0.01, 0, 0.04, 0.01, -0.02, 0.03])
+BANKS = np.array([0, 0.01, 0.02, 0.02, 0.03, 0.01, 0, -0.02, -0.01])
+
+
+def crg(
+    folder: Path, form: str, *, blocks: str = "", line: str = "", heading: Any = 0.6, grid: np.ndarray = GRID, old: str = "", new: str = ""
+) -> Road:  # fmt: skip
+    """The road of a file that is written here."""
+    records = np.column_stack([np.where(np.arange(9) == 0, np.nan, heading), SLOPES, BANKS, grid])
+    text = HEAD.replace("FORMAT", form).replace("BLOCKS", blocks).replace("LINE\n", line).replace(old, new) + "$" * 72 + "\n"
+    if form[0] == "K":
+        kind = np.dtype(">f4" if form == "KRBI" else ">f8")
+        data = records.astype(kind).tobytes()
+        content = text.encode() + data + np.full(-len(data) % 80 // kind.itemsize, np.nan, dtype=kind).tobytes()
+    else:
+        size = 10 if form == "LRFI" else 20
+        cells = [[("*" * size if np.isnan(x) else f"{x:{size}.6f}") for x in record] for record in records]
+        each = 80 // size
+        rows = ["".join(record[i : i + each]) for record in cells for i in range(0, len(record), each)]
+        content = (text + "\n".join(rows) + "\n").encode()
+    (folder / "road.crg").write_bytes(content)
+    return read(folder, "{surface: {table: {file: road.crg}, interpolation: linear}}")
+
+
+def surface_of_file(road: Road) -> HeightTable:
+    assert isinstance(road.surface, HeightTable)
+    return road.surface
+
+
+@pytest.mark.parametrize("form", ["LRFI", "LDFI", "KRBI", "KDBI"])
+def test_opencrg_has_grid_slope_and_banking(form: str, tmp_path: Path) -> None:
+    """Without modifiers the line's begin is moved to the origin, and its heading is turned to x."""
+    found = surface_of_file(crg(tmp_path, form))
+    v = np.array([-0.75, -0.25, 0.25, 0.75])
+    line = np.concatenate([[0], 0.5 * np.cumsum(SLOPES[1:])])
+    expected = GRID + line[:, None] + BANKS[:, None] * v
+    begin = np.interp(0, v, expected[0])
+    assert found.start == pytest.approx((0, -0.75), abs=1e-12)
+    assert found.step == pytest.approx((0.5, 0.5))
+    assert found.bilinear
+    assert np.array(found.heights) == pytest.approx(expected - begin, abs=1e-8 if form == "KRBI" else 1e-15)
+
+
+def test_modifiers_of_opencrg_are_applied(tmp_path: Path) -> None:
+    settings = {"scale_z_grid": 2, "scale_slope": 0.5, "scale_banking": 3, "scale_length": 1.5, "scale_width": 0.8}
+    point = {"refpoint_u": 10.75, "refpoint_v_fraction": 0.75, "refpoint_x": 100, "refpoint_y": -5, "refpoint_z": 0.2, "refpoint_phi": 0}
+    block = "$ROAD_CRG_MODS\n" + "".join(f"{key} = {value}\n" for key, value in {**settings, **point}.items()) + "$\n"
+    found = surface_of_file(crg(tmp_path, "LDFI", blocks=block))
+    v = np.array([-0.6, -0.2, 0.2, 0.6])
+    expected = 2 * GRID + 0.75 * np.concatenate([[0], 0.5 * np.cumsum(SLOPES[1:])])[:, None] + 3 * BANKS[:, None] * v
+    assert found.start == pytest.approx((99.25, -5.9))
+    assert found.step == pytest.approx((0.75, 0.4))
+    at = 0.75 * expected[1, 2] + 0.25 * expected[1, 3]
+    assert np.array(found.heights) == pytest.approx(expected - at + 0.2, abs=1e-14)
+
+
+def test_a_road_in_opencrg_stays_where_an_empty_block_of_modifiers_leaves_it(tmp_path: Path) -> None:
+    found = surface_of_file(crg(tmp_path, "LDFI", blocks="$ROAD_CRG_MODS\n$\n", line="reference_line_start_x = 4\n", heading=0))
+    assert found.start == pytest.approx((4, -0.75))
+    assert found.heights[0][1] == pytest.approx(3 + GRID[0, 1])
+
+
+def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: Path) -> None:
+    grid = GRID.copy()
+    grid[3, :2] = grid[5, 3] = np.nan
+    found = np.array(surface_of_file(crg(tmp_path, "KDBI", grid=grid)).heights)
+    filled = grid.copy()
+    filled[3, :2], filled[5, 3] = grid[3, 2], grid[5, 2]
+    assert found == pytest.approx(np.array(surface_of_file(crg(tmp_path, "KDBI", grid=filled)).heights), abs=1e-15)
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 4\n$\n"}, "border_mode_u = 4 is not heeded; 2 is heeded, which is its default"),
+    ({"blocks": "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n"}, "refline_continuation = 1 is not heeded"),
+    ({"blocks": "$ROAD_CRG_MODS\nrefline_offset_phi = 0.5\n$\n"}, "refline_offset_phi = 0.5 is not heeded"),
+    ({"blocks": "$ROAD_CRG_MODS\nrefpoint_phi = 0.5\n$\n"}, "refpoint_phi = 0.5 is not heeded"),
+    ({"blocks": "$ROAD_CRG_MODS\n$\n"}, "the reference line's heading is 0.6 rad, not that of x; give the modifier refpoint_phi = 0"),
+    ({"heading": np.linspace(0, 0.1, 9)}, "the reference line is curved: its heading is 0.0125 to 0.1 rad"),
+    ({"blocks": "$ROAD_CRG_FILE\nother.crg\n$\n"}, "the data is in another file"),
+    ({"line": "what is this\n"}, "'what is this' is no keyword with a number"),
+    ({"old": "#:LDFI", "new": "#:LXFI"}, "the format of the data is 'LXFI'; it is LRFI, LDFI, KRBI or KDBI"),
+    ({"old": "long section 3,m", "new": "long section 3,mm"}, "'long section 3' is in 'mm'; it is in m"),
+    ({"grid": np.where(np.arange(36).reshape(9, 4) == 13, np.nan, GRID)}, "heights are missing in a cross section, not at its sides alone"),
+])  # fmt: skip
+def test_what_is_not_heeded_of_opencrg_is_told(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError) as caught:
+        crg(tmp_path, "LDFI", **given)
+    assert message in str(caught.value)
+    assert "road.crg" in str(caught.value)
+
+
+@pytest.mark.parametrize("form", ["LRFI", "LDFI", "KRBI", "KDBI"])
+def test_opencrg_beside_another_reader(form: str, tmp_path: Path) -> None:
+    """Heights at 1e5 places, also beyond the edges, and normals: 1e-12 m and 1e-10."""
+    peer = pytest.importorskip("pyopencrg")
+    field = surface_of(crg(tmp_path, form))
+    assert field is not None
+    assert field.field is not None
+    random = np.random.default_rng(2)
+    x, y = np.sort(random.uniform(-1, 5, 317)), np.sort(random.uniform(-1, 1, 317))
+    here = field.field.over(x, y)
+    there = peer.read(tmp_path / "road.crg").apply_mods()
+    places = [each.ravel() for each in np.meshgrid(x, y, indexing="ij")]
+    assert here.ravel() == pytest.approx(np.asarray(there.xy_to_z(*places)), abs=1e-12)
+    inside = list(zip(random.uniform(0, 4, 200), random.uniform(-0.75, 0.75, 200), strict=True))
+    normals = np.array([[-field.height(a, b, 1, 0), -field.height(a, b, 0, 1), 1] for a, b in inside])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    assert normals == pytest.approx(np.column_stack(there.xy_to_normal(*np.transpose(inside))), abs=1e-10)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from scipy.integrate import solve_ivp
+from scipy.special import betainc
 
 from cutjoint.model.read import read_model_text
 from cutjoint.package.locations import library_folder
@@ -174,42 +175,121 @@ scenes: {run: {end: 2, output_step: 0.1, rates: {rail.displacement_rate: 50}}}
 
 
 def test_the_driver_beside_scipy() -> None:
-    """A point with the yaw rate v steer/2.5 and the acceleration 4 (throttle - brake): a circle of 40 m at 8 m/s."""
+    """A body that turns as it is steered and slides little: a circle of 40 m at 8 m/s, with a steering that gives half of what is asked."""
     text = """
 cutjoint: 1
-name: point
+name: dot
 gravity: [0, 0, 0]
-bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
-joints: {pin: {kind: revolute, bodies: [ground, dot], at: [0, 0, 0], axis: x}}
+bodies: {chassis: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {moves: {kind: free, bodies: [ground, chassis], at: [0, 0, 0]}}
 submodels: {driver: {include: library/driver}}
 instances:
-  driver: {use: driver, with: {x: x_, y: y_, yaw: yaw_, speed: v_, wanted: 8, beside: "40 - sqrt(driver.px**2 + (driver.py - 40)**2)"}}
-states:
-  x_: {start: 0, rate: v_*cos(yaw_)}
-  y_: {start: 0, rate: v_*sin(yaw_)}
-  yaw_: {start: 0, rate: v_*driver.steer/2.5}
-  v_: {start: 2, rate: 4*(driver.throttle - driver.brake)}
-outputs: [x_.value, y_.value, v_.value, driver.steer.value]
-scenes: {run: {end: 40, output_step: 0.5}}
+  driver: {use: driver, connect: {chassis: chassis}, with: {wanted: 8, beside: "40 - sqrt(driver.px**2 + (driver.py - 40)**2)"}}
+forces:
+  pushes: {kind: load, body: chassis, at: [0, 0, 0], axes: body, force: [4*(driver.throttle - driver.brake), -20*driver.motion.drift, 0]}
+  turns: {kind: load, body: chassis, axes: body, torque: [0, 0, 10*(driver.motion.speed*driver.steer/5 - driver.motion.yaw_rate)]}
+outputs: [chassis.x, chassis.y, driver.motion.speed.value, driver.steer.value]
+scenes: {run: {end: 40, output_step: 0.5, rates: {moves.vx: 2}}}
 """
-    model = read_model_text(text, "point.yaml")
+    model = read_model_text(text, "dot.yaml")
     found = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
 
     def rates(_: float, y: np.ndarray) -> list[float]:
-        x, side, yaw, v, steer, trim = y
-        reach = 3 + 0.7 * max(v, 0)
-        off = 40 - np.hypot(x + reach * np.cos(yaw), side + reach * np.sin(yaw) - 40)
-        asked = np.clip(-5 * off / reach**2 * (1 + 0.002 * v**2), -0.5, 0.5)
+        x, side, yaw, vx, vy, turn, steer, trim = y
+        v, drift = vx * np.cos(yaw) + vy * np.sin(yaw), vy * np.cos(yaw) - vx * np.sin(yaw)
+        reach, needs = 3 + 0.6 * max(v, 0), 2.5 * (1 + 0.005 * v**2)
+        course = yaw + np.arctan(drift / max(abs(v), 1)) + reach / 2 * (0.7 * turn / max(v, 1) + 0.3 * steer / needs)
+        off = 40 - np.hypot(x + reach * np.cos(course), side + reach * np.sin(course) - 40)
+        asked = np.clip(steer - 2 * needs * off / reach**2, -0.5, 0.5)
         effort = 0.4 * (8 - v) + trim
-        pedals = np.clip(effort, -1, 1)
+        along, across = 4 * np.clip(effort, -1, 1), -20 * drift
         trims = 0.1 * (8 - v) * np.clip(11 - 10 * abs(effort), 0, 1)
-        return [v * np.cos(yaw), v * np.sin(yaw), v * steer / 2.5, 4 * pedals, (asked - steer) / 0.1, trims]
+        return [vx, vy, turn, along * np.cos(yaw) - across * np.sin(yaw), along * np.sin(yaw) + across * np.cos(yaw),
+                10 * (v * steer / 5 - turn), (asked - steer) * max(v, 0) / (0.04 * max(v, 0) + 0.6), trims]  # fmt: skip
 
-    expected = solve_ivp(rates, (0, 40), [0, 0, 0, 2, 0, 0], t_eval=found.t, rtol=1e-9, atol=1e-9, max_step=0.01).y
-    assert found["x_.value"] == pytest.approx(expected[0], abs=1e-4)
-    assert found["y_.value"] == pytest.approx(expected[1], abs=1e-4)
-    assert found["v_.value"] == pytest.approx(expected[3], abs=1e-4)
-    assert np.hypot(found["x_.value"], found["y_.value"] - 40)[40:] == pytest.approx(40, abs=0.5)
+    expected = solve_ivp(rates, (0, 40), [0, 0, 0, 2, 0, 0, 0, 0], t_eval=found.t, rtol=1e-9, atol=1e-9, max_step=0.02).y
+    assert found["chassis.x"] == pytest.approx(expected[0], abs=1e-4)
+    assert found["chassis.y"] == pytest.approx(expected[1], abs=1e-4)
+    assert found["driver.steer.value"] == pytest.approx(expected[6], abs=1e-5)
+    assert np.hypot(found["chassis.x"], found["chassis.y"] - 40)[40:] == pytest.approx(40, abs=0.2)
+
+
+def test_the_motion_of_a_body_and_the_path_of_a_lane_change() -> None:
+    """A body that drives east with its nose to the north-east, on a circle; the lanes of ISO 3888-1 begin 50, 95 and 145 m on."""
+    text = """
+cutjoint: 1
+name: dot
+gravity: [0, 0, 0]
+bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {moves: {kind: free, bodies: [ground, dot], at: [0, 0, 0]}}
+submodels: {motion: {include: library/motion}, path: {include: library/lane_change}}
+instances: {motion: {use: motion, connect: {body: dot}}, path: {use: path, with: {x: moves.x}}}
+forces: {pulls: {kind: load, body: dot, at: [0, 0, 0], force: [0, 2, 0]}}
+outputs: [dot.x, motion.speed.value, motion.drift.value, motion.side_slip.value, motion.yaw_rate.value, path.side.value]
+scenes:
+  run: {end: 4, output_step: 0.5, rates: {moves.vx: 50, moves.wz: 0.3}, positions: {moves.attitude: {euler: [0.5, 0, 0], order: zyx}}}
+"""
+    model = read_model_text(text, "dot.yaml")
+    run = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+    yaw = 0.5 + 0.3 * run.t
+    along, across = 50 * np.cos(yaw) + 2 * run.t * np.sin(yaw), 2 * run.t * np.cos(yaw) - 50 * np.sin(yaw)
+    assert run["motion.speed.value"] == pytest.approx(along, rel=1e-7)
+    assert run["motion.drift.value"] == pytest.approx(across, rel=1e-7)
+    assert run["motion.side_slip.value"] == pytest.approx(np.arctan2(across, along), rel=1e-7)
+    assert run["motion.yaw_rate.value"] == pytest.approx(0.3)
+    assert run["motion.sideways"] == pytest.approx(2 * np.cos(yaw), rel=1e-6)
+    smooth = [betainc(3, 3, np.clip((run["dot.x"] - begin) / length, 0, 1)) for begin, length in ((65, 30), (120, 25))]
+    assert run["path.side.value"] == pytest.approx(3.5 * (smooth[0] - smooth[1]), abs=1e-9)
+    assert run["path.side.value"][4] == pytest.approx(3.5)
+
+
+QUARTER = """
+cutjoint: 1
+name: quarter
+gravity: [0, 0, 0]
+parameters:
+  on: {value: 1, binding: param}
+  slope: {value: 12, binding: param}                          # of the force over the slip, by the load
+  shape: {value: 1.5, binding: param}
+  grip: {value: 1, binding: param}
+bodies:
+  car: {mass: 400, centre_of_mass: [0, 0, 0.5], inertia: [1, 1, 1]}
+  wheel: {massless: true, centre_of_mass: [0, 0, 0.3], inertia: {axial: 1, axis: y}}
+joints:
+  rail: {kind: prismatic, bodies: [ground, car], at: [0, 0, 0.5], axis: x}
+  hub: {kind: revolute, bodies: [car, wheel], at: [0, 0, 0.3], axis: y}
+submodels: {anti_lock: {include: library/anti_lock}}
+instances:
+  protected:
+    {use: anti_lock, with: {wanted: pedal, rolling: 0.3*hub.angle_rate, speed: rail.displacement_rate, inertia: 1, radius: 0.3}}
+states: {clock: {start: 0, rate: 1}}
+signals:
+  pedal: 2000*min(10*clock, 1)
+  slip: 1 - 0.3*hub.angle_rate/max(rail.displacement_rate, 0.5)
+  brakes: 4000*grip*sin(shape*atan(slope/grip/shape*slip))
+  moment: "where(on > 0, protected.brake, pedal)"
+forces:
+  road: {kind: joint_force, joint: rail, law: -brakes}
+  turns: {kind: joint_force, joint: hub, law: "0.3*brakes - moment*min(max(hub.angle_rate, -1), 1)"}
+outputs: [rail.displacement, rail.displacement_rate, hub.angle_rate, slip.value, brakes.value]
+scenes: {run: {end: 6, output_step: 0.01, rates: {rail.displacement_rate: 25, hub.angle_rate: 25/0.3}, numerics: {events: crossed}}}
+"""
+
+
+def test_an_anti_lock_brake_finds_the_slip_of_any_tyre() -> None:
+    """Soft and stiff tyres, dry and wet: near the most that the tyre can do, shorter than locked, wherever the peak lies."""
+    artifact = compile_scene(*find_case(read_model_text(QUARTER, "quarter.yaml"), "run"))
+    slips = np.linspace(0, 1, 10001)
+    for slope, shape, grip in ((10, 1.5, 1), (12, 1.5, 0.6), (25, 1.65, 1), (25, 1.65, 0.5), (40, 1.65, 1)):
+        given = {"slope": slope, "shape": shape, "grip": grip}
+        ways = []
+        for on in (1, 0):
+            run = completed(simulate(artifact, parameters={**given, "on": on}, tolerance=1e-5, error=False))
+            braking = np.interp([3, 20], run["rail.displacement_rate"][::-1], run["rail.displacement"][::-1])
+            ways.append(braking[0] - braking[1])
+        best = (20**2 - 3**2) / 2 / (10 * grip * np.sin(shape * np.arctan(slope / grip / shape * slips)).max())
+        assert ways[0] < 0.97 * ways[1]
+        assert ways[0] < 1.05 * best
 
 
 def test_gears_change_by_the_speed_of_the_engine() -> None:

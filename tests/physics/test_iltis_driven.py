@@ -30,7 +30,7 @@ def drive(scene: str, *, more: tuple[str, ...] = (), **choices: object) -> Traje
 
 def stopped(run: Trajectory) -> float:
     """The way from the brake to rest, m."""
-    assert np.abs(run["forward.value"][-100:]).max() < 0.05
+    assert np.abs(run["driver.motion.speed.value"][-100:]).max() < 0.05
     return float(np.hypot(run["chassis.x"][-1] - np.interp(0.5, run.t, run["chassis.x"]), run["chassis.y"][-1]))
 
 
@@ -40,7 +40,7 @@ def test_the_anti_lock_brake_stops_shorter_and_straight() -> None:
     assert stopped(kept) < 0.95 * stopped(locked)
     assert np.abs(kept["chassis.yaw"]).max() < 0.1
     assert np.abs(locked["chassis.yaw"]).max() > 1
-    moves = (kept.t > 1) & (kept["forward.value"] > 3)
+    moves = (kept.t > 1) & (kept["driver.motion.speed.value"] > 3)
     for corner in CORNERS:
         assert kept[f"{corner}.wheel.rolling.contact.spin"][moves].min() > 0
     assert locked["front_right.wheel.rolling.contact.spin"][(locked.t > 1) & (locked.t < 1.5)].max() < 5
@@ -53,14 +53,14 @@ def test_the_lane_is_changed() -> None:
     for begins, ends, middle, width in ((50, 65, 0, 0.2), (95, 120, 3.5, 0.28), (145, 160, 0, 0.35)):
         inside = (x > begins) & (x < ends)
         assert np.abs(y[inside] - middle).max() < width
-    assert run["forward.value"].min() > 20
+    assert run["driver.motion.speed.value"].min() > 20
 
 
 def test_a_step_of_the_steering_wheel_turns_the_car() -> None:
     """In the end it turns as its speed and its radius say."""
     run = drive("step_steer")
     last = run.t > 5
-    assert run["sideways"][last] == pytest.approx((run["chassis.wz"] * run["forward.value"])[last], rel=0.01)
+    assert run["driver.motion.sideways"][last] == pytest.approx((run["chassis.wz"] * run["driver.motion.speed.value"])[last], rel=0.01)
     assert run["chassis.wz"][-1] > 0.05
     loads = run["front_left.wheel.rolling.contact.Fz"], run["front_right.wheel.rolling.contact.Fz"]
     assert loads[1][-1] - loads[0][-1] > 1000
@@ -82,7 +82,7 @@ def test_gears_are_changed() -> None:
     gears = run["selected.value"]
     assert list(np.unique(gears)) == [1, 2, 3, 4]
     assert np.diff(gears).min() == 0
-    assert run["forward.value"][-1] == pytest.approx(22.2, abs=0.2)
+    assert run["driver.motion.speed.value"][-1] == pytest.approx(22.2, abs=0.2)
     assert run["engine.speed.value"][-1] == pytest.approx(run["rear_left.wheel.rolling.contact.spin"][-1] * 5 * 1.07, rel=2e-3)
 
 
@@ -90,5 +90,5 @@ def test_power_balances() -> None:
     """Work of all forces is the gain of kinetic energy, within 1e-6 of all that was exchanged, over gears and slipping clutches."""
     run = drive("drive", end=8, error=True, tolerance=1e-7)
     assert run.energy is not None
-    assert run["forward.value"][-1] > 10
+    assert run["driver.motion.speed.value"][-1] > 10
     assert run.energy.share < 1e-6

@@ -93,7 +93,7 @@ def test_every_element_is_explained_with_its_line(one: Explained) -> None:
 def test_counts_of_the_iltis(iltis: Explained) -> None:
     """42 speeds, 36 equations of rank 32, 10 degrees of freedom (Cuadrado et al. 2000)."""
     counts = {row[0]: row[1] for row in iltis.table("what")}
-    assert counts["bodies"] == "18, 9 of them massless"
+    assert counts["bodies"] == "18, 9 of them without mass and inertia"
     assert counts["joints"] == "18 in the tree (1 guided), 8 cut"
     assert (counts["speeds"], counts["cut-joint equations"], counts["degrees of freedom"]) == ("42", "36, rank 32", "10")
     assert counts["forces"] == "13 act, 4 switched off"

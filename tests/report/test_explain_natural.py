@@ -74,7 +74,7 @@ def test_counts_of_the_iltis(iltis: Explained) -> None:
     assert counts["coordinates"] == "75, of 14 points, 11 vectors"
     assert counts["constraint equations"] == "65, 65 of them independent"
     assert counts["degrees of freedom"] == "10"
-    assert counts["bodies"] == "18, 9 of them massless"
+    assert counts["bodies"] == "18, 9 of them without mass and inertia"
     assert int(counts["entries of the tangent"].split()[0]) == len(iltis.derivation.plan.pattern.row)
     assert f"of {75 * 76 // 2} of the lower triangle" in counts["entries of the tangent"]
 

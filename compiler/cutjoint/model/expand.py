@@ -103,7 +103,7 @@ def _directory(shaped: Shaped) -> Directory:
             continue
         bodies |= {f"{use.name}.{body}" for body in use.submodel.bodies}
         joints |= {f"{use.name}.{joint}": part for joint, part in use.submodel.joints.items()}
-    return Directory(frozenset(bodies), joints, frozenset(broken))
+    return Directory(frozenset(bodies), joints, frozenset(broken), frozenset((*model.states, *model.signals)))
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _arguments(where: Element, use: Use, submodel: document.Submodel) -> dict[st
     _match_keys(where, "with", instance.with_, known, "parameter", instance.use, needed=submodel.parameters, others=properties)
     _check_accepted(where, instance, submodel)
     if instance.binding is not None:
-        where.scope.opening.patterns.append(f"{escape(where.name)}.*")
+        where.scope.opening.instances.append(f"{escape(where.name)}.*")
     values = {("with", name): value for name, value in instance.with_.items()}
     values |= {("properties", name): value for name, value in properties.items()}
     terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
@@ -195,7 +195,8 @@ def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[
     inner = replace(where, path=use.at, label=f"submodel '{use.at[-1]}'")
     known = {name: given.get(name, FAILED_TERM) for name in use.submodel.parameters}
     for name, value in use.submodel.defaults.items():
-        known[name] = given[name] if name in given else inner.term(value, ("defaults", name), known)
+        keys = ("defaults", name)
+        known[name] = given[name] if name in given else inner.opened(inner.term(value, keys, known), None, keys, is_argument=True)
     return {name: known[name] for name in use.submodel.defaults}
 
 

@@ -1,4 +1,4 @@
-"""Files that a model file names, put into its data: tables and points (CSV), submodels (YAML), and properties of tyres.
+"""Files that a model file names, put into its data: tables and points (CSV), roads (OpenCRG), submodels (YAML), and properties of tyres.
 
 Later steps see one document.  Values keep the places that they have in their own files.  A file is below the folder of the model file,
 links followed, or it is one of the package's ``library``.
@@ -15,6 +15,7 @@ from cutjoint.model.errors import ModelError, Problem, Problems, nearest
 from cutjoint.model.names import name_problem
 from cutjoint.model.property_file import read_properties
 from cutjoint.model.records import Span
+from cutjoint.model.roads import OpenCrg
 from cutjoint.model.shape import element_of
 from cutjoint.model.source import MAX_EXPANDED, Source, parse_yaml, read_text
 from cutjoint.model.source import Path as Keys
@@ -139,6 +140,8 @@ class _Files:
     # Tables
 
     def _with_table(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
+        if name.text.lower().endswith(".crg") and keys[-3:-1] == ("road", "surface"):
+            return self._with_opencrg(source, keys, name, place)
         table = self._table(name, place)
         asked = {key: column for key, column in source.part(keys).items() if key != "file"}
         columns: dict[str, Column] = {}
@@ -149,6 +152,18 @@ class _Files:
         columns = columns or {column.name: column for column in table.columns}
         data, places = as_lists(columns, name.element, is_law=keys[-3:-1] != ("road", "surface"))
         return self._spliced(source, keys, data, Source(table.file, data, *places))
+
+    def _with_opencrg(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
+        if len(source.part(keys)) > 1:
+            raise _Fault(f"the columns of '{name.text}' have names of their own", "name the file alone")
+        path, shown = self._find(name, place)
+        if shown not in self.texts:
+            self._open(path, shown, encoding="latin-1")
+        lists = OpenCrg(self.texts[shown], shown, name.element).lists()
+        start = Span(file=shown, line=1, column=1)
+        values: dict[Keys, Span] = {(key,): start for key in lists}
+        values |= {(key, i): start for key in ("x", "y") for i in range(len(lists[key]))}
+        return self._spliced(source, keys, lists, Source(shown, {}, values, {(key,): start for key in lists}))
 
     def _column(self, table: Csv, name: str, span: Span, of: _Name) -> Column:
         for column in table.columns:

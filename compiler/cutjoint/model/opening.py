@@ -25,20 +25,27 @@ _AXES = "xyz"
 
 @dataclass
 class Opening:
-    """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all."""
+    """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all.
+
+    ``instances`` are patterns of instances that are opened whole: of numbers that stand there, not of defaults.
+    """
 
     patterns: list[str] = field(default_factory=list)
+    instances: list[str] = field(default_factory=list)
     parameters: dict[str, Parameter] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
 
-    def takes(self, name: str) -> bool:
+    def takes(self, name: str, *, is_default: bool = False) -> bool:
         """Note a number's name and return whether a pattern opens it."""
         self.names.add(name)
-        return any(fnmatchcase(name, pattern) for pattern in self.patterns)
+        return any(fnmatchcase(name, pattern) for pattern in (*self.patterns, *(() if is_default else self.instances)))
 
-    def opened(self, name: str, term: Term, expected: Dimension | None, span: Span, values: MutableMapping[Scalar, float]) -> Term:
+    def opened(
+        self, name: str, term: Term, expected: Dimension | None, span: Span, values: MutableMapping[Scalar, float], *,
+        is_default: bool = False,
+    ) -> Term:  # fmt: skip
         """The parameter in place of a number, in ``values`` too; the number itself where it is not opened."""
-        if term.number is None or not self.takes(name):
+        if term.number is None or not self.takes(name, is_default=is_default):
             return term
         known = self.parameters.get(name)
         if known is None or (known.span, known.value) != (span, term.number):

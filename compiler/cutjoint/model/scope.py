@@ -36,12 +36,13 @@ class Directory:
     """All bodies and joints of the model by full name, known before any of them is read.
 
     ``broken`` names elements and instances that could not be read; what is asked of them is not reported
-    again.
+    again.  ``signals`` are the states and signals of the model itself, which submodels do not see.
     """
 
     bodies: frozenset[str]
     joints: Mapping[str, joint_parts.Joint]
     broken: frozenset[str]
+    signals: frozenset[str] = frozenset()
 
     def misses(self, name: str) -> bool:
         """Return whether ``name`` is, or belongs to, an element that could not be read."""
@@ -168,6 +169,9 @@ class Element:
                     remedy = "" if not self.scope.prefix else ", or give the submodel a value that does not change with time"
                     return f"the input '{name}' cannot stand here, it may change with time", f"use binding: param{remedy}"
                 return f"the parameter '{name}' cannot stand here", "write a number"
+        for name in self.scope.directory.signals if self.scope.prefix else ():
+            if error.message == f"unknown symbol '{name}'":
+                return f"'{name}' is the model's, and a submodel does not see it", f"give it as a parameter: parameters: [..., {name}]"
         return error.message, error.hint
 
     def scalar(
@@ -207,7 +211,8 @@ class Element:
         if path not in self.scope.source.values:  # nothing stands there
             return term
         name = number_name(self.name, keys[1:] if is_argument else keys, in_triple=in_triple)
-        return self.scope.opening.opened(name, term, expected, self.scope.source.value_span(path), self.scope.values)
+        span, is_default = self.scope.source.value_span(path), is_argument and keys[0] == "defaults"
+        return self.scope.opening.opened(name, term, expected, span, self.scope.values, is_default=is_default)
 
     def _is_closed(self, expression: Scalar) -> bool:
         """Return whether an expression has a value once the parameters have theirs."""

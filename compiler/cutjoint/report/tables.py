@@ -44,7 +44,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
     widest = max((loop.width for loop in topology.loops), default=0)
     classes = [f"{len(c.roots)} x {c.size} bodies ({', '.join(c.roots)})" for c in topology.classes]
     return (
-        ("bodies", f"{len(model.bodies)}, {massless} of them massless"),
+        ("bodies", f"{len(model.bodies)}, {massless} of them without mass and inertia"),
         ("joints", f"{len(topology.tree)} in the tree ({guided} guided), {len(topology.cuts)} cut"),
         *((name, str(len(part))) for name, part in _further(model) if part),
         ("loops", f"{len(topology.loops)}, widest couples a body to {widest} other{'s' * (widest != 1)}"),
@@ -115,7 +115,7 @@ def loop_table(topology: Topology) -> Table:
     for loop in topology.loops:
         cut = kinds[loop.cut]
         chosen = "" if cut.cut else " (chosen)"
-        table.add_row(loop.cut, cut.kind + chosen, str(cut.span.line), loop.base, ", ".join(loop.bodies), str(loop.width))
+        table.add_row(loop.cut, cut.kind + chosen, cut.span.place, loop.base, ", ".join(loop.bodies), str(loop.width))
     return table
 
 

@@ -67,7 +67,7 @@ def summarise(equations: RecursiveEquations, program: Program) -> Table:
 
 def count_bodies(model: Model) -> str:
     """The number of bodies, and of bodies without mass."""
-    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.is_massless)} of them massless"
+    return f"{len(model.bodies)}, {sum(1 for b in model.bodies if b.is_massless)} of them without mass and inertia"
 
 
 def given_rows(equations: Equations) -> list[tuple[str, str]]:

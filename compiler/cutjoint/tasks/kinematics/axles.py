@@ -10,6 +10,7 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array
 from cutjoint.elements.forces.on_road import OnRoad
+from cutjoint.elements.terms import JointKind
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import GROUND, AxialForce, Binding, BodyLoad, Bushing, Force, Joint, Model, PointSpring, Scalar, Span, Vector
 from cutjoint.package.errors import RunError
@@ -101,7 +102,7 @@ def find_axle(model: Model, values: Values, name: str | None, *, radius: float |
     chassis = _chassis(model, [wheel.body for wheel in wheels])
     wheels = tuple(replace(wheel, body=_carrier(model, values, wheel, chassis)) for wheel in wheels)
     bodies = _carried(model, {wheel.body for wheel in wheels}, chassis)
-    steering = _steering(model, bodies, steer)
+    steering = _steering(model, values, bodies, chassis, steer)
     others = [x for key, other in pairs.items() if key != chosen for x in (_place(values, other),)]
     here = float(np.mean([wheel.centre[0] for wheel in wheels]))
     nearest = min(others, key=lambda x: abs(x - here), default=None)
@@ -289,8 +290,9 @@ def _of_part(joint: Joint, bodies: set[str], chassis: str) -> bool:
     return bool(ends & bodies) and ends <= bodies | {chassis}
 
 
-def _steering(model: Model, bodies: set[str], steer: str | None) -> Joint | None:
-    """The joint that steers: the named one, else the only one of the axle's joints with a guide."""
+def _steering(model: Model, values: Values, bodies: set[str], chassis: str, steer: str | None) -> Joint | None:
+    """The joint that steers: the named one, else the only one of the axle's joints with a guide, else the only rack, a slider of the
+    chassis along y."""
     joints = [joint for joint in model.joints if {joint.base, joint.follower} & bodies]
     single = [joint for joint in joints if len(joint.element.coordinates) == 1 and not joint.element.has_ball]
     if steer is not None:
@@ -304,7 +306,16 @@ def _steering(model: Model, bodies: set[str], steer: str | None) -> Joint | None
     guided = [joint for joint in single if joint.guide is not None]
     if len(guided) > 1:
         raise RunError(f"{model.span}: several joints of the axle are guided; --steer is one of {', '.join(j.name for j in guided)}")
-    return guided[0] if guided else None
+    racks = [j for j in single if _is_rack(j, values, chassis)]
+    return guided[0] if guided else racks[0] if len(racks) == 1 else None
+
+
+def _is_rack(joint: Joint, values: Values, chassis: str) -> bool:
+    """True of a slider of the chassis along y."""
+    if joint.element.kind is not JointKind.PRISMATIC or chassis not in (joint.base, joint.follower):
+        return False
+    axis = values.vector(joint.axes[0])
+    return bool(abs(axis[1]) > 0.99 * np.linalg.norm(axis))
 
 
 def _part(model: Model, values: Values, bodies: set[str], chassis: str, steering: Joint | None) -> Model:
