@@ -211,7 +211,7 @@ def test_a_model_that_became_wrong_is_told(model: Path) -> None:
 
 
 def test_a_kept_run_that_fails_says_where(model: Path) -> None:
-    model.write_text(SLIDE.replace("push - 4*position", "push - 1e6*position"), encoding="utf-8")
+    model.write_text(SLIDE.replace("push - 4*position", "push - 1e6*sign(position)"), encoding="utf-8")
     first, second = (simulate(model, scene="moved") for _ in range(2))
     assert first.exit_code == second.exit_code == 1
     assert f"{model}:9:10: scene 'moved': the fixed point" in first.output

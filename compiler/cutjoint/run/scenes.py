@@ -11,7 +11,6 @@ from cutjoint.methods import DEFAULT_INTEGRATOR, DEFAULT_METHOD, INTEGRATORS, ME
 from cutjoint.model.records import Model, Numerics, Road, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath
-from cutjoint.topology.reading import read_model
 
 
 def find_scene(model: Model, name: str | None) -> Scene:
@@ -100,6 +99,8 @@ def model_of(given: Given, opened: Sequence[str] = ()) -> Model:
         RunError: numbers are to be ``opened`` after the file was read.
     """
     if isinstance(given, str | PathLike):
+        from cutjoint.topology.reading import read_model  # runs that are kept do without
+
         return read_model(given, opened=opened)
     if not isinstance(given, Model | Compiled):
         raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
