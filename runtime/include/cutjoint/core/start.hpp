@@ -273,7 +273,7 @@ class Starter {
     read_rest(state, held, a_.data());
     Real mark = square_of(a_.data());
     for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
-      if (iteration > 0 && iteration % 5 == 0) {
+      if (iteration > 0 && iteration % 20 == 0) {
         if (square_of(a_.data()) > mark / 2) break;
         mark = square_of(a_.data());
       }
