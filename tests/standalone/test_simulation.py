@@ -36,7 +36,7 @@ def press(method: str) -> cutjoint.Simulation:
 
 
 def test_steps_are_those_of_the_command_line_bit_by_bit(press: cutjoint.Simulation, method: str) -> None:
-    run = cutjoint.simulate(cutjoint.compile_model(PRESS, method=method), integrator="trapezoidal", events="crossed", error=False, end=0.1)
+    run = cutjoint.simulate(PRESS, method=method, integrator="trapezoidal", events="crossed", error=False, end=0.1)
     press.reset()
     for t, x in zip(run.t, run["slider.x"], strict=True):
         press.advance(t)
@@ -88,8 +88,8 @@ def test_values_are_views_by_name(press: cutjoint.Simulation) -> None:
 
 
 def test_parameters_change_between_steps(press: cutjoint.Simulation, method: str) -> None:
-    artifact = cutjoint.compile_model(PRESS, method=method)
-    known = cutjoint.simulate(artifact, integrator="trapezoidal", events="crossed", error=False, end=0.1, parameters={"stiffness": 3000.0})
+    stiff = {"stiffness": 3000.0}
+    known = cutjoint.simulate(PRESS, method=method, integrator="trapezoidal", events="crossed", error=False, end=0.1, parameters=stiff)
     press.parameters["stiffness"] = 3000.0
     press.reset().advance(0.1)
     assert press.outputs["slider.x"] == known["slider.x"][-1]
