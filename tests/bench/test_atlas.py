@@ -84,12 +84,10 @@ def cell(atlas: Mapping[str, Any], method: str, dt: float, penalty: float | None
     return found
 
 
-def test_recursive_says_that_a_heavy_penalty_stops_it_at_the_pose(crossing: tuple[dict[str, Any], Path]) -> None:
+def test_recursive_crosses_with_a_heavy_penalty(crossing: tuple[dict[str, Any], Path]) -> None:
+    """A plain fixed point would stop at the pose."""
     found = cell(crossing[0], "recursive", 1e-3, 1e8)
-    assert found["outcome"] == "diverged"
-    assert found["reached"] == pytest.approx(singular_times(CHAIN)[0], abs=2e-3)
-    assert found["message"].startswith("the fixed point did not converge in 100 iterations at t = 0.71")
-    assert "try: a smaller dt" in found["message"]
+    assert (found["outcome"], found["message"]) == ("converged", "")
 
 
 @pytest.mark.parametrize(("method", "coarse"), [("recursive", "converged"), ("augmented", "inaccurate"), ("classical", "inaccurate")])
@@ -112,7 +110,7 @@ def test_what_is_in_the_store_is_not_run_again(crossing: tuple[dict[str, Any], P
 
 def test_words_count_the_outcomes(crossing: tuple[dict[str, Any], Path]) -> None:
     assert crossing[0]["words"].startswith(
-        "recursive converges in 2 of 4 runs, with steps up to 20 ms in double; 2 stop with a message, 0 drift, "
+        "recursive converges in 4 of 4 runs, with steps up to 20 ms in double; 0 stop with a message, 0 drift, "
         "none ends wrong without a word. augmented converges in "
     )
 
@@ -124,14 +122,14 @@ def test_chart_is_the_same_every_time_and_has_every_outcome(crossing: tuple[dict
     assert list(COLOURS) == list(crossing[0]["outcomes"])
 
 
-def test_a_stiffness_that_the_step_does_not_resolve_ends_wrong_and_a_larger_one_stops(tmp_path: Path) -> None:
-    """Steps of 1 ms: the fixed point contracts while dt^2/4 k/m < 1, here up to 4e6 N/m; a period of 2.5e6 N/m is four steps."""
+def test_a_stiffness_that_the_step_does_not_resolve_ends_wrong(tmp_path: Path) -> None:
+    """Steps of 1 ms: a period of 2.5e6 N/m is four of them, of 1e7 N/m two."""
     case = case_of(tmp_path, SPRING, 1.0)
     grid = Grid(methods=("recursive",), precisions=("double",), steps=(1e-3,), parameter="stiffness", values=(1.0, 2.5e6, 1e7))
     atlas = map_case(case, grid, Store(tmp_path / "store.jsonl"), refer=spring_motion)
-    assert [c["outcome"] for c in atlas["cells"]] == ["converged", "wrong", "diverged"]
+    assert [c["outcome"] for c in atlas["cells"]] == ["converged", "wrong", "wrong"]
     assert atlas["own"]["recursive"] == {"dt": 1e-3, "value": 1.0}
-    assert "1 end wrong without a word" in atlas["words"]
+    assert "2 end wrong without a word" in atlas["words"]
     assert "stiffness [N/m]" in draw_atlas(atlas)
 
 

@@ -38,13 +38,13 @@ parameters: {friction: {value: 2, binding: param}, stiffness: {value: 0, binding
 bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
 joints: {slide: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
 forces:
-  contact: {kind: joint_force, joint: slide, law: "where(rate > 0, -friction, friction) - stiffness*position"}
+  contact: {kind: joint_force, joint: slide, law: "where(rate > 0, -friction, friction) - stiffness*position**3"}
 outputs: [block.x, block.vx]
 scenes: {stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}}
 """
 STANDS_STILL = "the run stands still: its steps have become too short for it to reach its end"
 #: In a step of 10 ms no iteration converges with it.
-STIFF = {"friction": 0.0, "stiffness": 1e7}
+STIFF = {"friction": 0.0, "stiffness": 1e12}
 
 
 @cache

@@ -26,6 +26,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.records import Scene
 from cutjoint.run.outputs import OutputError
+from cutjoint.run.scenes import held_as_usual
 from cutjoint.run.simulation import simulate
 from cutjoint.sweeps.parts import missing
 from cutjoint.sweeps.reading import read_study
@@ -43,7 +44,8 @@ def _single(scene: Scene, parameters: Mapping[str, float], rates: Mapping[str, f
     """A run of the press by the simulator of the command line."""
     model = read_model(MODELS / "press.yaml")
     started = {**scene.rates, **{name: sympy.Float(value, 17) for name, value in rates.items()}}
-    artifact = compile_scene(model, Scene(**{**scene.__dict__, "rates": started}))
+    held = held_as_usual(Scene(**{**scene.__dict__, "rates": started}), "recursive", how.get("integrator"), how.get("dt"))
+    artifact = compile_scene(model, held)
     return simulate(artifact, parameters=parameters, error=False, **how)
 
 

@@ -30,13 +30,14 @@ Inertia: TypeAlias = tuple[Scalar, Scalar, Scalar, Scalar, Scalar, Scalar]
 def add_bodies(system: BodySystem, k: Kinematics, model: Model) -> None:
     """M_i and the weight and inertia forces of every body; rotors have their spin alone, and stand still in the bearings of their carriers
     otherwise."""
-    b, gravity = k.builder, k.direction(GROUND, model.gravity)
+    b = k.builder
     by_name = {body.name: body for body in model.bodies}
     wheels = {force.body for force in model.forces if isinstance(force, Wheel)}
     for name in k.motions:
         body = by_name[name]
         equation = "M = [m, -m c~; m c~, J - m c~ c~],  Q = [m (g - w x v_G); c x m (g - w x v_G) - w x J w]  (eqs. 24, 25)"
         with b.section("body", name, equation, body.span.place):
+            gravity = k.direction(GROUND, model.gravity)
             held = [by_name[wheel] for wheel, rotor in k.rotors.items() if rotor.carrier == name]
             joined = reduce(_joined, (replace(each, inertia=_across(each, k)) for each in held), body)
             system.M[name], system.Q[name] = _spinning(k, name) if name in k.rotors else _body(k, joined, gravity, turns=name in wheels)

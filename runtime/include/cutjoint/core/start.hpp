@@ -129,8 +129,13 @@ class Starter {
       if (!fault) return {};
     }
     state = begun;
-    if (!sink(state, held)) return fault;
-    fault = seek_rest_near(state, held);
+    if (sink(state, held)) fault = seek_rest_near(state, held);
+    if (fault) {
+      state = begun;
+      patient_ = true;
+      fault = seek_rest_near(state, held);
+      patient_ = false;
+    }
     if (!fault && !is_loaded(state, held)) carries_ = false;
     return fault;
   }
@@ -273,7 +278,7 @@ class Starter {
     read_rest(state, held, a_.data());
     Real mark = square_of(a_.data());
     for (int iteration = 0; iteration < 60 && size_of(a_.data(), rows) > Real(1e-9); ++iteration) {
-      if (iteration > 0 && iteration % 20 == 0) {
+      if (!patient_ && iteration > 0 && iteration % 20 == 0) {
         if (square_of(a_.data()) > mark / 2) break;
         mark = square_of(a_.data());
       }
@@ -373,6 +378,7 @@ class Starter {
   StateOf<M> probe_, other_;
   Holding<M> holding_;
   bool carries_ = false;
+  bool patient_ = false;  ///< whether a search for rest goes on where its residual does not fall
 };
 
 }  // namespace cutjoint

@@ -118,8 +118,8 @@ class Trapezoidal {
     const std::span<const double> nominals = nominals_of(mechanism_);
     expected_.expect(state.vdot, dt, nominals);
     mixing_.begin();
-    // the first accelerations follow from the last step's multipliers, and are no sign of how those with present ones follow their tries
-    const int first_mixed = correction_.empty() ? 1 : 2;
+    // the first accelerations follow from the last step's multipliers: they are no sign of how those with present ones follow their tries, and no end
+    const int first_sure = correction_.empty() ? 1 : 2;
     Mask open = going, failed{};
     for (int iteration = 1; Instances::any(open); ++iteration) {
       follow(state);
@@ -128,12 +128,13 @@ class Trapezoidal {
       if (iteration <= fixed_point_.multiplier_updates)
         for (std::size_t i = 0; i < correction_.size(); ++i) Instances::take(open, state.lambda[i] + correction_[i], state.lambda[i]);
       const bool last = iteration >= fixed_point_.iterations;
-      const Mask close = compare(state), late = Instances::all_if(last && !fixed_point_.fixed_cost);
+      const Mask close = Instances::both(compare(state), Instances::all_if(iteration >= first_sure || last)),
+                 late = Instances::all_if(last && !fixed_point_.fixed_cost);
       const Mask lost = Instances::both(open, Instances::either(Instances::without(late, close), Instances::without(open, Instances::finite(change_))));
       if (Instances::any(lost)) note(lost, t, iteration);
       failed = Instances::either(failed, lost);
       const Mask done = Instances::either(failed, fixed_point_.fixed_cost ? Instances::all_if(last) : close), next = Instances::without(open, done);
-      if (iteration >= first_mixed && Instances::any(next)) mixing_.mix(difference_, change_, nominals, next, vdot_);
+      if (iteration >= first_sure && Instances::any(next)) mixing_.mix(difference_, change_, nominals, next, vdot_);
       Instances::take_all(open, vdot_, state.vdot);
       open = next;
     }
