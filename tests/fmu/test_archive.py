@@ -15,14 +15,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_model
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import Unit, describe_unit
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.package.locations import without_mark
 from cutjoint.run.scenes import find_scene
-from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.hash_seeds import outputs
 
@@ -67,8 +66,8 @@ def test_fmpy_has_the_table_of_the_command_line_bit_by_bit(name: str, scene: str
     model = read_model(MODELS / f"{name}.yaml")
     fmu = fmu_of(name, version, scene, "trapezoidal")
     held = {v.name: v.start for v in fmu.interface.inputs}
-    artifact = compile_model(MODELS / f"{name}.yaml", scene=scene)
-    known = simulate(artifact, integrator="trapezoidal", events="crossed", error=False, inputs=held)
+    how = {"integrator": "trapezoidal", "events": "crossed", "error": False, "inputs": held}
+    known = cutjoint.simulate(MODELS / f"{name}.yaml", scene=scene, **how)
     file = write(fmu, tmp_path)
     table = fmpy.simulate_fmu(str(file), stop_time=known.t[-1], output_interval=find_scene(model, scene).output_step)
     assert len(table) == len(known.t)

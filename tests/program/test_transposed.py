@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from cutjoint.run.given import take_model
 
 from cutjoint.compile.pipeline import generate
 from cutjoint.formulate.transposed import Transposed, transpose
@@ -16,6 +15,7 @@ from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
+from cutjoint.run.scenes import take_model
 from tests.conftest import MODELS
 
 #: Functions by numbers at which they have derivatives.

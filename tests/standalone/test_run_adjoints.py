@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from cutjoint.run.given import take_model
 
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.model.read import read_model_text
-from cutjoint.run.scenes import find_scene
+from cutjoint.run.scenes import find_scene, take_model
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp
 from tests.standalone.test_run_derivatives import CART, CHAIN, PENDULUM

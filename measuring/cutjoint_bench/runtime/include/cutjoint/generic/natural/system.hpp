@@ -57,6 +57,8 @@ class GenericSystem {
     start_.begin_step(t, motion);
   }
 
+  void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; twins have no controllers
+
   void initial_coordinates(const Real* relative_q, const Real* relative_v, Real* q, Real* v) { start_.initial_coordinates(relative_q, relative_v, q, v); }
 
   void dynamic_residual(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real penalty, Real* force_residual, Real* residual) {
