@@ -45,9 +45,9 @@ class GenericMechanism {
 
   void drive_by(const InputSource<Real>& source) { model_.expressions.drive_by(source); }
 
-  /// Set all that depends on time and on inputs.
   void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; twins have no controllers
 
+  /// Set all that depends on time and on inputs.
   void begin_step(Real t, Real motion) {
     model_.expressions.begin_step(t, motion);
     kinematics_.begin_step();
