@@ -191,26 +191,25 @@ class BranchSystem:
             if self.branch.carrier != GROUND:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
             self._zdd = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
-            parts = self._parts(self._zdd)
             for rotor in self.k.rotors.values():
                 if (body := rotor.carrier) in self.branch.bodies and body not in Zdd:
+                    parts = dict(self._parts(self._zdd))
                     moved = [b.mul(self.subspaces[each], parts[each]) for each in self._carriers(body) if each in parts]
                     Zdd[body] = b.name(b.total([Zdd[self.branch.carrier], self._known(body), *moved]), "Zdd", body)
-            return self._parted(parts)
+            return self._parted(self._zdd)
 
-    def _parts(self, unknown: Block) -> dict[str, Block]:
+    def _parts(self, unknown: Block) -> Iterator[tuple[str, Block]]:
         """Each joint's own."""
-        found, start = {}, 0
+        start = 0
         for body in self.unknowns:
             end = start + self.subspaces[body].shape[1]
-            found[body] = self.k.builder.take(unknown, (start, end))
+            yield body, self.k.builder.take(unknown, (start, end))
             start = end
-        return found
 
-    def _parted(self, parts: dict[str, Block]) -> dict[str, Block]:
+    def _parted(self, unknown: Block) -> dict[str, Block]:
         """Each joint's own; those of balls in the axes of the body that carries them."""
         b, found = self.k.builder, {}
-        for body, part in parts.items():
+        for body, part in self._parts(unknown):
             motion = self.k.motions[body]
             if motion.centre is not None:
                 part = b.mul(b.transpose(self.k.frames[motion.tree_joint.parent].R), part)
