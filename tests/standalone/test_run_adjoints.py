@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.methods import Loops
 from cutjoint.model.read import read_model_text
-from cutjoint.run.scenes import find_scene, take_model
+from cutjoint.run.scenes import find_scene, take_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp
 from tests.standalone.test_run_derivatives import CART, CHAIN, PENDULUM
@@ -61,6 +63,14 @@ def test_loops(integrator: str, share: float) -> None:
     sim = load_scene(*take_model(MODELS / "press.yaml", None, ["A.z"]), integrator=integrator, adjoint=True).reset(dt=1e-3)
     sim.choose(["pin.angle_rate"])
     compare(sim, share)
+
+
+def test_a_hardpoint_of_loops_that_functions_close() -> None:
+    model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    chosen = with_loops(scene, Loops.COMPILED)
+    sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", adjoint=True).reset(dt=1e-3)
+    sim.choose(["pin.angle_rate"])
+    compare(sim, 1e-9)
 
 
 def test_a_pendulum_by_gravity() -> None:

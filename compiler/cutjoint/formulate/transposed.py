@@ -73,7 +73,7 @@ def transpose(equations: RecursiveEquations, program: Program) -> Transposed:
     arrays = ("Real* by_parameters", *(["Real* by_series"] if equations.fits else []))
     made.append(Function(name="load_transposed", arguments=("const Real* by_loaded", *arrays), results={}))
     length = sum(map(len, loaded.values()))
-    slots = {f"by_{symbol}": replace(slot, array=f"by_{slot.array}") for symbol, slot in equations.slots.items()}
+    slots = {f"by_{symbol}": replace(slot, array=f"by_{slot.array}") for symbol, slot in equations.slots.items() if slot.array != "place"}
     slots |= {
         "by_loaded": Slot(array="by_loaded", offset=0, names=("",) * length),
         "by_parameters": Slot(array="by_parameters", offset=0, names=tuple(p.name for p in equations.parameters)),

@@ -116,7 +116,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
       if (by[i] < -1 || by[i] >= Model::inputs + Model::parameters) return no_such_index;
     for (int i = 0; i < reported; ++i)
       if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
-    if (!all_finite(matrix, static_cast<int>(Derivatives::rows) * directions)) return not_finite;
+    if (!all_finite(matrix, Derivatives::rows * static_cast<std::size_t>(directions))) return not_finite;
     return Base::status_of(s, s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
                                                   {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
   }
@@ -129,7 +129,8 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     if (objectives > 0 && ((reported > 0 && !weights) || !by_state || !by_input || !by_parameter)) return no_array;
     for (int i = 0; i < reported; ++i)
       if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
-    if (!all_finite(weights, objectives * reported * static_cast<int>(steps / every + 1))) return not_finite;
+    const std::size_t rows = static_cast<std::size_t>(steps / every) + 1;
+    if (!all_finite(weights, static_cast<std::size_t>(objectives) * static_cast<std::size_t>(reported) * rows)) return not_finite;
     return Base::status_of(s, s->derivatives.play_adjoint(s->sim, s->minimal, steps, {static_cast<std::size_t>(reported), outputs, every, values, nullptr},
                                                           {static_cast<std::size_t>(objectives), weights, by_state, by_input, by_parameter}, {tape, records}));
   }

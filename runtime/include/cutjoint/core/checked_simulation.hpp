@@ -54,7 +54,7 @@ inline std::uint64_t checksum_of(const void* bytes, std::size_t length) {
 
 inline bool is_finite(double x) { return x - x == 0.0; }
 
-inline bool all_finite(const double* numbers, int length) {
+inline bool all_finite(const double* numbers, std::size_t length) {
   bool finite = true;
   for (int i = 0; i < length; ++i) finite = finite && is_finite(numbers[i]);
   return finite;
