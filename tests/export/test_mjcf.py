@@ -14,6 +14,7 @@ from cutjoint.export.mjcf import write_mjcf
 from cutjoint.importing.document import import_file
 from cutjoint.model.errors import ModelError
 from cutjoint.topology.reading import read_model, read_model_text
+from tests.export.test_urdf import HINGE, MODEL
 from tests.importing.test_mjcf import TREE
 
 mujoco = pytest.importorskip("mujoco")
@@ -114,24 +115,12 @@ def test_a_mesh_stays_where_it_is(tmp_path: Path) -> None:
     assert lines(import_file(path).text) == lines(first)
 
 
-MODEL = """cutjoint: 1
-name: m
-gravity: [0, 0, 0]
-bodies:
-  a: {{mass: 1, centre_of_mass: [0, 1, 0]}}
-  b: {{mass: 1, centre_of_mass: [1, 1, 0]}}
-joints:
-  j: {{kind: revolute, bodies: [ground, a], at: [0, 0, 0], axis: z}}
-  k: {}
-{}scenes:
-  s: {{end: 1}}
-"""
 BEHIND = "{kind: revolute, bodies: [b, a], at: [1, 0, 0], axis: z}"
 
 
 def test_points_and_rods_move_in_mujoco_as_bodies_that_are_nearly_so() -> None:
     """A pendulum of two points of 1 kg, out of line: M and the force by hand at rest."""
-    text = MODEL.format(BEHIND, "").replace("gravity: [0, 0, 0]", "gravity: [0, -10, 0]")
+    text = MODEL.format(HINGE, BEHIND, "").replace("gravity: [0, 0, 0]", "gravity: [0, -10, 0]")
     model = mujoco.MjModel.from_xml_string(write_mjcf(read_model_text(text, "m.yaml"))[0])
     found = accelerations(model, np.zeros(2), np.zeros(2), np.zeros(0))
     mass = np.array([[1 + 2, -1.0], [-1.0, 1.0]])  # of j, and of k, which turns b against its axis
@@ -150,11 +139,11 @@ def test_points_and_rods_move_in_mujoco_as_bodies_that_are_nearly_so() -> None:
 )
 def test_what_mujoco_cannot_say(joint: str, more: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
-        write_mjcf(read_model_text(MODEL.format(joint, more), "m.yaml"))
+        write_mjcf(read_model_text(MODEL.format(HINGE, joint, more), "m.yaml"))
 
 
 def test_bodies_without_mass_are_refused_by_name() -> None:
-    text = MODEL.format(BEHIND, "").replace("b: {mass: 1, centre_of_mass: [1, 1, 0]}", "b: {massless: true, inertia: [1, 1, 1]}")
+    text = MODEL.format(HINGE, BEHIND, "").replace("b: {mass: 1, centre_of_mass: [1, 1, 0]}", "b: {massless: true, inertia: [1, 1, 1]}")
     with pytest.raises(
         ModelError, match="body 'b': MuJoCo has no bodies without mass that move or have inertia; give it some by --link-mass"
     ):
@@ -164,7 +153,7 @@ def test_bodies_without_mass_are_refused_by_name() -> None:
 def test_what_is_left_out_is_named(tmp_path: Path) -> None:
     forces = "forces:\n  f: {kind: joint_force, joint: j, law: -3*position**3}\n  g: {kind: joint_force, joint: j, law: -3*position}\n"
     path = tmp_path / "m.yaml"
-    path.write_text(MODEL.format(BEHIND, forces))
+    path.write_text(MODEL.format(HINGE, BEHIND, forces))
     result = CliRunner().invoke(main, ["export", str(path), "--to", "mjcf", "--out", str(tmp_path / "m.xml")])
     said = " ".join(result.output.split())
     assert said.startswith("left out, since MJCF has linear springs, dampers, dry friction and drives of joints here: f 2 bodies")

@@ -11,20 +11,9 @@ import pytest
 from cutjoint.model.errors import ModelError
 from cutjoint.model.property_file import read_properties
 from cutjoint.model.read import read_model_text
+from tests.fuzz.tyres import DATA, MODEL
 
-DATA = Path(__file__).parents[1] / "data" / "tyres"
 TYRE = (DATA / "mf62.tir").read_text()
-
-MODEL = """
-cutjoint: 1
-name: cart
-gravity: [0, 0, -9.81]
-bodies: {cart: {mass: 300, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}}
-joints: {lift: {kind: prismatic, bodies: [ground, cart], at: [0, 0, 0.3], axis: [0, 0, 1]}}
-submodels: {wheel: {include: library/wheel_mf62}}
-instances: {w: {use: wheel, connect: {carrier: cart}, with: {x: 0, y: 0, z: 0.3}, properties: tyre.tir}}
-scenes: {run: {end: 1}}
-"""
 
 
 def values(text: str) -> dict[str, float]:
