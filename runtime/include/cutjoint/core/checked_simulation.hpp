@@ -56,7 +56,7 @@ inline bool is_finite(double x) { return x - x == 0.0; }
 
 inline bool all_finite(const double* numbers, std::size_t length) {
   bool finite = true;
-  for (int i = 0; i < length; ++i) finite = finite && is_finite(numbers[i]);
+  for (std::size_t i = 0; i < length; ++i) finite = finite && is_finite(numbers[i]);
   return finite;
 }
 
