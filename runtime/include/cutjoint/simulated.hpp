@@ -261,7 +261,9 @@ class Simulated {
   }
 
   void check(long number) {
-    if (!guards_.empty()) guards_.check(simulation_.complete_state(), number);
+    if (guards_.empty()) return;
+    if constexpr (finds_events) subject_.begin_step(simulation_.state().t, Real(1));
+    guards_.check(simulation_.state(), number);
   }
 
   void balance_energy() {
