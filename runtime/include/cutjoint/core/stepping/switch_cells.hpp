@@ -32,7 +32,7 @@ class SwitchCells {
   static constexpr bool can_switch = !Sized<M> || static_sizes<M>().switches > 0;
 
   /// `roads` are those of the tyres.
-  SwitchCells(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()) {}
+  SwitchCells(SwitchPlaces<M> places, const Road<Real>* roads) : places_(std::move(places)), roads_(roads), now_(places_.size()), way_(places_.size()) {}
 
   std::size_t size() const { return places_.size(); }
   bool empty() const { return places_.empty(); }
@@ -62,7 +62,11 @@ class SwitchCells {
 
   /// Seek the switches that the present values have out of their cells; whether there are any.
   bool seek() {
-    for (std::size_t i = 0; i < now_.cells.size(); ++i) now_.sought[i] = is_out(i, now_.noise[i]);
+    using std::abs;
+    for (std::size_t i = 0; i < now_.cells.size(); ++i) {
+      now_.sought[i] = is_out(i, now_.noise[i]);
+      way_[i] = std::max(abs(now_.values[i] - now_.start[i]), std::numeric_limits<Real>::min());
+    }
     return std::find(now_.sought.begin(), now_.sought.end(), 1) != now_.sought.end();
   }
 
@@ -83,11 +87,12 @@ class SwitchCells {
     return count;
   }
 
-  /// How far the switches sought are out of their cells at most; negative where all are inside.
+  /// How far the switches sought are out of their cells at most, in shares of their ways from the start to where they were sought; negative where all
+  /// are inside.  Switches that meet the ends of their cells together, in whatever units, so make no kink there.
   Real beyond() const {
     Real most = -std::numeric_limits<Real>::infinity();
     for (std::size_t i = 0; i < now_.cells.size(); ++i)
-      if (now_.sought[i]) most = std::max({most, now_.values[i] - now_.upper[i], now_.lower[i] - now_.values[i]});
+      if (now_.sought[i]) most = std::max(most, std::max(now_.values[i] - now_.upper[i], now_.lower[i] - now_.values[i]) / way_[i]);
     return most;
   }
 
@@ -199,6 +204,7 @@ class SwitchCells {
   SwitchPlaces<M> places_;
   const Road<Real>* roads_;
   Memory now_;
+  Switches<Real> way_;
 };
 
 }  // namespace cutjoint::stepping
