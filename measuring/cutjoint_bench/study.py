@@ -29,7 +29,7 @@ from cutjoint_bench.reference import Reference, find_reference
 from cutjoint_bench.store import Record, Store
 
 #: Steps are tried up to this multiple of a scene's own step; a run of more steps than ``MOST_STEPS`` is not begun.
-LONGEST = 16.0
+LONGEST = 25.0
 MOST_STEPS = 1_000_000
 
 
