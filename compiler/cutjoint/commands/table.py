@@ -322,13 +322,13 @@ OPTIONS: Mapping[str, Row] = {
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),
-    "sweep.view": click.option("--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with "
-        "--replay that of the run (.html or .glb)."),
+    "sweep.view": click.option("--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the best and the "
+        "worst runs side by side; with --replay that of the run (.html or .glb)."),
     "over": click.option("--over", type=_READ, help="Page of another run, of this or another model, which the page of --view then has as a "
         "ghost."),
     "replay": click.option("--replay", type=Setting("replay"), help="Write the page of this run instead, to see it in the viewer."),
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the "
-        "worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
+        "best and of the worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Of study files of cutjoint sweep, instead of model files."),
     "comparison": click.option("--comparison", is_flag=True, help=f"With linear solvers of other packages{_packages(SOLVERS.added)}."),
     "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the "
