@@ -215,8 +215,8 @@ OPTIONS: Mapping[str, Row] = {
         "ones."),
     "adjoint": click.option("--adjoint", is_flag=True, help="Add derivatives of objectives of whole runs, from their end on, to the C "
         "interface; with those at a state."),
-    "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
-        "variables."),
+    "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies, markers and wheels' contacts to the C interface, or "
+        "to an FMU's variables."),
     "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
         "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "grounded": click.option("--ground", "grounded", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
