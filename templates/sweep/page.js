@@ -2,21 +2,27 @@
 (() => {
 const $ = (id) => document.getElementById(id);
 const about = JSON.parse($('about').textContent);
-const bytes = Uint8Array.from(atob($('numbers').textContent), (c) => c.charCodeAt(0));
+const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+const bytes = bytesOf($('numbers').textContent);
 const rows = about.shown, all = new Float64Array(rows).fill(0);
 const table = new Float32Array(bytes.buffer, 0, bytes.length / 4);
 const run = new Int32Array(bytes.buffer, 0, rows);
+const withRange = (column, arrays) => {
+  let low = Infinity, high = -Infinity;
+  for (const values of arrays) for (const v of values) if (v === v) { low = Math.min(low, v); high = Math.max(high, v); }
+  if (!(low < high)) { const half = Math.abs(low) * 0.05 || 0.5; low = (low === Infinity ? 0 : low) - half; high = low + 2 * half; }
+  return {...column, low, high};
+};
 const columns = about.columns.map((column, i) => {
   const values = table.subarray((i + 1) * rows, (i + 2) * rows);
-  let low = Infinity, high = -Infinity;
-  for (const v of values) if (v === v) { low = Math.min(low, v); high = Math.max(high, v); }
-  if (!(low < high)) { const half = Math.abs(low) * 0.05 || 0.5; low = (low === Infinity ? 0 : low) - half; high = low + 2 * half; }
-  return {...column, values, low, high};
+  return {...withRange(column, [values]), values};
 });
 const filters = new Map();  // from the number of a column to its least and largest value
-let kept = Array.from(all.keys()), chosen = -1;
+const curves = new Map(Object.entries(about.curves).map(([number, text]) => [+number, new Float32Array(bytesOf(text).buffer)]));
+let kept = Array.from(all.keys()), marked = [];  // runs that stand beside one another, in the order of their colours
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const most = 6, markColour = (i) => style(`--loop${i}`);  // of marked runs
 const stops = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 const colour = (share, alpha) => {
   if (share !== share) return style('--faint');  // of a run that failed
@@ -59,7 +65,8 @@ const drawLines = () => {
   g.globalAlpha = Math.max(0.05, Math.min(0.8, 300 / Math.max(1, kept.length)));
   for (const r of kept) { g.strokeStyle = colour(share(z, z.values[r]), 1); line(r); }
   g.globalAlpha = 1;
-  if (chosen >= 0) { g.lineWidth = 3; g.strokeStyle = style('--alarm'); line(chosen); }
+  g.lineWidth = 3;
+  marked.forEach((r, i) => { g.strokeStyle = markColour(i); line(r); });
   g.strokeStyle = style('--faint'); g.lineWidth = 1;
   columns.forEach((_, i) => { const x = across(i, width); g.beginPath(); g.moveTo(x, top); g.lineTo(x, top + span); g.stroke(); });
 };
@@ -127,13 +134,10 @@ const marks = (low, high) => {
   for (let v = Math.ceil(low / step) * step; v <= high + step * 1e-9; v += step) list.push(Math.abs(v) < step * 1e-9 ? 0 : v);
   return list;
 };
-let plane = null;
-const drawPoints = () => {
-  const {g, width, height} = canvas('points');
-  const [x, y, z] = ['x', 'y', 'z'].map((id) => columns[+$(id).value]);
+/** Axes of two columns with their names; returns where values are. */
+const drawPlane = ({g, width, height}, x, y) => {
   const w = width - margin.left - margin.right, h = height - margin.top - margin.bottom;
   const px = (v) => margin.left + w * (0.02 + 0.96 * share(x, v)), py = (v) => margin.top + h * (0.98 - 0.96 * share(y, v));
-  plane = {px, py, x, y};
   g.font = '12px system-ui, sans-serif'; g.fillStyle = style('--faint'); g.strokeStyle = style('--line');
   g.textAlign = 'center';
   for (const v of x.labels ? x.labels.keys() : marks(x.low, x.high)) {
@@ -148,6 +152,14 @@ const drawPoints = () => {
   g.fillStyle = style('--ink'); g.textAlign = 'center';
   g.fillText(title(x), margin.left + w / 2, height - 10);
   g.save(); g.translate(16, margin.top + h / 2); g.rotate(-Math.PI / 2); g.fillText(title(y), 0, 0); g.restore();
+  return {px, py, x, y};
+};
+let plane = null;
+const drawPoints = () => {
+  const on = canvas('points'), {g, width} = on;
+  const [x, y, z] = ['x', 'y', 'z'].map((id) => columns[+$(id).value]);
+  plane = drawPlane(on, x, y);
+  const {px, py} = plane;
   if ($('surface').checked) drawCells(g, x, y, z, px, py);
   else for (const r of kept) {
     const a = x.values[r], b = y.values[r];
@@ -158,10 +170,11 @@ const drawPoints = () => {
   const hasFront = x.role === 'objective' && y.role === 'objective' && x !== y;
   $('with-front').hidden = !hasFront;
   if (hasFront && $('front').checked) drawFront(g, front(x, y), x, y, px, py);
-  if (chosen >= 0) {
-    g.strokeStyle = style('--alarm'); g.lineWidth = 2.5;
-    g.beginPath(); g.arc(px(x.values[chosen]), py(y.values[chosen]), 7, 0, 7); g.stroke(); g.lineWidth = 1;
-  }
+  g.lineWidth = 2.5;
+  marked.forEach((r, i) => {
+    g.strokeStyle = markColour(i);
+    g.beginPath(); g.arc(px(x.values[r]), py(y.values[r]), 7, 0, 7); g.stroke();
+  });
   for (let i = 0; i < 100; ++i) { g.fillStyle = colour(i / 99, 1); g.fillRect(width - 62, margin.top + 40 + 1.4 * (99 - i), 12, 1.6); }
   g.fillStyle = style('--ink'); g.textAlign = 'center';
   title(z).split(', ').forEach((word, i) => g.fillText(word.slice(0, 14), width - 50, margin.top + 12 + 14 * i));
@@ -216,7 +229,28 @@ $('plane').addEventListener('pointermove', (event) => {
   tip.style.left = `${Math.min(event.clientX - box.left + 12, box.width - 200)}px`; tip.style.top = `${event.clientY - box.top + 12}px`;
 });
 $('plane').addEventListener('pointerleave', () => { $('tip').hidden = true; });
-$('plane').addEventListener('click', (event) => choose(nearest(event)));
+$('plane').addEventListener('click', (event) => choose(nearest(event), event));
+
+// An output of the marked runs over the time, of those that were simulated again.
+const curve = (number, output) => {
+  const all = curves.get(number), size = all.length / (1 + about.outputs.length);
+  return {t: all.subarray(0, size), values: all.subarray((output + 1) * size, (output + 2) * size)};
+};
+const drawCurves = () => {
+  const on = canvas('curves'), output = +$('output').value, missing = marked.filter((r) => !curves.has(run[r])).map((r) => run[r]);
+  const series = marked.flatMap((r, i) => (curves.has(run[r]) ? [{i, ...curve(run[r], output)}] : []));
+  $('without').textContent = missing.length ? `without a curve: ${missing.join(', ')}` : '';
+  if (!series.length) return;
+  const [name, unit] = about.outputs[output];
+  const {px, py} = drawPlane(on, withRange({name: 't', unit: 's'}, series.map((s) => s.t)), withRange({name, unit}, series.map((s) => s.values)));
+  on.g.lineWidth = 2;
+  for (const {i, t, values} of series) {
+    on.g.strokeStyle = markColour(i);
+    on.g.beginPath();
+    t.forEach((time, k) => { if (values[k] === values[k]) on.g.lineTo(px(time), py(values[k])); });
+    on.g.stroke();
+  }
+};
 
 // Single runs.
 const replayed = (link, number) => {
@@ -225,36 +259,57 @@ const replayed = (link, number) => {
   if (!link.hidden) link.href = about.replays[number];
   return link;
 };
-const choose = (r) => {
-  chosen = r;
-  $('run').hidden = r < 0;
-  if (r >= 0) {
-    $('number').textContent = `Run ${run[r]}`;
-    $('values').replaceChildren(...columns.map((c) => {
-      const line = document.createElement('tr');
-      for (const word of [title(c), shown(c, c.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
-      return line;
-    }));
-    $('by-command').hidden = !replayed($('replay'), run[r]).hidden;
-    $('command').textContent = `${about.command} --replay ${run[r]}`;
-  }
-  draw();
+/** Mark a run alone, or with those that are marked; one that is marked is so no longer. */
+const choose = (r, event) => {
+  const joins = event.ctrlKey || event.metaKey || event.shiftKey || event.target.type === 'checkbox';
+  if (r < 0 || !joins) mark(r < 0 ? [] : [r]);
+  else mark(marked.includes(r) ? marked.filter((other) => other !== r) : [...marked, r]);
 };
-const listWorst = () => {
-  const column = columns[+$('worst').value];
-  const order = kept.filter((r) => column.values[r] === column.values[r]);
-  order.sort((a, b) => (better(column, column.values[a], column.values[b]) ? 1 : better(column, column.values[b], column.values[a]) ? -1 : run[a] - run[b]));
+const mark = (list) => {
+  marked = list.slice(-most);
+  $('run').hidden = !marked.length;
   const head = document.createElement('tr');
-  for (const word of ['run', title(column), '']) head.appendChild(document.createElement('th')).textContent = word;
-  $('list').tHead.replaceChildren(head);
-  $('list').tBodies[0].replaceChildren(...order.slice(0, 10).map((r) => {
+  head.append(document.createElement('th'), ...marked.map((r, i) => {
+    const cell = document.createElement('th');
+    cell.textContent = run[r]; cell.style.color = markColour(i);
+    return cell;
+  }));
+  $('beside').tHead.replaceChildren(head);
+  $('beside').tBodies[0].replaceChildren(...columns.map((c) => {
     const line = document.createElement('tr');
-    line.className = r === chosen ? 'chosen' : '';
-    for (const word of [String(run[r]), shown(column, column.values[r])]) line.appendChild(document.createElement('td')).textContent = word;
-    line.appendChild(document.createElement('td')).appendChild(replayed(document.createElement('a'), run[r]));
-    line.addEventListener('click', () => choose(r));
+    for (const word of [title(c), ...marked.map((r) => shown(c, c.values[r]))]) line.appendChild(document.createElement('td')).textContent = word;
     return line;
   }));
+  $('number').textContent = `${marked.length > 1 ? 'Runs' : 'Run'} ${marked.map((r) => run[r]).join(', ')}`;
+  $('by-command').hidden = marked.every((r) => run[r] in about.replays);
+  const over = (i) => (i ? ` --over ${about.pages}${run[marked[0]]}.html` : '');
+  $('command').textContent = marked.map((r, i) => `${about.command} --replay ${run[r]}${over(i)}`).join('\n');
+  draw();
+};
+const inOrder = (column, sign) => kept.filter((r) => column.values[r] === column.values[r]).sort((a, b) => (
+  better(column, column.values[a], column.values[b]) ? -sign : better(column, column.values[b], column.values[a]) ? sign : run[a] - run[b]));
+const listEnds = () => {
+  const column = columns[+$('of').value];
+  for (const [id, sign] of [['best', 1], ['worst', -1]]) {
+    const head = document.createElement('tr');
+    for (const word of [id, title(column), '']) head.appendChild(document.createElement('th')).textContent = word;
+    $(id).tHead.replaceChildren(head);
+    $(id).tBodies[0].replaceChildren(...inOrder(column, sign).slice(0, 6).map((r) => {
+      const line = document.createElement('tr'), name = line.insertCell(), tick = document.createElement('input'), place = marked.indexOf(r);
+      tick.type = 'checkbox'; tick.checked = place >= 0; tick.title = tick.ariaLabel = `Run ${run[r]} beside the others`;
+      line.className = tick.checked ? 'chosen' : '';
+      line.style.setProperty('--colour', tick.checked ? markColour(place) : '');
+      name.append(tick, String(run[r]));
+      line.insertCell().textContent = shown(column, column.values[r]);
+      line.insertCell().appendChild(replayed(document.createElement('a'), run[r]));
+      line.addEventListener('click', (event) => { if (!event.target.href) choose(r, event); });
+      return line;
+    }));
+  }
+};
+const markEnds = () => {
+  const column = columns[+$('of').value];
+  mark([...new Set([1, -1].flatMap((sign) => inOrder(column, sign).slice(0, 1)))]);
 };
 /** The runs that pass, in the digits that the page has. */
 const keptText = () => {
@@ -272,13 +327,12 @@ $('save').addEventListener('click', () => {
 });
 $('copy').addEventListener('click', () => navigator.clipboard?.writeText($('command').textContent));
 
-const draw = () => { placeAxes(); drawLines(); drawPoints(); listWorst(); };
+const draw = () => { placeAxes(); drawLines(); drawPoints(); if (curves.size) drawCurves(); listEnds(); };
 const refresh = () => {
   kept = Array.from(all.keys()).filter((r) => [...filters].every(([i, [low, high]]) => columns[i].values[r] >= low && columns[i].values[r] <= high));
-  if (chosen >= 0 && !kept.includes(chosen)) { chosen = -1; $('run').hidden = true; }
   $('left').textContent = filters.size ? `${kept.length} of ${rows} pass the filters` : '';
   $('reset').disabled = !filters.size;
-  draw();
+  mark(marked.filter((r) => kept.includes(r)));
 };
 $('reset').addEventListener('click', () => { filters.clear(); refresh(); });
 const objectives = columns.flatMap((c, i) => (c.role === 'objective' ? [i] : []));
@@ -289,8 +343,11 @@ const fill = (id, list, value) => {
 };
 const every = [...columns.keys()], [first, second] = [objectives[0] ?? 0, objectives[1] ?? 0];
 fill('x', every, first); fill('y', every, objectives.length > 1 ? second : every[0]); fill('z', every, objectives[2] ?? every[0]);
-fill('worst', objectives.length ? objectives : every, first);
-for (const id of ['surface', 'front']) $(id).addEventListener('change', draw);
+fill('of', objectives.length ? objectives : every, first);
+$('of').addEventListener('change', markEnds);
+$('output').replaceChildren(...about.outputs.map(([name], i) => new Option(name, i)));
+$('over-time').hidden = !curves.size;
+for (const id of ['surface', 'front', 'output']) $(id).addEventListener('change', draw);
 $('title').textContent = about.title; $('subtitle').textContent = about.note;
 $('failed').hidden = !about.failures.length;
 $('failures').replaceChildren(...about.failures.map(({number, reason}) => {
@@ -301,9 +358,11 @@ $('failures').replaceChildren(...about.failures.map(({number, reason}) => {
 window.addEventListener('resize', draw);
 window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
 window.sweep = {
+  marked: () => marked.map((r) => run[r]), curve: (number, name) => Array.from(curve(number, about.outputs.findIndex((o) => o[0] === name)).values),
   kept: () => kept.map((r) => run[r]), front: () => front(columns[+$('x').value], columns[+$('y').value]).map((r) => run[r]),
   point: (number) => { const r = run.indexOf(number), box = $('points').getBoundingClientRect(); return [box.left + plane.px(plane.x.values[r]), box.top + plane.py(plane.y.values[r])]; },
 };
 refresh();
+markEnds();
 document.body.dataset.ready = 'yes';
 })();

@@ -23,6 +23,7 @@ pytestmark = needs_cpp
 
 Array = NDArray[np.float64]
 
+
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("poses") / "hung.yaml"
@@ -44,7 +45,7 @@ def rotation_of(quaternion: Array) -> Array:
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 
 
-@pytest.mark.parametrize("method", with_heavy(["recursive"], ["recursive-newton"]))
+@pytest.mark.parametrize("method", with_heavy(["recursive", "recursive-newton"], "recursive-newton"))
 def test_poses_are_the_outputs_of_the_same_elements(path: Path, method: str) -> None:
     sim = cutjoint.load(path, method=method, poses=True).reset()
     for t in (0.0, 0.3, 0.9):
@@ -99,6 +100,62 @@ def test_arrays_are_views_and_asking_changes_no_step(path: Path) -> None:
         asked.poses.place("topp")
     with pytest.raises(TypeError, match="poses=True"):
         _ = plain.poses
+
+
+#: A carrier that tumbles with a tyre, which does not turn, and with a wheel on a hub, over ground that a host gives.
+WHEELS = """
+cutjoint: 1
+name: wheels
+gravity: [0, 0, -9.81]
+bodies:
+  carrier: {mass: 50, centre_of_mass: [0.4, 0, 0.4], inertia: [5, 4, 3]}
+  rim: {mass: 20, centre_of_mass: [0, 0.1, 0.3], inertia: [0.5, 1, 0.5]}
+joints:
+  free: {kind: free, bodies: [ground, carrier], at: [0, 0, 0.3]}
+  hub: {kind: revolute, bodies: [carrier, rim], at: [0, 0.1, 0.3], axis: [0, 1, 0]}
+forces:
+  wheel: {kind: wheel, body: rim, centre: [0, 0.15, 0.3], axis: [0, 1, 0], radius: 0.3, force: [-100*vx, 0, 2e4*deflection]}
+  tyre: {kind: tyre, body: carrier, centre: [1, 0.1, 0.3], axis: [0, 1, 0], radius: 0.3, stiffness: 2e4,
+         calspan: {A0: 4000, A1: 10, A2: 6000, A3: 1.7, A4: 4000, B1: -0.00008, B3: 1, B4: 0, SN: 0.85, AF1: 0, AF2: 0}}
+markers: {nose: {body: carrier, at: [1.2, 0, 0.5]}}
+outputs: [wheel.vx, wheel.vy, wheel.spin, wheel.loaded_radius]
+scenes: {roll: {rates: {free.vx: 3, free.wz: 2, free.wx: 1.5, hub.angle_rate: 12}, end: 1}}
+"""
+
+
+def test_contacts_are_where_planes_of_wheels_meet_the_ground(tmp_path: Path) -> None:
+    """By three planes: the ground under the centre, the wheel's own, and the one across the rolling direction."""
+    (tmp_path / "wheels.yaml").write_text(WHEELS)
+    sim = cutjoint.load(tmp_path / "wheels.yaml", poses=True, linearise=True, grounded=["*"]).reset()
+    ground = {"wheel": (0.02, 0.1, -0.2), "tyre": (-0.01, -0.05, 0.15)}
+    for name, values in ground.items():
+        for end, value in zip(("height", "slope", "bank"), values, strict=True):
+            sim.inputs[f"{name}.ground_{end}"] = value
+    sim.advance(0.2)
+    poses = sim.poses
+    assert poses.names == ("carrier", "rim", "nose", "wheel", "tyre")
+    for name, body, centre in (("wheel", "rim", (0, 0.15, 0.3)), ("tyre", "carrier", (1, 0.1, 0.3))):
+        (at, on), (height, slope, bank) = (poses.place(each) for each in (name, body)), ground[name]
+        R = rotation_of(poses.attitude[on])
+        axis, c = R[:, 1], poses.position[on] + R @ (np.array(centre) - poses.point[on])
+        normal = np.array([-slope, -bank, 1]) / np.sqrt(1 + slope**2 + bank**2)
+        rolling = np.cross(axis, normal) / np.linalg.norm(np.cross(axis, normal))
+        assert abs(axis @ normal) > 0.02
+        assert rotation_of(poses.attitude[at]) == pytest.approx(np.column_stack([rolling, np.cross(normal, rolling), normal]), abs=1e-14)
+        below = np.array([c[0], c[1], height])
+        p = np.linalg.solve(np.array([normal, axis, rolling]), [normal @ below, axis @ c, rolling @ c])
+        assert poses.position[at] == pytest.approx(p, abs=1e-13)
+        v = poses.velocity[on] + np.cross(poses.angular_velocity[on], p - poses.position[on])
+        assert poses.velocity[at] == pytest.approx(v, abs=1e-12)
+        assert np.array_equal(poses.angular_velocity[at], poses.angular_velocity[on])
+        assert poses.point[at].tolist() == [0, 0, 0]
+        rates = sim.states.array[len(sim.states.array) // 2 :]
+        assert sim.find_point_jacobian(name) @ rates == pytest.approx([*v, *poses.angular_velocity[at]], abs=1e-11)
+        if name == "wheel":
+            out = sim.outputs
+            assert np.linalg.norm(p - c) == pytest.approx(out["wheel.loaded_radius"], abs=1e-13)
+            slip = out["wheel.vx"] - out["wheel.spin"] * out["wheel.loaded_radius"]
+            assert rotation_of(poses.attitude[at]).T[:2] @ v == pytest.approx([slip, out["wheel.vy"]], abs=1e-12)
 
 
 PROGRAM = """

@@ -17,7 +17,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_scene, take_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp
-from tests.standalone.test_run_derivatives import CART, CHAIN, PENDULUM
+from tests.standalone.test_run_derivatives import CART, CHAIN, FALL, PENDULUM
 from tests.standalone.test_step_derivatives import loaded
 
 pytestmark = needs_cpp
@@ -63,6 +63,13 @@ def test_loops(integrator: str, share: float) -> None:
     sim = load_scene(*take_model(MODELS / "press.yaml", None, ["A.z"]), integrator=integrator, adjoint=True).reset(dt=1e-3)
     sim.choose(["pin.angle_rate"])
     compare(sim, share)
+
+
+@pytest.mark.heavy
+def test_loops_by_explicit_steps_near_a_dead_centre() -> None:
+    sim = backwards(FALL, "fall", integrator="rk4").reset(dt=0.02)
+    sim.choose()
+    compare(sim, 1e-9, steps=40)
 
 
 def test_a_hardpoint_of_loops_that_functions_close() -> None:

@@ -17,7 +17,7 @@ from cutjoint.cli import main
 from cutjoint.methods import Loops
 from cutjoint.run.scenes import take_model, with_loops
 from cutjoint.stepping.load import load_scene
-from tests.conftest import MODELS, needs_cpp
+from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.mechanisms.switching import TABLE
 from tests.standalone.test_step_derivatives import MASS, OSCILLATOR, PUSHER, SHARP, STIFFNESS, H, by_rk4, by_trapezoids, loaded, oscillator
 
@@ -197,6 +197,35 @@ def test_loops_by_the_trapezoidal_rule() -> None:
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0}, 1e-9)
     sim = loaded(PUSHER.replace("NUMERICS", SHARP), "pusher").reset(dt=0.01)
     compare(sim, None, ["cart.x"], {"drag": 0.01, "torque": 0.001}, 1e-9, steps=20)
+
+
+#: A four-bar with a pole that falls to its limit, where coupler and rocker are in line.
+FALL = """
+cutjoint: 1
+name: fall
+gravity: [0, 0, -9.81]
+parameters: {heavy: {value: 1, unit: kg, binding: param}}
+bodies:
+  arm: {mass: heavy, centre_of_mass: [0.15, 0, 0], inertia: [0.001, 0.01, 0.01]}
+  rod: {mass: 0.5, centre_of_mass: [0.4, 0, 0.15], inertia: [0.001, 0.01, 0.01]}
+  rocker: {mass: 0.5, centre_of_mass: [0.5, 0, 0.15], inertia: [0.001, 0.005, 0.005]}
+  pole: {mass: 0.2, centre_of_mass: [0.3, 0, 0.2], inertia: [0.001, 0.002, 0.001]}
+joints:
+  crank: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}
+  knee: {kind: revolute, bodies: [arm, rod], at: [0.3, 0, 0], axis: y}
+  top: {kind: revolute, bodies: [rod, rocker], at: [0.5, 0, 0.3], axis: y}
+  foot: {kind: revolute, bodies: [ground, rocker], at: [0.5, 0, 0], axis: y}
+  pin: {kind: revolute, bodies: [arm, pole], at: [0.3, 0, 0], axis: y}
+outputs: [pin.angle, crank.angle]
+scenes: {fall: {end: 1, rates: {pin.angle_rate: 0.5}}}
+"""
+
+
+@pytest.mark.parametrize("integrator", with_heavy(["rk4", "dormand-prince"], "dormand-prince"))
+def test_loops_by_explicit_steps_near_a_dead_centre(integrator: str) -> None:
+    """Steps begin with the slope that the one before had before its loops were closed, which projections move far there."""
+    sim = loaded(FALL, "fall", integrator=integrator).reset(dt=0.02)
+    compare(sim, None, ["pin.angle", "crank.angle"], {"heavy": 1e-3}, 1e-7, steps=39)
 
 
 def test_coordinates_are_chosen_again_where_they_become_poor() -> None:

@@ -50,14 +50,23 @@ def _dominated(one: int, runs: range, x: np.ndarray, y: np.ndarray) -> bool:
     return any(x[r] >= x[one] and y[r] <= y[one] and (x[r] > x[one] or y[r] < y[one]) for r in runs)
 
 
+def _listed(page: Page, id: str) -> list[int]:
+    """The runs of a list."""
+    found: list[int] = page.run(f"[...document.querySelectorAll('#{id} tbody tr')].map((r) => +r.firstChild.textContent)")
+    return found
+
+
 def test_the_page_shows_the_table(page: Page, done: tuple[Path, Sweep]) -> None:
     table = done[1]
     assert page.run("sweep.kept().length") == 256
     runs = range(256)
     expected = [r for r in runs if not _dominated(r, runs, table["top"], table["speed"])]
     assert sorted(page.run("sweep.front()")) == expected
-    worst = page.run("[...document.querySelectorAll('#list tbody tr')].map((r) => +r.firstChild.textContent)")
-    assert worst == list(map(int, np.argsort(table["top"])[:10]))
+    order = list(map(int, np.argsort(table["top"])))
+    assert _listed(page, "worst") == order[:6]
+    assert _listed(page, "best") == order[:-7:-1]
+    assert page.run("sweep.marked()") == [order[-1], order[0]]
+    assert page.run("document.getElementById('over-time').hidden")
     assert "256 runs" in page.run("document.getElementById('subtitle').textContent")
     page.picture(PICTURES / "sweep.png")
     require_silence(page)
@@ -90,10 +99,23 @@ def test_an_axis_filters(page: Page, done: tuple[Path, Sweep]) -> None:
     assert page.run("sweep.kept().length") == 256
 
 
-def test_a_point_names_its_replay(page: Page) -> None:
+def test_marked_runs_stand_beside_one_another(page: Page, done: tuple[Path, Sweep]) -> None:
     page.click(*page.run("sweep.point(17)"))
     assert page.run("document.getElementById('number').textContent") == "Run 17"
     assert page.run("document.getElementById('command').textContent") == "cutjoint sweep study.yaml --replay 17"
+    for place in (0, 1):
+        page.run(f"document.querySelectorAll('#worst input')[{place}].click()")
+    worst = _listed(page, "worst")[:2]
+    assert page.run("sweep.marked()") == [17, *worst]
+    head, *lines = page.run("[...document.querySelectorAll('#beside tr')].map((r) => [...r.cells].map((c) => c.textContent))")
+    assert head[1:] == list(map(str, [17, *worst]))
+    top = next(line for line in lines if line[0].startswith("top"))
+    assert [float(word) for word in top[1:]] == pytest.approx(done[1]["top"][[17, *worst]], rel=1e-3)  # four digits
+    assert page.run("document.getElementById('command').textContent").splitlines()[2] == (
+        f"cutjoint sweep study.yaml --replay {worst[1]} --over study-run-17.html"
+    )
+    page.run("document.querySelector('#worst input').click()")
+    assert page.run("sweep.marked()") == [17, worst[1]]
     page.run("document.getElementById('surface').click()")
     page.settle()
     page.picture(PICTURES / "sweep-surface.png")
@@ -110,32 +132,43 @@ def test_the_command_writes_pages(done: tuple[Path, Sweep], tmp_path: Path, monk
     replayed = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "17"])
     assert replayed.exit_code == 0, replayed.output
     assert (tmp_path / "study-run-17.html").stat().st_size > 100_000
+    beside = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "18", "--over", "study-run-17.html"])
+    assert beside.exit_code == 0, beside.output
+    assert "study-run-17.html: press, turn, recursive, run 17 of a sweep" in (tmp_path / "study-run-18.html").read_text(encoding="utf-8")
+    alone = CliRunner().invoke(main, ["sweep", str(done[0]), "--over", "study-run-17.html"])
+    assert "--over study-run-17.html: it lies under the run of --replay, which is missing" in alone.output
     refused = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "256"])
     assert "--replay 256: the study has no such run; its runs are 0 to 255" in refused.output
 
 
-def test_the_worst_runs_are_one_click_from_their_replays(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> None:
-    """From the list and from the chosen run; its page shows the run that the table has."""
+def test_the_ends_are_one_click_from_their_replays(done: tuple[Path, Sweep], browser: Page, tmp_path: Path) -> None:
+    """The page of a worst run has the best one as a ghost; curves have the extremes that the table has."""
     table, folder = done[1], tmp_path / "a page"
     folder.mkdir()
     words = ["sweep", str(done[0]), "--out", str(table.path), "--view", str(folder / "50 % #1.html"), "--replays", "2"]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
-    least, fast, load = (np.argsort(sign * table[name]) for name, sign in (("top", 1), ("speed", -1), ("load", -1)))
-    worst = sorted({int(run) for order in (least, fast, load) for run in order[:2]})
+    orders = [np.argsort(sign * table[name]) for name, sign in (("top", -1), ("speed", 1), ("load", 1))]
+    ends = {int(run) for order in orders for run in (*order[:2], *order[-2:])}
     pages = {path.name for path in (folder / "50 % #1-runs").iterdir()}
-    assert pages == {f"run-{run}.html" for run in worst}
+    assert pages == {f"run-{run}.html" for run in ends}
     browser.open(folder / "50 % #1.html", size=(1400, 980))
-    links = "[...document.querySelectorAll('#list tbody tr')].map((line) => [+line.firstChild.textContent, line.querySelector('a').hidden])"
-    assert browser.run(links) == [[int(run), int(run) not in worst] for run in least[:10]]
-    browser.run("document.querySelector('#list tbody tr').click()")
-    assert browser.run("[document.getElementById('replay').hidden, document.getElementById('by-command').hidden]") == [False, True]
+    best, worst = int(orders[0][0]), int(orders[0][-1])
+    hidden = "[...document.querySelectorAll('#worst tbody tr')].map((line) => line.querySelector('a').hidden)"
+    assert browser.run(hidden) == [run not in ends for run in _listed(browser, "worst")]
+    assert browser.run("document.getElementById('by-command').hidden")
     browser.picture(PICTURES / "sweep-replays.png")
+    for run in (best, worst):
+        assert max(browser.run(f"sweep.curve({run}, 'slider.x')")) == pytest.approx(table["top"][run], rel=1e-6)
+    browser.run("document.querySelectorAll('#worst input')[5].click()")
+    assert browser.run("document.getElementById('without').textContent") == f"without a curve: {_listed(browser, 'worst')[5]}"
     require_silence(browser)
-    address = browser.run("document.getElementById('replay').href")
-    assert address == browser.run("document.querySelector('#list a').href")
+    address = browser.run("document.querySelector('#worst a').href")
     browser.open(Path(unquote(urlsplit(address).path)), size=(1400, 980))
-    assert browser.run("document.getElementById('subtitle').textContent") == f"turn, recursive, run {least[0]} of a sweep"
+    of_worst, of_best = (f"turn, recursive, run {run} of a sweep" for run in (worst, best))
+    assert browser.run("document.getElementById('subtitle').textContent") == of_worst
+    assert browser.run("document.getElementById('over').textContent") == f"over run-{best}.html: press, {of_best}"
+    browser.picture(PICTURES / "sweep-ends.png")
     require_silence(browser)
 
 

@@ -14,13 +14,11 @@ from cutjoint.compile.pipeline import with_asked_loops
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS
-from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
-from cutjoint.view.ghost import read_page
 from cutjoint.view.mesh_files import require_meshes
-from cutjoint.view.views import PAGE, require_view, show_run, write_shown
+from cutjoint.view.views import read_over, require_view, show_run, write_shown
 
 
 def require_replay(request: Request, parameters: Mapping[str, float], view: Path | None, over: Path | None) -> None:
@@ -32,10 +30,7 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
     """
     if view is not None:
         require_view(view, "--view")
-    if over is not None:
-        if view is None or view.suffix != PAGE:
-            raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
-        read_page(over, "--over")
+    read_over(over, view)
     model, scene, _ = read_request(request)
     require_meshes(model, Numbers.of(model, scene, parameters))
 
@@ -57,7 +52,7 @@ def write_replay(
     steps = with_each_step(replace(plan, with_coordinates=True), run)
     model = with_asked_loops(played.model, scene, played.method)
     shown = show_run(model, scene, played.method, played.parameters, steps, variant=played.variant)
-    return write_shown(view, shown, over=None if over is None else read_page(over, "--over"))
+    return write_shown(view, shown, over=read_over(over, view))
 
 
 #: Runs of more steps are not repeated for their last ones; an adaptive integrator gets so many rows.

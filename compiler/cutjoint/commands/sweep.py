@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -21,7 +20,7 @@ from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress
 from cutjoint.sweeps.run import Sweep, perform_study, steps_of
-from cutjoint.view.views import require_view
+from cutjoint.view.views import read_over, require_view
 
 #: The number of printed reasons of failures, and the pattern of numbers, by which reasons alike may differ.
 _REASONS = 5
@@ -30,8 +29,8 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 @table.command("sweep")
 def command(
-    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, replays: int,
-    functions: Path | None,
+    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, over: Path | None,
+    replays: int, functions: Path | None,
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
 
@@ -44,10 +43,12 @@ def command(
     for earlier in read.model.notes:
         options.err.print(earlier, markup=False)
     model = study.parent / read.model.span.file
-    require_apart({"the study": study, "the model": model}, documents=[("--out", out), ("--view", view)])
+    require_apart({"the study": study, "the model": model, "the page of another run": over}, documents=[("--out", out), ("--view", view)])
     if replay is not None:
-        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view)
+        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view, over)
         return
+    if over is not None:
+        raise RunError(f"--over {over}: it lies under the run of --replay, which is missing")
     if view is not None and view.suffix != ".html":
         raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
     with _progress(read) as (advance, note):
@@ -60,24 +61,24 @@ def command(
 
 
 def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: int) -> None:
-    """The page of a sweep, and before it the pages of its worst runs, to which it leads."""
-    from cutjoint.sweeps.page import make_page, replay_runs, worst_runs
+    """The page of a sweep, and before it the pages of its best and worst runs, to which it leads."""
+    from cutjoint.sweeps.page import make_page, replay_runs, runs_to_replay
 
-    folder, runs = view.with_name(f"{view.stem}-runs"), worst_runs(study, done, replays)
+    folder, runs = view.with_name(f"{view.stem}-runs"), runs_to_replay(study, done, replays)
     with _progress(study) as (advance, _):
-        pages = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
-    addresses = {run: quote(f"{folder.name}/{page.name}") for run, page in pages.items()}
-    options.out.print(f"view: {write_whole(view, make_page(study, done, command, addresses))}", markup=False)
-    if pages:
-        options.out.print(f"replays: {len(pages)} of the worst runs in {folder}", markup=False)
+        played = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
+    options.out.print(f"view: {write_whole(view, make_page(study, done, command, played))}", markup=False)
+    if played:
+        options.out.print(f"replays: {len(played)} of the best and worst runs in {folder}", markup=False)
 
 
-def _replay(study: Study, run: int, view: Path) -> None:
+def _replay(study: Study, run: int, view: Path, over: Path | None) -> None:
     from cutjoint.sweeps.page import replay
 
     require_view(view, "--view")
+    ghost = read_over(over, view)
     with options.progress_bar(f"running {study.model.name}"):
-        replay(study, run, view)
+        replay(study, run, view, ghost)
     options.out.print(f"view: {view}", markup=False)
 
 

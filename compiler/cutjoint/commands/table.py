@@ -215,8 +215,8 @@ OPTIONS: Mapping[str, Row] = {
         "ones."),
     "adjoint": click.option("--adjoint", is_flag=True, help="Add derivatives of objectives of whole runs, from their end on, to the C "
         "interface; with those at a state."),
-    "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies and markers to the C interface, or to an FMU's "
-        "variables."),
+    "poses": click.option("--poses", is_flag=True, help="Add the poses of all bodies, markers and wheels' contacts to the C interface, or "
+        "to an FMU's variables."),
     "pushed": click.option("--push", "pushed", metavar="NAME", multiple=True, help="Add inputs of a force and a torque, in global axes, "
         "on a body at its centre of mass, or at a marker: NAME.push.fx to NAME.push.tz."),
     "grounded": click.option("--ground", "grounded", metavar="NAME", multiple=True, help="Add inputs of the ground under a wheel: "
@@ -322,13 +322,13 @@ OPTIONS: Mapping[str, Row] = {
     "equilibrium.view": _page("that goes from the design position to the equilibrium"),
     "modes.view": _page("that moves in each mode"),
     "reduce.view": _page("that shows in the topology what was changed"),
-    "sweep.view": click.option("--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the worst runs; with "
-        "--replay that of the run (.html or .glb)."),
+    "sweep.view": click.option("--view", type=_FILE, help="Page (.html) of the results: filters, Pareto fronts, the best and the "
+        "worst runs side by side; with --replay that of the run (.html or .glb)."),
     "over": click.option("--over", type=_READ, help="Page of another run, of this or another model, which the page of --view then has as a "
         "ghost."),
     "replay": click.option("--replay", type=Setting("replay"), help="Write the page of this run instead, to see it in the viewer."),
     "replays": click.option("--replays", type=Setting("replays"), default=3, show_default=True, help="Of each objective so many of the "
-        "worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
+        "best and of the worst runs, and of those that failed, have their pages in a folder beside --view, one click away."),
     "of_studies": click.option("--study", "of_studies", is_flag=True, help="Of study files of cutjoint sweep, instead of model files."),
     "comparison": click.option("--comparison", is_flag=True, help=f"With linear solvers of other packages{_packages(SOLVERS.added)}."),
     "drivers": _one_of("--driver", "drivers", names=_of("cutjoint.toolchain.drivers", "DRIVERS"), multiple=True, help="Some of the "

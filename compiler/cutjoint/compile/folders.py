@@ -122,7 +122,7 @@ class Standalone:
 
     @property
     def poses(self) -> tuple[str, ...]:
-        """The names of bodies and markers whose poses it has."""
+        """The names of elements whose poses it has."""
         return self.parts.poses
 
     @property

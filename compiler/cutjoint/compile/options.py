@@ -18,9 +18,9 @@ class CompileOptions:
     ``outputs`` are instead of the scene's.  With ``lanes``, isomorphic subtrees are evaluated side by side.  ``precision`` is one of
     PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
-    with ``linearise`` derivatives at a state, with ``adjoint`` also those from the end of a run, and with ``poses`` those of all bodies and
-    markers.  Bodies and markers that are ``pushed`` have inputs of a force and a torque, wheels that are ``grounded``, by patterns of their
-    names, those of a ground (`model.opening`).  A folder that is ``reproducible`` has its own mathematical library.
+    with ``linearise`` derivatives at a state, with ``adjoint`` also those from the end of a run, and with ``poses`` those of all bodies,
+    markers and wheels.  Bodies and markers that are ``pushed`` have inputs of a force and a torque, wheels that are ``grounded``, by
+    patterns of their names, those of a ground (`model.opening`).  A folder that is ``reproducible`` has its own mathematical library.
     """
 
     method: str = DEFAULT_METHOD

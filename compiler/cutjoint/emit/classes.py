@@ -14,7 +14,7 @@ from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, nam
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
-from cutjoint.formulate.recursive.quantities import posed_points
+from cutjoint.formulate.recursive.quantities import posed_elements
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.formulate.transposed import Transposed
 from cutjoint.methods import START
@@ -48,7 +48,7 @@ _ABOUT = {
     "report": "The reported columns.",
     "energy": "Kinetic energy, and the power of all forces, guides and drives.",
     "sample": "What controllers hold next.",
-    POSES: "Position, rotation by columns, velocity, angular velocity and the point in the design position of each body and marker.",
+    POSES: "Position, rotation by columns, velocity, angular velocity and design point of each body, marker and contact.",
     "guard": "The smallest margin of each force that was left out: negative where it would act.",
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
@@ -110,9 +110,9 @@ class SimulationCode:
 
     @property
     def poses(self) -> tuple[str, ...]:
-        """The names of bodies and markers whose poses the interface has."""
+        """The names of elements whose poses the interface has."""
         has_them = any(f.name == POSES for f in self.mechanism.functions)
-        return tuple(posed_points(self.mechanism.topology.model)) if has_them else ()
+        return posed_elements(self.mechanism.topology.model) if has_them else ()
 
     @property
     def stepped(self) -> RecursiveEquations | SystemEquations:

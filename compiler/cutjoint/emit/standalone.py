@@ -271,7 +271,8 @@ def direction_rows(parts: SimulationCode) -> int:
     """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
     states = 2 * (parts.freedoms or 0) + len(mechanism.state.states)
-    return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + len(mechanism.equation_names)
+    loops = len(mechanism.equation_names)
+    return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
 
 
 def record_length(parts: SimulationCode) -> int:
@@ -480,7 +481,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
-        stored += _NUMBERS_OF_DUAL * (q + 3 * n) + 2 * n * n + 4 * n + 2 * state + q + 64  # of a step's derivatives
+        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
@@ -495,7 +496,7 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Transposed) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    return numbers + (n + m + 10) * (n + m + 16) + 6 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
+    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

@@ -34,7 +34,7 @@ def load(
     `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853 and radau5 are as long as
     tolerances allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the
     patterns ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to
-    five times as long to compile, with ``poses`` it has those of all bodies and markers.  Bodies and markers that are
+    five times as long to compile, with ``poses`` it has those of all bodies, markers and wheels.  Bodies and markers that are
     ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``, and wheels that match
     a pattern of ``grounded`` those of a ground (`model.opening`).  ``functions`` are those
     that the model declares, and updates of their memories, ``NAME_update``: functions of C as ctypes has them, or callables of arrays

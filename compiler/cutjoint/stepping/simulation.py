@@ -234,7 +234,7 @@ class Simulation:
 
     @property
     def poses(self) -> Poses:
-        """The poses of all bodies and markers in the present state.  Asking brings arrays of earlier calls up to date too.
+        """The poses of all bodies, markers and wheels in the present state.  Asking brings arrays of earlier calls up to date too.
 
         Raises:
             TypeError: the model was loaded without poses.

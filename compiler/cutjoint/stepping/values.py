@@ -105,11 +105,13 @@ class Effort:
 
 
 class Poses:
-    """The poses of bodies and markers by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the simulation owns.
+    """The poses of bodies, markers and wheels by ``names``, in global axes and SI units: views of ``array`` (names, 16), which the
+    simulation owns.
 
     ``position`` (names, 3) is that of a body's centre of mass or of a marker, ``attitude`` (names, 4) a unit quaternion w, x, y, z with
     w >= 0 that is 1, 0, 0, 0 in the design position, ``velocity`` (names, 3) the point's, ``angular_velocity`` (names, 3) the body's, and
-    ``point`` (names, 3) where the point is in the design position.
+    ``point`` (names, 3) where the point is in the design position.  A wheel's position is that of its contact, its attitude has x along the
+    rolling direction, y to the left and z along the road's normal, its velocities are the wheel's there, and its ``point`` is 0.
     """
 
     def __init__(self, names: Sequence[str], array: Array) -> None:
@@ -119,7 +121,7 @@ class Poses:
         self._places = {name: i for i, name in enumerate(names)}
 
     def place(self, name: str) -> int:
-        """The row of a body or marker.
+        """The row of a body, a marker or a wheel.
 
         Raises:
             KeyError: there is none.

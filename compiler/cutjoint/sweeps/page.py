@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import permutations
 from pathlib import Path
+from types import MappingProxyType
+from urllib.parse import quote
 
 import jinja2
 import numpy as np
@@ -21,6 +23,7 @@ from cutjoint.compile.pipeline import compile_scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import templates_folder
 from cutjoint.run.result_files import naming_output
+from cutjoint.run.results import Trajectory
 from cutjoint.run.scenes import held_as_usual, in_scene
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
@@ -28,7 +31,8 @@ from cutjoint.sweeps.designs import Masses
 from cutjoint.sweeps.records import Array, Kind, Objective, Study
 from cutjoint.sweeps.run import Sweep
 from cutjoint.topology.reading import read_model
-from cutjoint.view.page import as_data, script_hash
+from cutjoint.view.ghost import GhostRun, read_page
+from cutjoint.view.page import as_data, as_table, script_hash
 from cutjoint.view.views import show_run, write_shown
 
 #: Bytes of numbers that a page has at most; of more runs it shows some.
@@ -37,9 +41,21 @@ _BYTES = 300_000
 #: The number of the best and the worst runs of each objective, and of failed runs, that a page always has.
 _EXTREME, _FAILED = 20, 20
 
+#: The number of rows that curves over the time have at most, and at least.
+_ROWS, _FEW_ROWS = 400, 20
 
-def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, str] | None = None) -> str:
-    """The page of a table.  ``replays`` are addresses of pages of runs; ``command`` begins the command that makes that of another run."""
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """A run that was simulated again, with the outputs that objectives take, and its ``page``."""
+
+    page: Path
+    run: Trajectory
+
+
+def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, Replay] = MappingProxyType({})) -> str:
+    """The page of a table, with links to the pages of ``replays``, in a folder beside it, and their curves; ``command`` begins the command
+    that makes the page of another run."""
     columns = [(v.name, "variable", v.unit) for v in study.variables] + [(o.name, "objective", o.unit) for o in study.objectives]
     numbers = [_numbers(study, done, name) for name, _, _ in columns]
     goals = {o.name: o.goal for o in study.objectives}
@@ -48,7 +64,9 @@ def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, str
     failures = [(i, failure) for i, failure in enumerate(done.failures) if failure is not None]
     about = {
         "title": study.model.name, "note": _note(study, len(shown), len(failures)), "shown": len(shown), "command": command,
-        "replays": {} if replays is None else {str(run): address for run, address in sorted(replays.items())},
+        "pages": f"{Path(study.file).stem}-run-",
+        "replays": {str(run): quote(f"{r.page.parent.name}/{r.page.name}") for run, r in sorted(replays.items())},
+        "outputs": next((list(r.run.units.items()) for r in replays.values()), []), "curves": _curves(replays),
         "failures": [{"number": number, "reason": reason} for number, reason in failures[:_FAILED]],
         "columns": [
             {"name": name, "role": role, "unit": unit, "goal": goals.get(name, ""),
@@ -65,6 +83,14 @@ def make_page(study: Study, done: Sweep, command: str, replays: Mapping[int, str
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("view/page.css", "sweep/page.css")],
     )  # fmt: skip
     return page
+
+
+def _curves(replays: Mapping[int, Replay]) -> dict[str, str]:
+    """The outputs of runs in some rows of each, evenly."""
+    runs = {run: replay.run for run, replay in replays.items()}
+    most = min(_ROWS, max(_FEW_ROWS, _BYTES // (4 * sum(1 + len(run.columns) for run in runs.values()) or 1)))
+    kept = {number: np.linspace(0, run.t.size - 1, min(run.t.size, most)).astype(np.int64) for number, run in runs.items()}
+    return {str(n): as_table(run.t[kept[n]], [values[kept[n]] for values in run.columns.values()]) for n, run in sorted(runs.items())}
 
 
 def _numbers(study: Study, done: Sweep, name: str) -> Array:
@@ -97,17 +123,21 @@ def choose_runs(study: Study, done: Sweep, most: int) -> NDArray[np.int64]:
     return np.union1d(certain, left).astype(np.int64)
 
 
-def worst_runs(study: Study, done: Sweep, most: int) -> list[int]:
-    """The worst runs of each objective, as many as ``most`` of each, as a page lists them, and as many of those that began and failed."""
-    found: set[int] = set()
+def runs_to_replay(study: Study, done: Sweep, most: int) -> dict[int, int | None]:
+    """The best and the worst runs of each objective, as many as ``most`` of each, as a page lists them, and as many of those that began
+    and failed; with a worst run the best one, which has none itself, that is to be seen beside it.  Best ones come first."""
+    best: dict[int, int | None] = {}
+    others: dict[int, int | None] = {}
     for objective in study.objectives:
         values = done[objective.name].astype("<f4")  # as a page has them
-        order = np.argsort(values if objective.goal == "larger" else -values, kind="stable")[: int((~np.isnan(values)).sum())]
-        found.update(map(int, order[:most]))
+        order = np.argsort(-values if objective.goal == "larger" else values, kind="stable")[: int((~np.isnan(values)).sum())]
+        best.update(dict.fromkeys(map(int, order[: min(most, 1)])))
+        others.update(dict.fromkeys(map(int, order[:most])))
+        others.update((int(run), int(order[0])) for run in order[: -most - 1 : -1])
     failed = np.flatnonzero(~np.isnan(done["failure_time"]))
     cannot_begin = Masses(study).faults(study.values[failed])
     began = [int(run) for i, run in enumerate(failed) if i not in cannot_begin]
-    return sorted(found.union(began[:most]))
+    return {**best, **{run: beside for run, beside in others.items() if run not in best}, **dict.fromkeys(began[:most])}
 
 
 def pareto_front(objectives: Sequence[Objective], values: Sequence[Array]) -> list[int]:
@@ -134,25 +164,28 @@ def _environment() -> jinja2.Environment:
     return jinja2.Environment(loader=loader, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
 
-def replay_runs(study: Study, runs: Sequence[int], folder: Path, done: Callable[[int], None]) -> dict[int, Path]:
-    """Write the pages of runs into a folder; returns them by their runs.  Runs that cannot be shown have none.  ``done`` is told how
-    many runs there were.
+def replay_runs(
+    study: Study, runs: Mapping[int, int | None], folder: Path, done: Callable[[int], None]
+) -> dict[int, Replay]:  # fmt: skip
+    """Write the pages of runs into a folder, each over that of the run that it names; returns them by their runs.  Runs that cannot be
+    shown have none.  ``done`` is told how many runs there were.
 
     Raises:
         ModelError, ToolchainError, OutputError: as of `replay`.
     """
     with naming_output(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    pages = {}
-    for number, run in enumerate(runs):
+    replays: dict[int, Replay] = {}
+    for number, (run, beside) in enumerate(runs.items()):
         done(number)
         with suppress(RunError, SimulatorError):  # --replay says what it is
-            pages[run] = replay(study, run, folder / f"run-{run}.html")
-    return pages
+            over = read_page(replays[beside].page, "") if beside in replays else None
+            replays[run] = replay(study, run, folder / f"run-{run}.html", over)
+    return replays
 
 
-def replay(study: Study, run: int, view: Path) -> Path:
-    """Write the page or glTF file of a run.
+def replay(study: Study, run: int, view: Path, over: GhostRun | None = None) -> Replay:
+    """Write the page or glTF file of a run; on a page ``over`` another one.
 
     Raises:
         RunError: the study has no such run, or it has nothing to show.
@@ -179,4 +212,5 @@ def replay(study: Study, run: int, view: Path) -> Path:
     if done.failure is not None and not done.t.size:
         raise RunError(f"--replay {run}: it failed before its first row, so that there is nothing to show: {done.failure}")
     shown = show_run(artifact.topology.model, scene, study.method, parameters, done)
-    return write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"))
+    write_shown(view, replace(shown, note=f"{shown.note}, run {run} of a sweep"), over=over)
+    return Replay(page=view, run=done)

@@ -15,7 +15,7 @@ from threading import Condition, Thread
 
 import numpy as np
 
-from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses, posed_points
+from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses, posed_elements
 from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 
@@ -28,7 +28,7 @@ class Poses:
     """The last poses of the bodies of a model that came; ``tell`` is called with each new kind of trouble."""
 
     def __init__(self, model: Model, tell: Callable[[str], None]) -> None:
-        self._bodies, names = len(model.bodies), tuple(posed_points(model))
+        self._bodies, names = len(model.bodies), posed_elements(model)
         self._digest, self._count = digest_of_poses(model.name, names), len(names)
         self._model, self._tell, self._told = model.name, tell, set[str]()
         self._changed, self._number, self._text = Condition(), 0, ""

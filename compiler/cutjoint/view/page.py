@@ -99,11 +99,11 @@ def make_page(
     }  # fmt: skip
     moving = [] if sliders is None or drive else [sliders.script]
     scripts = [(folder / "vendor/libraries.min.js").read_text(encoding="utf-8"), *moving, own_script(driving=drive is not None)]
-    data = {"about": as_data(about), "glb": _encoded(glb), "table": _table(t, [c.values for c in columns])}
+    data = {"about": as_data(about), "glb": _encoded(glb), "table": as_table(t, [c.values for c in columns])}
     if drive is not None:
         data["module"] = _encoded(drive.module)
     if over is not None:
-        data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": _table(over.drawing.t, [*over.columns.values()])}
+        data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": as_table(over.drawing.t, [*over.columns.values()])}
     return _environment().get_template("page.html.jinja").render(
         title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None,
         data=[(name, crc32(text.encode()), text) for name, text in data.items()],
@@ -125,7 +125,7 @@ def _encoded(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-def _table(t: Array, columns: Sequence[Array]) -> str:
+def as_table(t: Array, columns: Sequence[Array]) -> str:
     """Numbers of 32 bits; larger ones are none."""
     numbers = np.concatenate([t, *columns])
     return _encoded(np.where(np.abs(numbers) <= np.finfo("<f4").max, numbers, np.nan).astype("<f4").tobytes())

@@ -26,7 +26,7 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import Given, method_of, take_model
 from cutjoint.topology.build import build_topology
 from cutjoint.view.drawing import draw, find_camera
-from cutjoint.view.ghost import GhostRun
+from cutjoint.view.ghost import GhostRun, read_page
 from cutjoint.view.gltf import write_gltf
 from cutjoint.view.graph import Graph
 from cutjoint.view.motions import Motion, Mover, motion_times
@@ -75,6 +75,19 @@ def require_view(path: Path, option: str) -> None:
     """
     if path.suffix not in (PAGE, GLTF):
         raise OutputError(f"{option} {path}: no such kind of file; write a name that ends in {PAGE} or {GLTF}")
+
+
+def read_over(over: Path | None, view: Path | None) -> GhostRun | None:
+    """The run of the page that a view is to lie ``over``, if one is named.
+
+    Raises:
+        RunError: the view is no page, or the other file is none of a run.
+    """
+    if over is None:
+        return None
+    if view is None or view.suffix != PAGE:
+        raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
+    return read_page(over, "--over")
 
 
 def show_run(

@@ -54,6 +54,10 @@ class WheelContact(Interaction):
         """A wheel."""
         return (Wheel(self.centre, self.axis, self.turns),)
 
+    def meet(self, force: Any, m: Mechanics) -> Ground:
+        """The road under the wheel."""
+        return meet_road(m, force, m.point(self.centre).x, m.direction(self.axis).x)
+
     def arrow(self, force: Any, sight: Sight) -> Arrow:
         """The load on the wheel, from the road under its centre."""
         return sight.lift(self.centre, force.radius, "Fz")

@@ -18,7 +18,7 @@ from cutjoint.formulate.layout import Closure, relative_layout
 from cutjoint.formulate.records import Column, Function, RecursiveEquations, energy_slots
 from cutjoint.formulate.recursive.assemblies import close_held, range_margins
 from cutjoint.formulate.recursive.fitted import fit_slots, loop_fits
-from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_rotors
+from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guards, find_contacts, find_rotors
 from cutjoint.formulate.recursive.friction import RubbedMotion, rub, rubbed
 from cutjoint.formulate.recursive.gears import derive_gears
 from cutjoint.formulate.recursive.kinematics import derive_kinematics
@@ -136,7 +136,7 @@ def formulate_recursive(
         *domains_function(domains),
         *laws.functions,
         *sample_function(b, k.translator, model, reporter.quantity),
-        *(poses_function(k, model) if poses else ()),
+        *(poses_function(k, model, find_contacts(system, k, model, scene)) if poses else ()),
         *(fit.function for fit in fits),
     )  # fmt: skip
     return RecursiveEquations(

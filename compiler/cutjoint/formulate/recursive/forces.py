@@ -11,12 +11,14 @@ from typing import TypeAlias
 
 import sympy
 
+from cutjoint.elements.forces.on_road import OnRoad
 from cutjoint.elements.interaction import Axis, Carrier, Frame, Point
+from cutjoint.elements.interactions.road_contact import WheelContact
 from cutjoint.formulate.forces import Laws, Lazy, LazyRotation, Measured, forces_guarded, is_active, reported_variables, smallest_margin
 from cutjoint.formulate.quantities import measured_forces
 from cutjoint.formulate.recursive.coordinates import measure, travel, tree_motion
 from cutjoint.formulate.recursive.kinematics import Kinematics, Rotor, halves
-from cutjoint.formulate.recursive.quantities import Forces, let_laws_read
+from cutjoint.formulate.recursive.quantities import ContactFrame, Forces, let_laws_read
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order
@@ -183,6 +185,19 @@ def add_guards(system: BodySystem, forces: Forces, k: Kinematics, model: Model, 
                 forces.add(b, force.name, reported_variables(force, values))
             margins[force.name] = b.name(smallest_margin(mechanics, guard, values), "margin", force.name)
     return margins
+
+
+def find_contacts(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> dict[str, ContactFrame]:
+    """The contacts of all wheels with the road."""
+    found, b = {}, k.builder
+    for force in (force for force in model.forces if isinstance(force, OnRoad)):
+        m = WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
+        contact = force.interaction
+        assert isinstance(contact, WheelContact)
+        road = contact.meet(force, m)
+        at = b.sub(k.point(force.body, force.centre), b.scale(road.distance(b), road.e_z))
+        found[force.name] = ContactFrame(body=force.body, at=at, axes=b.stack([[road.e_x, road.e_y, road.n]]))
+    return found
 
 
 def apply_at(system: BodySystem, k: Kinematics, body: str, point: Block, force: Block) -> Block:

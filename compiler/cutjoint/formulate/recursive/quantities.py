@@ -91,7 +91,7 @@ def let_laws_read(k: Kinematics, model: Model, forces: Forces) -> None:
 
 
 #: The numbers of one: a point's position, the rotation by columns, the point's velocity, the angular velocity, all in global axes, and
-#: the point in the design position.
+#: the point in the design position, of a contact 0.
 LENGTH = 3 + 9 + 3 + 3 + 3
 
 #: The numbers of a pose that hosts get: position, attitude, velocity, angular velocity, and the point in the design position.
@@ -99,31 +99,44 @@ NUMBERS_PER_POSE = 16
 
 
 def digest_of_poses(model: str, names: Sequence[str]) -> int:
-    """A number of 64 bits that tells the poses of a model, of bodies and markers with these names, from those of others."""
+    """A number of 64 bits that tells the poses of a model, of elements with these names, from those of others."""
     return int.from_bytes(sha256("\n".join((model, *names)).encode()).digest()[:8], "little")
 
 
-def posed_points(model: Model) -> Mapping[str, tuple[str, Vector]]:
-    """Body and point of each element that has a pose: bodies with their centres of mass, then markers."""
-    bodies = {body.name: (body.name, body.centre_of_mass) for body in model.bodies}
-    return bodies | {marker.name: (marker.body, marker.point) for marker in model.markers}
+def posed_elements(model: Model) -> tuple[str, ...]:
+    """The names of elements that have a pose: bodies, markers, and wheels on the road."""
+    wheels = (force.name for force in model.forces if force.has_road)
+    return (*(body.name for body in model.bodies), *(marker.name for marker in model.markers), *wheels)
 
 
-def poses_function(k: Kinematics, model: Model) -> tuple[Function, ...]:
-    """The function, for the model's bodies and markers in that order."""
-    results = {f"pose:{name}": _pose(k, body, point) for name, (body, point) in posed_points(model).items()}
+@dataclass(frozen=True, kw_only=True)
+class ContactFrame:
+    """The contact of a wheel, where its plane meets the road: the wheel's ``body``, the way ``at`` (3, 1) there from its pole, and ``axes``
+    (3, 3) in columns, along the rolling direction, to the left in the road's plane, and along the road's normal."""
+
+    body: str
+    at: Block
+    axes: Block
+
+
+def poses_function(k: Kinematics, model: Model, contacts: Mapping[str, ContactFrame]) -> tuple[Function, ...]:
+    """The function, for the model's bodies and markers in that order, then for the ``contacts`` of wheels by their names."""
+    points = {body.name: (body.name, body.centre_of_mass) for body in model.bodies}
+    points |= {marker.name: (marker.body, marker.point) for marker in model.markers}
+    results = {f"pose:{name}": _pose(k, body, k.point(body, p), k.frames[body].R, k.vector(p)) for name, (body, p) in points.items()}
+    results |= {f"pose:{name}": _pose(k, c.body, c.at, c.axes, k.builder.zero(3)) for name, c in contacts.items()}
     return (Function(name=POSES, arguments=("const Real* q", "const Real* v", "Real* pose"), results=results),)
 
 
 def pose_slots(model: Model) -> dict[str, Slot]:
     """The places of the results."""
     names = tuple(str(i) for i in range(LENGTH))
-    return {f"pose:{name}": Slot(array="pose", offset=i * LENGTH, names=names) for i, name in enumerate(posed_points(model))}
+    return {f"pose:{name}": Slot(array="pose", offset=i * LENGTH, names=names) for i, name in enumerate(posed_elements(model))}
 
 
-def _pose(k: Kinematics, body: str, point: Vector) -> Block:
-    b, frame, at = k.builder, k.frames[body], k.point(body, point)
-    R, (_, spin) = k.in_global(frame.R), halves(b, frame.Z)
+def _pose(k: Kinematics, body: str, at: Block, axes: Block, design: Block) -> Block:
+    """The pose of ``axes`` at a point of a body, ``at`` from its pole, with the motion of the body there."""
+    b, (_, spin) = k.builder, halves(k.builder, k.frames[body].Z)
+    R = k.in_global(axes)
     columns = [b.take(R, (0, 3), (j, j + 1)) for j in range(3)]
-    velocity, turning = k.in_global(k.velocity(body, at)), k.in_global(spin)
-    return b.stack([[part] for part in (k.absolute(body, at), *columns, velocity, turning, k.vector(point))])
+    return b.stack([[part] for part in (k.absolute(body, at), *columns, k.in_global(k.velocity(body, at)), k.in_global(spin), design)])

@@ -44,7 +44,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::is_explicit, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  using Base::m, Base::n, Base::is_explicit, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
   static constexpr std::size_t coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
@@ -130,8 +130,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   struct Record {
     Kind kind;
     double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample
-    Point from, end;
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope of the one before
+    Point from, end;            ///< in place of the end of such a part the slope, as rates of coordinates and accelerations
     Fixed<double, held> values;  ///< that controllers hold meanwhile
   };
 
@@ -175,6 +175,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     Adjoint& x = *static_cast<Adjoint*>(who);
     x.record_.from.take(from);
     x.record_.end.take(end);
+    if constexpr (carries_slope) {
+      x.record_.number = x.is_slope_known_;
+      std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
+      std::copy_n(x.first_slope_.begin() + coordinates, n, x.record_.end.vdot.begin());
+    }
     return x.write(Kind::part, from.t, h);
   }
 
@@ -240,6 +245,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     by_.clear();
     by_loaded_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
     solved_ = 0;
+    owes_slope_ = false;
     read(records_ - 1);
     for (std::size_t place = records_; place-- > 0;) {
       if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
@@ -452,6 +458,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   bool go_over_slopes() {
     constexpr std::size_t stages = Table::stages - 1;
     const double h = record_.h;
+    const bool begins_with_slope = carries_slope && record_.number == 1;
     M& mechanism = simulation_->mechanism();
     std::array<Point, stages> points;
     std::array<Fixed<double, coordinates>, stages> turns;
@@ -469,6 +476,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
         for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
       }
       if (stage == stages) break;
+      if (stage == 0 && begins_with_slope) {
+        points[0] = record_.from;
+        points[0].vdot = record_.end.vdot;
+        turns[0] = record_.end.q;
+        continue;
+      }
       begin_step(stage_.t, record_.values);
       if (!this->enter(mechanism, stage_)) return false;
       std::copy(this->still_.begin(), this->still_.end(), stage_.vdot.begin());
@@ -481,6 +494,14 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
     normalise<double>(charts(), stage_.q.data());
     if (!pull_closed_loops()) return false;
     pull_lengths(charts(), end.q.data(), by_.q.data());
+    if (owes_slope_) {
+      stage_ = end;
+      begin_step(stage_.t, record_.values);
+      if (!this->enter(mechanism, stage_)) return false;
+      pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turn_.data(), by_.q.data(), by_.v.data());
+      if (!pull_accelerations(by_slope_, Fixed<double, m>(), by_)) return false;
+    }
+    owes_slope_ = begins_with_slope;
     std::array<Fixed<double, coordinates>, stages> by_turns{};
     std::array<Numbers, stages> by_slopes{};
     Point by = by_, whole = by_;
@@ -491,6 +512,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
         for (std::size_t i = 0; i < n; ++i) by_slopes[j][i] += weight * by.v[i];
       }
       const std::size_t at = stage - 1;
+      if (at == 0 && begins_with_slope) {
+        by_turn_ = by_turns[0];
+        by_slope_ = by_slopes[0];
+        break;
+      }
       by.clear();
       put(points[at], time(at));
       std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
@@ -634,6 +660,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
   const int* outputs_ = nullptr;
   Record record_{};
   Point by_, more_;
+  Fixed<double, coordinates> by_turn_;  ///< slopes by that with which the part behind begins, which the end of the part before owes
+  Numbers by_slope_;
+  bool owes_slope_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;

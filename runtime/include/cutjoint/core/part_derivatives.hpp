@@ -31,6 +31,9 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
   static constexpr bool goes_on = !is_explicit && !Base::has_system;
 
+  /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
+  static constexpr bool carries_slope = is_explicit && m > 0;
+
   /// Get ready for a part from a state to another; false where its end has no derivative.
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     if constexpr (is_explicit) return true;
@@ -48,6 +51,10 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
 
   /// Parts that follow get ready anew, not as one before.
   void forget_part() { is_stale_ = true; }
+
+  Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
+  bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
+  bool wants_slope_ = false;                ///< it is to be there at the end
   bool can_get_ready_anew() const { return !is_explicit && !seeks_multipliers && !is_stale_; }
 
   /// The projection of the part's end; false where loops stay open.
@@ -72,7 +79,8 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
     speeds_ = v_;
     stage_ = from;
     for (std::size_t stage = 0;;) {
-      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), place_slopes[stage].data());
+      if (stage > 0 || !is_slope_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+      place_slopes[stage] = turn_;
       speed_slopes[stage] = vdot_;
       q_ = from_;
       v_ = speeds_;
@@ -82,12 +90,15 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
       add_slopes(Dual(h), weights, speed_slopes, v_);
       stage_.t = from.t + Table::nodes[stage].template as<double>() * h;
       mechanism.begin_step(stage_.t, 1.0);
-      if (stage == stages) break;
+      if (stage == stages && !wants_slope_) break;
       for (std::size_t i = 0; i < q_.size(); ++i) stage_.q[i] = q_[i].value;
       for (std::size_t i = 0; i < n; ++i) stage_.v[i] = v_[i].value;
       if (!this->enter(mechanism, stage_)) return false;
       mechanism_.begin_step(stage_.t, 1.0);
       if (!this->find_accelerations(mechanism, number)) return false;
+      if (stage < stages) continue;
+      coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+      break;
     }
     this->take_inputs(mechanism);
     mechanism_.begin_step(stage_.t, 1.0);

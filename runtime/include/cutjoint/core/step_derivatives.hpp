@@ -35,8 +35,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   }
 
   /// How many rows a matrix of directions has: states, values that controllers hold, and what goes on from step to step, the changes of coordinates and speeds, and by
-  /// how much those of accelerations and multipliers differ from what states give them.
-  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds + M::sizes.equations;
+  /// how much those of accelerations and multipliers differ from what states give them; with loops room for a slope.
+  static constexpr std::size_t rows = states + M::sizes.held + M::sizes.coordinates + 2 * M::sizes.speeds +
+                                      (Base::m == 0 ? 0 : std::max(M::sizes.equations, M::sizes.coordinates));
 
   /// Directions of a run: how states change along each, behind them what controllers hold and what goes on, a matrix (rows, number) by rows, and what
   /// changes beside them, the number of an input, that of a parameter behind those of inputs, or -1.
@@ -64,7 +65,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   }
 
  protected:
-  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::no_row, Base::loaded_;
+  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_slope, Base::no_row, Base::loaded_, Base::is_slope_known_, Base::turn_;
   using Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
   static constexpr bool is_adaptive = Steps::adaptive;
@@ -91,6 +92,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     simulation_ = &simulation;
     minimal_ = &minimal;
     carried_ = carried;
+    this->wants_slope_ = carries_slope && carried;
+    last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
     simulation.complete_state();
     load_all();
     this->forget_part();
@@ -228,7 +231,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     const auto all = [&](auto& numbers, bool is_rest) {
       for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
     };
-    all(q_, false), all(v_, false), all(vdot_, true), all(lambda_, true);
+    all(q_, false), all(v_, false), all(vdot_, true);
+    if constexpr (carries_slope) all(turn_, true);
+    else all(lambda_, true);
   }
 
   void keep_row(std::size_t first, std::size_t number) {
@@ -275,7 +280,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
           }
         return {};
       });
-      if (changes) known_.fill(std::numeric_limits<double>::quiet_NaN());
+      if (changes) known_.fill(std::numeric_limits<double>::quiet_NaN()), last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
       return fault;
     }
     return {};
@@ -296,7 +301,22 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
-    if (recorder_.part) return recorder_.part(recorder_.who, from, end, h);
+    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
+    if constexpr (!carries_slope) {
+      return go();
+    } else {
+      const auto& formula = simulation_->steps().stepper().scheme().formula();
+      const auto &first = formula.first_slope(), &last = formula.last_slope();
+      is_slope_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_slope_.begin());
+      std::copy(first.begin(), first.end(), first_slope_.begin());
+      const Fault fault = go();
+      is_slope_known_ = false;
+      std::copy(last.begin(), last.end(), last_slope_.begin());
+      return fault;
+    }
+  }
+
+  Fault follow_rows(const StateOf<M>& from, const StateOf<M>& end, double h) {
     if (!is_loaded_) load_all();
     is_loaded_ = true;
     if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
@@ -327,13 +347,18 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     M& mechanism = simulation_->mechanism();
     mechanism.begin_step(state.t, 1.0);
     begin_row(first, number);
-    if (!carried_ || !std::equal(known_.begin(), known_.end(), state.vdot.begin()) || !goes_on)
+    if (!carried_ || !is_known(state))
       if (!this->enter(mechanism, state)) return this->not_finite();
     if (!carried_) {
       if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
       return this->derive_motion(mechanism, *minimal_, number) ? Fault{} : this->not_finite();
     }
     return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
+  }
+
+  /// Whether what goes on from step to step has the changes of a state's accelerations.
+  bool is_known(const StateOf<M>& state) const {
+    return carries_slope ? is_slope_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
   }
 
   /// The same of what goes on from step to step; accelerations that have been found anew are functions of the rest.
@@ -343,15 +368,18 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     mechanism_.begin_step(state.t, 1.0);
     std::copy(state.q.begin(), state.q.end(), q_.begin());
     std::copy(state.v.begin(), state.v.end(), v_.begin());
-    const bool is_known = goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
-    if (is_known) {
+    const bool is_carried = is_known(state);
+    if (is_carried && carries_slope) {
+      std::copy_n(first_slope_.begin(), turn_.size(), turn_.begin());
+      std::copy_n(first_slope_.begin() + turn_.size(), n, vdot_.begin());
+    } else if (is_carried) {
       std::copy(state.vdot.begin(), state.vdot.end(), vdot_.begin());
       std::copy(state.lambda.begin(), state.lambda.end(), lambda_.begin());
     }
     visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
-      for (std::size_t k = 0; k < number && (is_known || !is_rest); ++k) x.slope[k] = row[k];
+      for (std::size_t k = 0; k < number && (is_carried || !is_rest); ++k) x.slope[k] = row[k];
     });
-    return is_known || this->find_accelerations(mechanism, number);
+    return is_carried || this->find_accelerations(mechanism, number);
   }
 
   /// Visit columns of the matrices as if they stood side by side: the direction, the matrix, and the column in it.
@@ -405,6 +433,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
   std::array<Block, 3> blocks_{};
   double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
   Fixed<double, n> known_;     ///< the accelerations whose changes these have
+  Fixed<double, carries_slope ? M::sizes.coordinates + n : 0> first_slope_, last_slope_;  ///< of an explicit part, and of the one before at its end
   bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended

@@ -49,6 +49,10 @@ class Formula {
     begun_ = memory.begun != 0;
   }
 
+  /// The slopes with which the accepted step began, and with which the next one does unless it restarts.
+  const Vector& first_slope() const { return slopes_[Table::stages - 1]; }
+  const Vector& last_slope() const { return slopes_[0]; }
+
   /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.  Unless `whole` it ends at a stage that leaves the regime.
   void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors, bool whole) {
     if (!begun_) dynamics_.derive(t, y, slopes_[0]);

@@ -33,6 +33,7 @@ class Scheme {
   static constexpr bool adaptive() { return Table::adaptive; }
   Real time() const { return t_; }
   auto& cells() { return dynamics_.cells(); }
+  const auto& formula() const { return formula_; }
 
   Real begin(Real t, const Vector& y, Real left) {
     t_ = t;
