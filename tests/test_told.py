@@ -13,6 +13,7 @@ from rich.console import Console
 from cutjoint.cli import main
 from cutjoint.commands import options
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.report.tables import real_time
 from tests.conftest import MODELS, needs_cpp
 
 PRESS = MODELS / "press.yaml"
@@ -43,6 +44,16 @@ def test_parameters_that_nothing_uses_are_named() -> None:
     notes = read_model_text(changed, "arm.yaml").notes
     assert [note.rpartition(" ")[2] for note in notes] == ["'twice'", "'gain'", "'spare'"]
     assert notes[0] == "arm.yaml:4:14: nothing uses the parameter 'twice'"
+
+
+def test_lengths_of_forces_that_are_off_are_said_to_be_zero() -> None:
+    spring = "rope: {kind: point_spring, bodies: [ground, bob], from: [0, 0, 1], to: [2, 0, 0], law: 3}"
+    text = ARM.replace('"drive*gain"}}', f'"drive*gain"}}, {spring}}}').replace("[bob.x]", "[bob.x, rope.length, rope.force, push.force]")
+    assert read_model_text(text, "arm.yaml").notes == ()
+    scene = "scenes: {still: {end: 1, switches: {rope: false, push: false}}, "
+    notes = read_model_text(text.replace("scenes: {", scene), "arm.yaml").notes
+    zero = "scene 'still' has 0 for rope.length, since the force is switched off; give it a law of 0 instead"
+    assert notes == (f"arm.yaml:9:10: {zero}",)
 
 
 @pytest.mark.parametrize("file", sorted(MODELS.glob("*.yaml")), ids=lambda file: file.stem)
@@ -81,6 +92,25 @@ def test_a_run_says_its_file_and_errors_first_and_the_rest_by_request(tmp_path: 
     assert long.stdout.splitlines()[0] == lines[0]
     assert all(word in long.stdout for word in ("degrees of freedom", "evaluations each", "work and energy"))
     assert not any(word in short.stdout for word in ("degrees of freedom", "evaluations each", "work and energy"))
+
+
+@needs_cpp
+def test_a_run_without_rows_has_no_pictures(tmp_path: Path) -> None:
+    file, plots = tmp_path / "falls.yaml", tmp_path / "plots"
+    file.write_text(ARM.replace("axis: [0, 1, 0]", "axis: [1, 0, 0]").replace("end: 1,", "end: 1, pose: equilibrium,").replace(
+        "kind: revolute", "kind: prismatic").replace("axis: [1, 0, 0]", "axis: [0, 0, 1]"))  # fmt: skip
+    words = ["simulate", str(file), "--implementation", "interpreted", "--out", str(tmp_path / "run.csv"), "--plots", str(plots)]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 1
+    assert "no static equilibrium was found" in done.output
+    assert "plots:" not in done.output
+    assert not plots.exists() or not any(plots.iterdir())
+
+
+def test_slow_runs_have_their_share_of_real_time() -> None:
+    assert [real_time(12.0, seconds) for seconds in (29.2, 2.0, 0.01, 0.0)] == [
+        "0.41 times real time", "6 times real time", "1200 times real time", "-"
+    ]  # fmt: skip
 
 
 def test_work_says_off_a_terminal_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

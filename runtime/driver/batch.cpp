@@ -66,7 +66,7 @@ class LentProbe {
     alone_.energy(q, v, vdot, lambda, energy);
   }
   void project(const double* q, const double* gap, double* dz) const { alone_.project(q, gap, dz); }
-  void domains(const double* q, const double* v, double* inside) const { alone_.domains(q, v, inside); }
+  void domains(const double* q, const double* v, const double* lambda, double* inside) const { alone_.domains(q, v, lambda, inside); }
 
  private:
   AnyMechanism<double>& alone_;

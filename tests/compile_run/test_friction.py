@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import cutjoint
 from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import CompileOptions, compile_interpreted, compile_scene
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
@@ -67,6 +67,16 @@ def test_restored_moments_of_python_go_on_the_same(method: str, tmp_path: Path) 
     first = sim.play(50)
     sim.restore(moment)
     assert np.array_equal(sim.play(50), first)
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_generated_code_of_a_loop_has_the_loads_of_the_interpreter(method: str) -> None:
+    model = read_model_text(FOUR_BAR.format(cut="true", more=""), "four_bar.yaml")
+    scene = model.scenes["swing"]
+    made, told = compile_scene(model, scene, CompileOptions(method=method)), compile_interpreted(model, scene, method=method)
+    runs = [simulate(artifact, dt=1e-3, integrator="trapezoidal", error=False, check=True) for artifact in (made, told)]
+    for name in ("A.angle", "at_A.load", "at_C.load"):
+        assert runs[0][name] == pytest.approx(runs[1][name], rel=1e-8), name
 
 
 def test_batches_and_studies(tmp_path: Path) -> None:

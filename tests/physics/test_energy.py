@@ -178,6 +178,16 @@ def test_rest_is_no_imbalance(seed: int) -> None:
     assert run.error.warnings == ()
 
 
+def test_what_a_guide_holds_against_a_large_force_is_no_imbalance() -> None:
+    """Rounding of a guide's force at 1e-16 m/s is all the work that there is."""
+    text = DRIVEN.replace("GUIDE", "guide: 0").replace(" NUMERICS", ", pose: equilibrium").replace('"-200*position - 5*rate"', "1e9")
+    model = read_model_text(text, "held.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["turn"]))
+    assert balance(run).share > 0.5
+    assert balance(run).exchanged > 10e-12 * balance(run).of_unit_speed
+    assert run.error.warnings == ()
+
+
 @pytest.mark.parametrize("dt", [0.05, 0.01])
 @pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
 def test_coarse_steps_do_not_run_away(integrator: str, dt: float) -> None:

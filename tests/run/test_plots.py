@@ -16,6 +16,7 @@ from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
 from cutjoint.report import plots
 from cutjoint.report.plots import plot_run, read_others
+from cutjoint.run.figures import Line, draw
 from cutjoint.run.results import Columns, Trajectory
 from tests.conftest import needs_cpp
 
@@ -67,6 +68,17 @@ def test_a_named_plot_has_y_over_x_of_all_runs_that_have_both(drawn: list[Figure
 def test_without_names_there_is_one_for_each_dimension(drawn: list[Figure], tmp_path: Path) -> None:
     assert [path.name for path in plot_run(RUN, "swing", tmp_path, beside=OTHERS)] == ["position.png", "velocity.png"]
     assert [[label for label, *_ in panel] for panel in lines(drawn[0])] == [["bob", "bob, stiff"], ["bob", "bob, stiff"]]
+
+
+def test_rounding_is_a_straight_line_and_not_noise() -> None:
+    """The pen of a straight-line linkage stands at 0.4 m but for 1e-12 m of closed loops; a change of a micrometre is seen."""
+    t = np.linspace(0.0, 1.0, 50)
+    for size, seen in ((1e-12, False), (1e-6, True)):
+        x = 0.4 + size * np.sin(40 * t)
+        figure = draw([Line(x=x, y=t, label="pen", unit="m"), Line(x=x, y=x, label="pen", unit="mm")], x_label="x [m]")
+        for low, high in (figure.axes[0].get_xlim(), figure.axes[1].get_ylim()):
+            assert (high - low < 10 * size) == seen
+            assert low < x.min() <= x.max() < high
 
 
 @needs_cpp

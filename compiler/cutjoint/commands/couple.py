@@ -148,13 +148,12 @@ def _report(plan: Plan, model: Model, scene: Scene, run: Trajectory, out: Path, 
 
 
 def _facts(plan: Plan, model: Model, run: Trajectory) -> list[tuple[str, str]]:
-    factor = f"{plan.end / run.seconds:.0f} times real time" if run.seconds else "-"
     driven = {name for party in plan.parties for name in party.connections.driven}
     left = ", ".join(p.name for p in input_parameters(model) if p.name not in driven)
     return [
         *(fact for party in plan.parties for fact in _facts_of(party, plan)),
         *([("follow the scene", left)] if left else []),
-        ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {factor}"),
+        ("run", f"{run.seconds:.4f} s for {plan.end:g} s: {tables.real_time(plan.end, run.seconds)}"),
     ]  # fmt: skip
 
 

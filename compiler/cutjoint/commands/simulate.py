@@ -83,7 +83,7 @@ def command(
         for name, value in tables.told_facts(prepared.counts, prepared.compilation, run):
             console.print(f"{name}: {value}", markup=False)
         console.print(tables.summary_line(prepared.compilation, run), markup=False)
-    if plots is not None:
+    if plots is not None and run.t.size:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others))}", markup=False)
     if view is not None and run.t.size:
         from cutjoint.commands.replaying import write_replay

@@ -83,8 +83,8 @@ def _zeros(expression: Scalar, known: dict[Scalar, float]) -> Iterator[float]:
 
 
 def domains_function(domains: Sequence[Domain]) -> tuple[Function, ...]:
-    """The function ``domains``: q, v -> the margins; none if there are none."""
-    arguments = ("const Real* q", "const Real* v", "Real* inside")
+    """The function ``domains``: q, v, lambda -> the margins, those of loads of friction by the multipliers too; none if there are none."""
+    arguments = ("const Real* q", "const Real* v", "const Real* lambda", "Real* inside")
     results = {f"inside:{i}": domain.margin for i, domain in enumerate(domains)}
     return (Function(name="domains", arguments=arguments, results=results),) if domains else ()
 

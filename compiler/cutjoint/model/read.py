@@ -22,7 +22,15 @@ from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
 from cutjoint.model.units import ACCELERATION
-from cutjoint.model.validate import check_elements, check_names, check_submodels, is_connected, unused_parameters, unused_properties
+from cutjoint.model.validate import (
+    check_elements,
+    check_names,
+    check_submodels,
+    is_connected,
+    silent_outputs,
+    unused_parameters,
+    unused_properties,
+)
 from cutjoint.package.locations import AnyPath, path_of
 
 
@@ -86,7 +94,10 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
         span=source.key_span(("name",)),
         text=text,
         files=files,
-        notes=(*notes, *unused_parameters(source, document), *unused_properties(source, document)),
+        notes=(
+            *notes, *unused_parameters(source, document), *unused_properties(source, document),
+            *silent_outputs(source, scenes, elements.forces),
+        ),
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

@@ -686,8 +686,9 @@ class Model:
     ``guards`` stand for forces that a pass took out: a run stops where one of them would act.  ``states`` are numbers beside the mechanism,
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
-    ``notes`` sentences about words of earlier versions in the file, and about parameters that nothing uses.  ``written`` are the joints
-    as the file has them where those of a scene differ.  ``functions`` are those that the user supplies, ``code`` is their C++.
+    ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
+    of forces that are off.  ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
+    the user supplies, ``code`` is their C++.
     """
 
     name: str

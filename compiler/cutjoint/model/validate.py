@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from cutjoint.elements.forces import FORCES
@@ -17,7 +17,7 @@ from cutjoint.model.friction import bristle_name
 from cutjoint.model.instances import find_submodels, find_uses
 from cutjoint.model.mass import mass_problems
 from cutjoint.model.property_file import STANDARD
-from cutjoint.model.records import GROUND, Body, Joint, Span
+from cutjoint.model.records import GROUND, Body, Force, Joint, Scene, Span
 from cutjoint.model.scope import FAILED
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
@@ -73,6 +73,16 @@ def unused_parameters(source: Source, model: document.Document) -> Iterator[str]
             left -= symbols_of(text)
     for name in (name for name in model.parameters if name in left):
         yield f"{source.key_span(('parameters', name))}: nothing uses the parameter '{name}'"
+
+
+def silent_outputs(source: Source, scenes: Mapping[str, Scene], forces: Sequence[Force]) -> Iterator[str]:
+    """A sentence for each scene with outputs that a force would measure if the scene had not switched it off."""
+    for scene in scenes.values():
+        off = {force.name: force.measured for force in forces if not scene.switches.get(force.name, force.active)}
+        zeros = [output.column for output in scene.outputs if output.quantity in off.get(output.element, ())]
+        if zeros:
+            span = source.key_span(("scenes", scene.name))
+            yield f"{span}: scene '{scene.name}' has 0 for {', '.join(zeros)}, since the force is switched off; give it a law of 0 instead"
 
 
 def unused_properties(source: Source, model: document.Document) -> Iterator[str]:

@@ -237,8 +237,13 @@ def run_facts(compilation: Compilation, run: Trajectory) -> Table:
 
 def _run_time(run: Trajectory) -> str:
     simulated = float(run.t[-1] - run.t[0]) if run.t.size else 0.0
-    factor = f"{simulated / run.seconds:.0f} times real time" if run.seconds else "-"
-    return f"{run.seconds:.4f} s for {simulated:g} s: {factor}"
+    return f"{run.seconds:.4f} s for {simulated:g} s: {real_time(simulated, run.seconds)}"
+
+
+def real_time(simulated: float, seconds: float) -> str:
+    """The speed of a run as a multiple of real time; "-" where it took no time."""
+    factor = simulated / seconds if seconds else 0.0
+    return f"{factor:.0f} times real time" if factor >= 10 else f"{factor:.2g} times real time" if factor else "-"
 
 
 def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
@@ -339,7 +344,7 @@ def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
         facts.append(("events", f"{effort.events}: {by_element}"))
     if effort.impacts:
         facts.append(("impacts", "; ".join(f"'{x.element}' at {x.time:.6g} s, {x.work:.3g} J" for x in effort.impacts)))
-    if effort.stiff_steps > STIFF * effort.iterations:
+    if effort.stiff_steps > max(STIFF * effort.iterations, FEW_STEPS):
         advice = "an implicit integrator takes longer ones, as the method recursive-newton has by default"
         facts.append(("stiff", f"stability, not accuracy, limited {effort.stiff_steps} steps: {advice}"))
     return facts
@@ -347,3 +352,5 @@ def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
 
 #: The share of steps limited by stability from which a run is called stiff.
 STIFF = 0.1
+#: A run that stability limits in so many steps is no longer for it.
+FEW_STEPS = 10

@@ -340,7 +340,7 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
     if run.energy is None or not balances or not run.energy.share > _SMALL:
         return ""
-    if run.energy.kinetic + run.energy.exchanged < run.energy.of_unit_speed * _REST**2:
+    if run.energy.kinetic < run.energy.of_unit_speed * _REST**2:
         return ""
     change = max(abs(run.energy.defect - other.defect) for other in balances)
     explained = change * (_EXPLAINED_BY_ONE if len(balances) == 1 else _EXPLAINED)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,6 +18,10 @@ class Picture(Figure):
 
     def _repr_png_(self) -> bytes:
         return as_png(self)
+
+
+#: The share of a column's size below which its changes are rounding, of closed loops too.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +48,20 @@ def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
             panel.plot(line.x, line.y, linewidth=1.0, label=line.label)
         panel.set_ylabel(f"{name} [{unit}]".strip())
         panel.grid(visible=True, linewidth=0.3)
-        panel.legend(loc="upper right", fontsize="small", frameon=False)
+        panel.legend(loc="upper right", fontsize="small", edgecolor="none", framealpha=0.8)
+        _hide_rounding(panel)
     axes[-1].set_xlabel(x_label)
     if title:
         figure.suptitle(title)
     return figure
+
+
+def _hide_rounding(panel: Axes) -> None:
+    """Draw what differs by rounding alone as a straight line, not as noise over the whole panel."""
+    for limits, widen in ((panel.get_xlim(), panel.set_xlim), (panel.get_ylim(), panel.set_ylim)):
+        size = max(map(abs, limits))
+        if limits[1] - limits[0] < _ROUNDING * size:
+            widen(limits[0] - 0.05 * size, limits[1] + 0.05 * size)
 
 
 def as_png(figure: Figure) -> bytes:

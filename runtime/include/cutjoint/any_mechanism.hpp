@@ -43,7 +43,7 @@ class AnyMechanism {
   virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_no_projection(); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
-  virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v, the margins of the domains; only models that have some
+  virtual void domains(const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, lambda, the margins of the domains; only models that have some
 };
 
 }  // namespace cutjoint

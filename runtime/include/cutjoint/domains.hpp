@@ -79,7 +79,7 @@ class Domains {
   /// another branch, and then the forces have values.
   const Domain* find() {
     outside_before_ = outside_;
-    subject_.domains(at_.q.data(), at_.v.data(), inside_.data());
+    subject_.domains(at_.q.data(), at_.v.data(), from_.lambda.data(), inside_.data());
     const Domain *first = nullptr, *left = nullptr;
     for (std::size_t i = domains_.size(); i-- > 0;) {
       outside_[i] = inside_[i] < Real(0) || (domains_[i].strict && inside_[i] <= Real(0));
@@ -109,7 +109,7 @@ class Domains {
 template <class Subject>
 Failure explain_by_domains(Subject& subject, const State<typename Subject::real_type>& from, typename Subject::real_type h,
                            const Failure& failure) {
-  if constexpr (requires { subject.domains(nullptr, nullptr, nullptr); })
+  if constexpr (requires { subject.domains(nullptr, nullptr, nullptr, nullptr); })
     if (failure.guards.empty() && !subject.description().domains.empty()) return Domains<Subject>(subject, from).explain(failure, h);
   return failure;
 }

@@ -43,8 +43,8 @@ class Behind : public Base {
     if constexpr (requires { generated_.events(q, v, value); }) generated_.events(q, v, value);
   }
 
-  void domains(const Real* q, const Real* v, Real* inside) const final {
-    if constexpr (requires { generated_.domains(q, v, inside); }) generated_.domains(q, v, inside);
+  void domains(const Real* q, const Real* v, const Real* lambda, Real* inside) const final {
+    if constexpr (requires { generated_.domains(q, v, lambda, inside); }) generated_.domains(q, v, lambda, inside);
   }
 
  protected:

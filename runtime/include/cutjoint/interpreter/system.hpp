@@ -73,7 +73,7 @@ class InterpretedSystem final : public AnySystem<double> {
     if (program_.has("sample")) sample_ = program_.read("sample", {q, v, vdot, lambda}, {{"held", description_.held()}});
     guard_ = program_.read_if_any("guard", {q, v}, {"margin", description_.guards.size()});
     events_ = program_.read_if_any("events", {q, v}, {"value", description_.switches.size()});
-    domains_ = program_.read_if_any("domains", {q, v}, {"inside", description_.domains.size()});
+    domains_ = program_.read_if_any("domains", {q, v, lambda}, {"inside", description_.domains.size()});
   }
 
   const SystemDescription& description() const override { return description_; }
@@ -127,7 +127,9 @@ class InterpretedSystem final : public AnySystem<double> {
 
   void guard(const double* q, const double* v, double* margin) const override { program_.call(guard_, {q, v}, {margin}); }
   void events(const double* q, const double* v, double* value) const override { program_.call(events_, {q, v}, {value}); }
-  void domains(const double* q, const double* v, double* inside) const override { program_.call(domains_, {q, v}, {inside}); }
+  void domains(const double* q, const double* v, const double* lambda, double* inside) const override {
+    program_.call(domains_, {q, v, lambda}, {inside});
+  }
   int factor(const double* tangent, double* factors) const override { return factorisation_.factor(tangent, factors); }
   void solve(const double* factors, double* x) const override { factorisation_.solve(factors, x); }
 

@@ -45,7 +45,7 @@ class AnySystem {
   virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; only models with controllers have it
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with switches have it
-  virtual void domains(const Real*, const Real*, Real*) const {}  ///< of q and v; only models with domains have it
+  virtual void domains(const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, lambda; only models with domains have it
   virtual int factor(const Real* tangent, Real* factors) const = 0;
   virtual void solve(const Real* factors, Real* x) const = 0;
 };
