@@ -61,7 +61,7 @@ STOPS = """  stops:
 """
 
 
-def test_the_iltis_brakes_to_rest_in_five_half_waves() -> None:
+def test_the_iltis_brakes_to_rest_in_half_waves() -> None:
     """From 20 m/s by default: no brake's torque changes its sign more than five times while more than a thousandth of it is left."""
     corners = [f"{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     text = rolling_text((MODELS / "iltis.yaml").read_text(encoding="utf-8"), on_wheels=True)
@@ -77,4 +77,4 @@ def test_the_iltis_brakes_to_rest_in_five_half_waves() -> None:
     for corner in corners:
         held = found[f"{corner}.wheel.rolling.held.value"]
         changes = stops + np.flatnonzero(np.diff(np.sign(held[stops:])))
-        assert 1 < sum(np.abs(held[after + 1 :]).max() > 1e-3 for after in changes) <= 5
+        assert 1 <= sum(np.abs(held[after + 1 :]).max() > 1e-3 for after in changes) <= 5

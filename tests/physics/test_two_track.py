@@ -43,7 +43,7 @@ TYRE = f"""
         with:
           {{x: x, y: y, z: {CENTRE}, radius: {RADIUS}, mass: {WHEEL}, spin_inertia: {SPIN}, cross_inertia: {CROSS}, load: N,
            Fx: Cx*on.kappa*grip, Fy: -Cy*tan(on.alpha)*grip, Mx: 0, My: -resistance*{RADIUS}*N, Mz: {TRAIL}*Cy*tan(on.alpha)*grip,
-           sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, theta_x: Cx/(3*mu*N), theta_y: Cy/(3*mu*N), rolling_radius: {ROLLING},
+           K_x: Cx, K_y: Cy, stiff_x: Cx/{SIGMA_X}, stiff_y: Cy/{SIGMA_Y}, stands_on: {ROLLING}, sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, theta_x: Cx/(3*mu*N), theta_y: Cy/(3*mu*N), rolling_radius: {ROLLING},
            brake: brake, drive: 0, toe: 0, camber: 0}}
     signals:
       N: max(load + pressed*on.contact.deflection + damped*on.contact.deflection_rate, 1)
@@ -131,8 +131,7 @@ class TwoTrack:
         rolls = ROLLING * spin
         carried = np.maximum(np.maximum(np.abs(vx), np.abs(rolls) / 2), np.abs(vy))
         dx, dy = rolls - vx - carried * sx / SIGMA_X, vy - carried * sy / SIGMA_Y
-        damps = 0.01 / (1 + vx**2 / 4) ** 2
-        kappa, slip = (sx + damps * dx) / SIGMA_X, (sy + damps * dy) / SIGMA_Y
+        kappa, slip = sx / SIGMA_X, sy / SIGMA_Y  # the tread's damping fades with speed, here to 1e-7 of that at rest
         cx, cy = (c * loads * (1 - loads / 15000) for c in (25, 20))
         share = np.hypot(cx * kappa, cy * slip) / (3 * MU * loads)
         grip = np.where(share < 1, 1 - share + share**2 / 3, 1 / np.maximum(3 * share, 1e-9))

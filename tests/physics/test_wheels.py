@@ -196,41 +196,58 @@ def test_all_methods_brake_alike() -> None:
         assert found["w.rolling.contact.Fx"][20:] == pytest.approx(exact["w.rolling.contact.Fx"][20:], abs=0.4)
 
 
-@pytest.mark.parametrize(("method", "dt"), [("recursive", 5e-4), ("recursive", 1e-3), ("recursive-newton", 7.5e-3)])
+@pytest.mark.parametrize(("method", "dt"), [
+    *(("recursive", dt) for dt in (5e-4, 1e-3, 7.5e-3)), *(("recursive-newton", dt) for dt in (1e-3, 7.5e-3)),
+])  # fmt: skip
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_braked_wheel_stays_on_a_slope_that_shakes(kind: str, method: str, dt: float) -> None:
-    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: the places after whole periods are the same."""
-    scene = f"end: 24, output_step: 3, numerics: {{dt: {dt}}}, inputs: {{brake: 1500, pull: '720*sin(2*pi*t)'}}"
+    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: the places after whole periods are the same, from the first one on within 1 um."""
+    period = 3 if dt == 7.5e-3 else 1
+    scene = f"end: 12, output_step: {period}, numerics: {{dt: {dt}}}, inputs: {{brake: 1500, pull: '720*sin(2*pi*t)'}}"
     found = run(corner(kind, SLOPE, scene), method, integrator="trapezoidal")["cart.x"]
     assert np.abs(found).max() < 0.01
-    assert np.ptp(found[4:]) < 1e-9
+    assert np.ptp(found[1:]) < 1e-6
+    assert np.ptp(found[9 // period :]) < 1e-9
 
 
-@pytest.mark.parametrize(("kind", "hertz", "lifts"), [
-    *((kind, hertz, "0") for kind in KINDS for hertz in (1, 5, 12)), ("62", 1, "1000*cos(2*pi*t)"), ("62", 1, "-1000*cos(2*pi*t)"),
-])  # fmt: skip
-def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int, lifts: str) -> None:
-    """The road's work on a braked wheel over whole periods, shaken to and fro, and up and down a quarter of a period apart."""
+def shaken(kind: str, hertz: float, lifts: str = "0") -> dict[str, np.ndarray]:
+    """Two periods of a braked wheel on the slope, shaken to and fro, and up and down: its power, and what of it is along the road (W)."""
     moved = ("vx", "loaded_radius", "deflection_rate", "My")
     text = CORNER.replace("outputs: [cart.x, ", f"outputs: [cart.x, {', '.join(f'w.rolling.contact.{name}' for name in moved)}, ")
     text = text.replace("bodies:\n", "  lifting: {value: 0, unit: N, binding: input}\nbodies:\n", 1)
     text = text.replace("[pull, 0, 0]", "[pull, 0, lifting]")
-    shaken = f"brake: 1500, pull: '720*sin(2*pi*{hertz}*t)', lifting: '{lifts}'"
-    scene = f"end: 4, output_step: 0.001, numerics: {{dt: 0.001}}, inputs: {{{shaken}}}"
+    inputs = f"brake: 1500, pull: '720*sin(2*pi*{hertz}*t)', lifting: '{lifts}'"
+    scene = f"end: {2 + 2 / hertz}, output_step: 0.001, numerics: {{dt: 0.001}}, inputs: {{{inputs}}}"
     found = run(read_model_text(text % (*SLOPE, kind, MASSES[kind], kind, scene), "m.yaml", folder=DATA), integrator="trapezoidal")
-    of = {name.removeprefix("w.rolling.contact."): found[name] for name in found}
+    of = {name.removeprefix("w.rolling.contact."): found[name][2000:] for name in found}
     along = of["Fx"] * (of["vx"] - of["loaded_radius"] * of["spin"]) + of["My"] * of["spin"]
-    power = along - of["Fz"] * of["deflection_rate"]
-    for second in (2, 3):
-        whole = slice(1000 * second, 1000 * (second + 1))
-        assert along[whole].max() > 1  # W: the tread gives back what it has taken,
-        assert along[whole].mean() < -0.1  # but for what its damping takes
-        assert power[whole].mean() < -0.1
+    return {"along": along, "power": along - of["Fz"] * of["deflection_rate"], "place": of["cart.x"]}
+
+
+@pytest.mark.parametrize("hertz", (1, 5, 12))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int) -> None:
+    """The road's work over whole periods."""
+    found = shaken(kind, hertz)
+    assert found["along"].max() > 1  # the tread gives back what it has taken,
+    assert found["along"][:-1].mean() < -0.1  # but for what its damping takes
+    assert found["power"][:-1].mean() < -0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tyre_at_rest_does_no_work_while_its_load_changes(kind: str) -> None:
+    """Up and down a quarter of a period before and after to and fro: the work of both is that of the damping, and the wheel does not walk."""
+    ahead, behind = (shaken(kind, 0.25, f"{sign}1000*cos(2*pi*0.25*t)") for sign in ("", "-"))
+    works = [0.001 * found["along"][4000:-1].sum() for found in (ahead, behind)]
+    assert max(works) < -0.4
+    assert works[0] == pytest.approx(works[1], rel=0.005)
+    for found in (ahead, behind):
+        assert abs(found["place"][-1] - found["place"][4000]) < 1e-8
 
 
 def test_a_braked_wheel_is_parked_on_a_slope() -> None:
     """The equilibrium, in which brake and tread take the slope's share of the weight, and nothing moves afterwards."""
-    found = run(corner("62", SLOPE, "end: 2, pose: equilibrium, numerics: {dt: 0.001}, inputs: {brake: 1500}"), integrator="trapezoidal")
+    found = run(corner("62", SLOPE, "end: 2, pose: equilibrium, numerics: {dt: 0.001, solver_tolerance: 1e-12}, inputs: {brake: 1500}"), integrator="trapezoidal")
     weight = (20 + 330 + 9.4) * 9.81
     assert found["w.rolling.contact.Fx"] == pytest.approx(weight * 0.19611613513818404, rel=1e-9)
     assert np.abs(found["cart.x"]).max() < 1e-12
@@ -267,14 +284,17 @@ def test_a_wheel_brakes_to_rest(method: str, dt: float) -> None:
     assert tread[brakes].max() < 0
 
 
-def test_a_damped_tread_stops_in_five_half_waves() -> None:
-    """Near critical damping the force of the brake changes its sign five times until a thousandth of it is left."""
-    scene = STOP.replace("end: 6, output_step: 0.05, numerics: {dt: 0.001}", "end: 4.5, numerics: {dt: 0.0075}").replace("700", "900")
-    text = CORNER % (*LEVEL, "62", ", tread_damping: 0.05", "62", scene)
-    found = run(read_model_text(text, "m.yaml", folder=DATA), "recursive-newton", integrator="trapezoidal")
+@pytest.mark.parametrize(("method", "dt"), [("recursive", 1e-3), ("recursive-newton", 7.5e-3)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_tread_stops_in_five_half_waves(kind: str, method: str, dt: float) -> None:
+    """The force of the brake changes its sign five times at most until a hundred-thousandth of it is left."""
+    scene = STOP.replace("end: 6, output_step: 0.05, numerics: {dt: 0.001}", f"end: 4.5, numerics: {{dt: {dt}}}").replace("700", "900")
+    found = run(corner(kind, LEVEL, scene), method, integrator="trapezoidal")
     stops, force = int(np.argmax(found["cart.vx"] < 0)), found["w.rolling.contact.Fx"]
     changes = stops + np.flatnonzero(np.diff(np.sign(force[stops:])))
-    assert np.abs(force[changes[4] + 1 :]).max() < 1e-3 * np.abs(force[:stops]).max() < np.abs(force[changes[0] :]).max()
+    most = np.abs(force[:stops]).max()
+    assert sum(np.abs(force[after + 1 :]).max() > 1e-5 * most for after in changes) < 5
+    assert np.abs(force[changes[0] :]).max() > 1e-2 * most
 
 
 @pytest.mark.parametrize("kind", KINDS)
