@@ -10,8 +10,8 @@ import pytest
 
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model
-from cutjoint.model.records import HeightTable, Road
-from cutjoint.run.road_field import surface_of
+from cutjoint.model.records import CurvedGrid, HeightTable, Road
+from cutjoint.run.road_field import CurvedField, surface_of
 
 MODEL = """cutjoint: 1
 name: m
@@ -139,10 +139,11 @@ BANKS = np.array([0, 0.01, 0.02, 0.02, 0.03, 0.01, 0, -0.02, -0.01])
 
 
 def crg(
-    folder: Path, form: str, *, blocks: str = "", line: str = "", heading: Any = 0.6, grid: np.ndarray = GRID, old: str = "", new: str = ""
+    folder: Path, form: str, *, blocks: str = "", line: str = "", heading: Any = 0.6, grid: np.ndarray = GRID, slopes: np.ndarray = SLOPES,
+    banks: np.ndarray = BANKS, old: str = "", new: str = "", interpolation: str = "linear",
 ) -> Road:  # fmt: skip
     """The road of a file that is written here."""
-    records = np.column_stack([np.where(np.arange(9) == 0, np.nan, heading), SLOPES, BANKS, grid])
+    records = np.column_stack([np.where(np.arange(len(grid)) == 0, np.nan, heading), slopes, banks, grid])
     text = HEAD.replace("FORMAT", form).replace("BLOCKS", blocks).replace("LINE\n", line).replace(old, new) + "$" * 72 + "\n"
     if form[0] == "K":
         kind = np.dtype(">f4" if form == "KRBI" else ">f8")
@@ -155,7 +156,7 @@ def crg(
         rows = ["".join(record[i : i + each]) for record in cells for i in range(0, len(record), each)]
         content = (text + "\n".join(rows) + "\n").encode()
     (folder / "road.crg").write_bytes(content)
-    return read(folder, "{surface: {table: {file: road.crg}, interpolation: linear}}")
+    return read(folder, f"{{surface: {{table: {{file: road.crg}}, interpolation: {interpolation}}}}}")
 
 
 def surface_of_file(road: Road) -> HeightTable:
@@ -206,12 +207,21 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
 
 
 @pytest.mark.parametrize(("given", "message"), [
-    ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 4\n$\n"}, "border_mode_u = 4 is not heeded; 2 is heeded, which is its default"),
-    ({"blocks": "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n"}, "refline_continuation = 1 is not heeded"),
-    ({"blocks": "$ROAD_CRG_MODS\nrefline_offset_phi = 0.5\n$\n"}, "refline_offset_phi = 0.5 is not heeded"),
-    ({"blocks": "$ROAD_CRG_MODS\nrefpoint_phi = 0.5\n$\n"}, "refpoint_phi = 0.5 is not heeded"),
-    ({"blocks": "$ROAD_CRG_MODS\n$\n"}, "the reference line's heading is 0.6 rad, not that of x; give the modifier refpoint_phi = 0"),
-    ({"heading": np.linspace(0, 0.1, 9)}, "the reference line is curved: its heading is 0.0125 to 0.1 rad"),
+    ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 0\n$\n"}, "road.crg:12:1: scene 's': border_mode_u = 0 is not heeded; write 1, 2, 3 or 4"),
+    ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_w = 2\n$\n"}, "border_mode_w = 2 is not heeded; leave it out"),
+    ({"blocks": "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n"}, "leave it out: the line's ends do not lead to each other"),
+    ({"blocks": "$ROAD_CRG_OPTS\nborder_mode_u = 1\n$\n$ROAD_CRG_MODS\nrefpoint_v = 2\n$\n"},
+     "the reference point is beyond the road's edges, at u = 10, v = 2"),
+    ({"blocks": "$ROAD_CRG_OPTS\nborder_offset_v = 1\n$\n", "interpolation": "cubic"},
+     "road.crg:12:1: scene 's': the file has border_offset_v = 1; write interpo"),
+    ({"blocks": "$ROAD_CRG_MODS\nrefpoint_w = 0.5\n$\n"}, "refpoint_w = 0.5 is not heeded"),
+    ({"blocks": "$ROAD_CRG_MODS\nscale_width = 0\n$\n"}, "scale_width = 0 is not heeded; write a number above zero"),
+    ({"blocks": "$ROAD_CRG_MODS\n$\n", "interpolation": "cubic"},
+     "the file has a line that is not along x; write interpolation: linear, as the format has it"),
+    ({"heading": np.linspace(0, 0.1, 9), "interpolation": "cubic"}, "the file has a line that is not along x"),
+    ({"heading": np.where(np.arange(9) == 4, np.nan, 0)}, "'reference line phi' is missing in a cross section; fill it in"),
+    ({"blocks": "$ROAD_CRG_MODS\ngrid_nan_mode = 0\n$\n", "grid": np.where(np.arange(36).reshape(9, 4) == 12, np.nan, GRID)},
+     "grid_nan_mode = 0 is not heeded; write 1 or 2"),
     ({"blocks": "$ROAD_CRG_FILE\nother.crg\n$\n"}, "the data is in another file"),
     ({"line": "what is this\n"}, "'what is this' is no keyword with a number"),
     ({"old": "#:LDFI", "new": "#:LXFI"}, "the format of the data is 'LXFI'; it is LRFI, LDFI, KRBI or KDBI"),
@@ -242,3 +252,102 @@ def test_opencrg_beside_another_reader(form: str, tmp_path: Path) -> None:
     normals = np.array([[-field.height(a, b, 1, 0), -field.height(a, b, 0, 1), 1] for a, b in inside])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     assert normals == pytest.approx(np.column_stack(there.xy_to_normal(*np.transpose(inside))), abs=1e-10)
+
+
+# Curved lines
+
+#: Two hundred cross sections of a line that winds, half a metre apart, and of a ring with a gap.
+COUNT = 200
+WINDING = np.concatenate([[0.0], 0.4 + np.cumsum(0.02 * np.sin(np.arange(COUNT - 1) / 15) + 0.004)])
+RING = np.concatenate([[0.0], np.linspace(0.1, 0.1 + 0.985 * 2 * np.pi, COUNT - 1)])
+PLACES = np.array([-0.75, -0.25, 0.25, 0.75])
+OPTIONS = "$ROAD_CRG_OPTS\nborder_mode_u = {}\nborder_mode_v = {}\nborder_offset_u = 0.3\nborder_offset_v = -0.2\n{}$\n"
+SMOOTH = "border_smooth_ubeg = 4\nborder_smooth_uend = 7\n"
+
+
+def curved(folder: Path, heading: np.ndarray, blocks: str = "", line: str = "") -> CurvedField:
+    """A road along a line, with random heights, slopes and banking."""
+    random = np.random.default_rng(5)
+    grid, slopes, banks = random.normal(0, 0.02, (COUNT, 4)), random.normal(0, 0.02, COUNT), random.normal(0, 0.01, COUNT)
+    road = crg(folder, "KDBI", heading=heading, grid=grid, slopes=slopes, banks=banks, blocks=blocks, line=line)
+    assert isinstance(road.surface, CurvedGrid)
+    surface = surface_of(road)
+    assert surface is not None
+    assert isinstance(surface.field, CurvedField)
+    return surface.field
+
+
+def test_cross_sections_of_a_curved_line_halve_its_corners(tmp_path: Path) -> None:
+    """Of a line with equal pieces: places by complex numbers, heights at all places of the grid, and halfway between them their means."""
+    field = curved(tmp_path, WINDING, line="reference_line_start_x = 3\n", blocks="$ROAD_CRG_MODS\nrefline_offset_y = 2\n$\n")
+    x, y, z, banking = np.array(field.grid.sections).T
+    line = 3 + 2j + np.concatenate([[0], np.cumsum(0.5 * np.exp(1j * WINDING[1:]))])
+    assert x + 1j * y == pytest.approx(line, abs=1e-12)
+    middle, half = (WINDING[1:-1] + WINDING[2:]) / 2, np.diff(WINDING[1:]) / 2
+    normals = 1j * np.concatenate([[np.exp(1j * WINDING[1])], np.exp(1j * middle) / np.cos(half), [np.exp(1j * WINDING[-1])]])
+    places = line[:, None] + normals[:, None] * PLACES
+    heights = np.array(field.grid.heights) + z[:, None] + banking[:, None] * PLACES
+    assert field.at(places.real.ravel(), places.imag.ravel()) == pytest.approx(heights.ravel(), abs=1e-12)
+    between = (places[1:] + places[:-1]) / 2
+    assert field.at(between.real.ravel(), between.imag.ravel()) == pytest.approx((heights[1:] + heights[:-1]).ravel() / 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("modes", ["2, 2", "1, 3", "4, 2"])
+def test_slopes_of_a_curved_road_are_those_of_its_heights(modes: str, tmp_path: Path) -> None:
+    """By differences within cells; the second ones too."""
+    field, h = curved(tmp_path, WINDING, OPTIONS.format(*modes.split(", "), SMOOTH)), 1e-6
+    random = np.random.default_rng(6)
+    x, y, *_ = np.array(field.grid.sections).T
+    k, way = random.integers(0, COUNT, 400), random.normal(0, 0.6, (2, 400))
+    x, y = x[k] + way[0], y[k] + way[1]
+    for i, j in ((0, 0), (1, 0), (0, 1)):
+        for over, (dx, dy) in (((i + 1, j), (h, 0)), ((i, j + 1), (0, h))):
+            found = (field.at(x + dx, y + dy, i, j) - field.at(x - dx, y - dy, i, j)) / (2 * h)
+            far = np.abs(found - field.at(x, y, *over)) > 1e-6
+            assert far.sum() <= 8  # those at lines of the grid
+
+
+MODIFIERS = """$ROAD_CRG_MODS
+scale_z_grid = 2
+scale_slope = 0.5
+scale_banking = 3
+scale_length = 1.5
+scale_width = 0.8
+scale_curvature = 0.7
+refpoint_u = 40.3
+refpoint_v = 0.3
+refpoint_x = 5
+refpoint_y = -3
+refpoint_z = 0.2
+refpoint_phi = 0.7
+$
+"""
+OFFSETS = """$ROAD_CRG_MODS
+refline_offset_x = 3
+refline_offset_y = -2
+refline_offset_z = 0.3
+refline_offset_phi = 0.4
+refline_rotcenter_x = 2
+$
+"""
+BORDERS = [(1, 2), (2, 1), (3, 4), (4, 3), (2, 2), (1, 1)]
+CASES = [
+    *(pytest.param(WINDING, OPTIONS.format(u, v, SMOOTH), "", id=f"borders {u} and {v}") for u, v in BORDERS),
+    pytest.param(WINDING, "", "reference_line_end_x = 40\nreference_line_end_y = 80\nreference_line_end_z = 2.5\n", id="ends"),
+    pytest.param(RING, "$ROAD_CRG_OPTS\nrefline_continuation = 1\n$\n", "", id="closed"),
+    pytest.param(WINDING, MODIFIERS, "", id="reference point"),
+    pytest.param(WINDING, OFFSETS, "reference_line_start_y = 7\n", id="offsets"),
+]
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+@pytest.mark.parametrize(("heading", "blocks", "line"), CASES)
+def test_curved_roads_beside_another_reader(heading: np.ndarray, blocks: str, line: str, tmp_path: Path) -> None:
+    """Heights at 1e5 places on the road, beyond its sides and its ends, to 1e-12 m, and normals to 1e-10."""
+    peer = pytest.importorskip("pyopencrg")
+    field, there, random = curved(tmp_path, heading, blocks, line), peer.read(tmp_path / "road.crg").apply_mods(), np.random.default_rng(2)
+    reach = 1.5 if "scale" in blocks else 1.0
+    places = np.array(there.uv_to_xy(10 + reach * random.uniform(-3, 0.5 * COUNT + 3, 100_000), random.uniform(-2, 2, 100_000)))
+    assert np.abs(field.at(*places) - there.xy_to_z(*places)).max() < 1e-12
+    slopes = np.array([-field.at(*places, 1, 0), -field.at(*places, 0, 1), np.ones(100_000)])
+    assert np.abs(slopes / np.linalg.norm(slopes, axis=0) - there.xy_to_normal(*places)).max() < 1e-10

@@ -93,12 +93,23 @@ def test_a_surface_is_the_ground_by_expressions(tmp_path: Path, method: str, int
     assert np.abs(asked["hub.y"]).max() > 0.1
 
 
-@pytest.mark.parametrize("kind", ["cubic", "linear", "rough"])
+def winding(more: str = "") -> str:
+    """A road along a line of forty cross sections that comes back to itself, uneven across."""
+    random, heading = np.random.default_rng(4), np.linspace(-0.4, 5.6, 40)
+    line = np.cumsum(0.1 * np.exp(1j * heading))
+    numbers = {"x": line.real, "y": line.imag, "z": random.normal(0, 0.01, 40), "banking": random.normal(0, 0.05, 40)}
+    numbers |= {"across": np.array([-0.4, 0, 0.1, 0.3]), "value": random.normal(0, 0.02, (40, 4))}
+    lists = ", ".join(f"{name}: {values.tolist()}" for name, values in numbers.items())
+    return f"{{surface: {{sections: {{{lists}}}, step: 0.1{more}}}}}"
+
+
+@pytest.mark.parametrize("kind", ["cubic", "linear", "rough", "curved"])
 def test_simulators_read_the_field_that_python_has(tmp_path: Path, kind: str) -> None:
     """The distance of an upright wheel's centre from the road in its plane, by height and normal; beyond the field's edges, too."""
     hills = 0.05 * np.random.default_rng(2).normal(size=(6, 5))
     road = table(hills, np.linspace(-0.4, 1.6, 6), np.linspace(-0.3, 0.5, 5), ", interpolation: linear" if kind == "linear" else "")
-    model = text("{surface: {iso8608: E, seed: 5, width: 1}}" if kind == "rough" else road, rates="x: 3, y: 1")
+    others = {"rough": "{surface: {iso8608: E, seed: 5, width: 1}}", "curved": winding(", border: [4, 2], smooth: [0.2, 0]")}
+    model = text(others.get(kind, road), rates="x: 3, y: 1")
     surface = surface_of(read_model_text(model, "roll.yaml").scenes["roll"].road)
     found = run(tmp_path, model)
     for x, y, z, distance in zip(*(found[c] for c in ("hub.x", "hub.y", "hub.z", "wheel.loaded_radius")), strict=True):
@@ -168,9 +179,10 @@ def test_a_picture_shows_the_surface_and_its_patches(tmp_path: Path) -> None:
 
 @needs_cpp
 @pytest.mark.heavy
-def test_folders_and_derivatives_have_the_surface(tmp_path: Path) -> None:
+@pytest.mark.parametrize("surface", ["iso8608: C, seed: 7", winding()[len("{surface: {") : -2]], ids=["rough", "curved"])
+def test_folders_and_derivatives_have_the_surface(tmp_path: Path, surface: str) -> None:
     """The trajectory of a loaded library beside the interpreter's, and A by differences of its accelerations."""
-    road = "{surface: {iso8608: C, seed: 7}, friction: [{x: [1, 2], y: [-1, 1], value: 0.5}]}"
+    road = f"{{surface: {{{surface}}}, friction: [{{x: [1, 2], y: [-1, 1], value: 0.5}}]}}"
     (tmp_path / "model.yaml").write_text(text(road, law="[-100*road_friction, 0, 4e5*deflection + 4000*deflection_rate]"), encoding="utf-8")
     model = read_model(tmp_path / "model.yaml")
     table = completed(simulate(compile_interpreted(model, model.scenes["roll"]), integrator="rk4", dt=1e-3))

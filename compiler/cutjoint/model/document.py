@@ -307,9 +307,29 @@ class Rough(Part):
     width: Number = 4
 
 
+class Sections(Part):
+    """Heights along a line, linear between their places: what a file in OpenCRG becomes whose line is not that of x, or which has options.
+
+    ``sections`` have for each cross section its place ``x``, ``y``, the line's height ``z`` and ``banking``, and as ``value`` heights
+    at places ``across``.  Cross sections are a ``step`` apart.  ``border``, ``offset`` and ``smooth`` are OpenCRG's modes, heights
+    beyond the edges and smoothing zones; a line that is ``closed`` begins at the first number and has the second as its length, in steps.
+    """
+
+    sections: Annotated[dict[Literal["x", "y", "z", "banking", "across", "value"], FieldEntries], WithJsonSchema(table_schema(MAX_FIELD))]
+    step: Number
+    border: Ends = (2, 2)
+    offset: Ends = (0, 0)
+    smooth: Ends = (0, 0)
+    closed: Ends = (0, 0)
+    interpolation: Literal["linear"] = "linear"
+
+
 RoadSurface: TypeAlias = Annotated[
-    Annotated[Heights, Tag("<heights>")] | Annotated[Rough, Tag("<rough>")],
-    told_by({"table": "<heights>", "iso8608": "<rough>"}, "needs {table: {file: road.csv}} or {iso8608: class, seed: number}"),
+    Annotated[Heights, Tag("<heights>")] | Annotated[Rough, Tag("<rough>")] | Annotated[Sections, Tag("<sections>")],
+    told_by(
+        {"table": "<heights>", "iso8608": "<rough>", "sections": "<sections>"},
+        "needs {table: {file: road.csv}} or {iso8608: class, seed: number}",
+    ),
 ]
 
 

@@ -159,11 +159,14 @@ class _Files:
         path, shown = self._find(name, place)
         if shown not in self.texts:
             self._open(path, shown, encoding="latin-1")
-        lists = OpenCrg(self.texts[shown], shown, name.element).lists()
+        around = source.part(keys[:-1])
+        surface = OpenCrg(self.texts[shown], shown, name.element).surface(around.get("interpolation") == "linear")
         start = Span(file=shown, line=1, column=1)
-        values: dict[Keys, Span] = {(key,): start for key in lists}
-        values |= {(key, i): start for key in ("x", "y") for i in range(len(lists[key]))}
-        return self._spliced(source, keys, lists, Source(shown, {}, values, {(key,): start for key in lists}))
+        values: dict[Keys, Span] = {(key,): start for key in surface}
+        for key, lists in surface.items():
+            values |= {(key, part): start for part in lists} if isinstance(lists, dict) else {}
+        others = {key: value for key, value in around.items() if key != "table"}
+        return self._spliced(source, keys[:-1], {**surface, **others}, Source(shown, {}, values, dict.fromkeys(values, start)))
 
     def _column(self, table: Csv, name: str, span: Span, of: _Name) -> Column:
         for column in table.columns:

@@ -461,6 +461,26 @@ class HeightTable:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CurvedGrid:
+    """Heights along a line as OpenCRG has them: cross sections (x, y, height, banking), ``step`` apart, and for each of them heights at
+    places ``across``, on those of the line; lengths in m.
+
+    ``borders`` are OpenCRG's modes beyond the edges along and across, ``offsets`` are added there, and over ``smooth`` from begin and end
+    heights become those of the line.  A line that is ``closed`` begins at so many steps and has so many, else zero.
+    """
+
+    sections: tuple[tuple[float, float, float, float], ...]
+    across: tuple[float, ...]
+    heights: tuple[tuple[float, ...], ...]
+    step: float
+    borders: tuple[int, int]
+    offsets: tuple[float, float]
+    smooth: tuple[float, float]
+    closed: tuple[float, float]
+    span: Span
+
+
+@dataclass(frozen=True, kw_only=True)
 class RoughSurface:
     """A rough road of a class of ISO 8608, which its ``seed`` determines; ``width`` (m) is about y = 0."""
 
@@ -494,7 +514,7 @@ class Road:
     start: float = 0.0
     left: tuple[RoadSegment, ...] = ()
     right: tuple[RoadSegment, ...] = ()
-    surface: HeightTable | RoughSurface | None = None
+    surface: HeightTable | CurvedGrid | RoughSurface | None = None
     patches: tuple[Patch, ...] = ()
 
     @property

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from math import isnan, nan
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import atan2, cos, isnan, nan, sin
 from typing import Any, Never
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.methods import join_or
 from cutjoint.model import document
 from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import HeightTable, Patch, Road, RoadSegment, RoughSurface, SegmentKind, Span
+from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoadSegment, RoughSurface, SegmentKind, Span
 from cutjoint.model.scope import Element
 from cutjoint.model.source import Path
 from cutjoint.model.text import UNSIGNED
@@ -34,7 +35,7 @@ def read_road(where: Element, road: document.Road) -> Road:
     )  # fmt: skip
 
 
-def _surface(where: Element, surface: document.Heights | document.Rough | None) -> HeightTable | RoughSurface | None:
+def _surface(where: Element, surface: document.RoadSurface | None) -> HeightTable | CurvedGrid | RoughSurface | None:
     keys: Path = ("road", "surface")
     if surface is None:
         return None
@@ -42,6 +43,8 @@ def _surface(where: Element, surface: document.Heights | document.Rough | None) 
     if isinstance(surface, document.Rough):
         width = where.positive(where.number(surface.width, LENGTH, (*keys, "width")), (*keys, "width"))
         return RoughSurface(grade=surface.iso8608, seed=surface.seed, width=width, span=span)
+    if isinstance(surface, document.Sections):
+        return _sections(where, surface, keys, span)
     keys = (*keys, "table")
     if missing := [name for name in ("x", "y", "value") if name not in surface.table]:
         where.fail(f"the table of heights has no {join_or(missing)}", "it needs x, y and value: a row of a file for each place", keys)
@@ -59,6 +62,35 @@ def _surface(where: Element, surface: document.Heights | document.Rough | None) 
         return None
     across = heights if first == "x" else tuple(zip(*heights, strict=True))
     return HeightTable(start=(x[0], y[0]), step=(dx, dy), heights=across, bilinear=surface.interpolation == "linear", span=span)
+
+
+def _sections(where: Element, surface: document.Sections, keys: Path, span: Span) -> CurvedGrid | None:
+    """Heights along a line."""
+    lists, part = surface.sections, (*keys, "sections")
+    if missing := [name for name in ("x", "y", "z", "banking", "across", "value") if name not in lists]:
+        where.fail(f"the cross sections have no {join_or(missing)}", "name a file in OpenCRG", part)
+        return None
+    lines = {name: _lengths(where, lists[name], (*part, name)) for name in ("x", "y", "z", "across")}
+    banking = tuple(where.number(number, NONE, (*part, "banking", i)) for i, number in enumerate(lists["banking"]))
+    heights = tuple(_lengths(where, row, (*part, "value", i)) if isinstance(row, tuple) else () for i, row in enumerate(lists["value"]))
+    counts = {len(numbers) for numbers in (lines["x"], lines["y"], lines["z"], banking, heights)}
+    across = lines["across"]
+    if len(counts) > 1 or min(counts) < 2 or len(across) < 2 or any(len(row) != len(across) for row in heights):
+        where.fail("the cross sections are not as many in all lists, or less than two by two", "name a file in OpenCRG", part)
+        return None
+    pairs = {}
+    for name, unit in (("border", NONE), ("offset", LENGTH), ("smooth", LENGTH), ("closed", NONE)):
+        first, second = (where.number(x, unit, (*keys, name, i)) for i, x in enumerate(getattr(surface, name)))
+        pairs[name] = first, second
+    step = where.positive(where.number(surface.step, LENGTH, (*keys, "step")), (*keys, "step"))
+    if any(mode not in (1, 2, 3, 4) for mode in pairs["border"]) or any(a >= b for a, b in pairwise(across)):
+        where.fail("a border is not 1 to 4, or places across do not rise", "name a file in OpenCRG", keys)
+        return None
+    return CurvedGrid(
+        sections=tuple(zip(lines["x"], lines["y"], lines["z"], banking, strict=True)), across=across, heights=heights, step=step,
+        borders=(int(pairs["border"][0]), int(pairs["border"][1])), offsets=pairs["offset"], smooth=pairs["smooth"],
+        closed=pairs["closed"], span=span,
+    )  # fmt: skip
 
 
 def _lengths(where: Element, numbers: tuple[Any, ...], keys: Path) -> tuple[float, ...]:
@@ -129,20 +161,60 @@ def _segment(where: Element, part: Any, keys: Path) -> RoadSegment:
 _Array = NDArray[np.float64]
 #: The formats of the data: bytes of a number of binary ones, characters of one of text.
 _BINARY, _TEXT = {"KRBI": ">f4", "KDBI": ">f8"}, {"LRFI": 10, "LDFI": 20}
-#: The options that change a road, with the values that are heeded; others are of checks, messages and searches.
+#: The options that change a road, with their defaults, and how those begin that are of checks, messages and searches.
 _OPTIONS = {
     "border_mode_u": 2.0, "border_mode_v": 2.0, "border_offset_u": 0.0, "border_offset_v": 0.0, "border_smooth_ubeg": 0.0,
     "border_smooth_uend": 0.0, "refline_continuation": 0.0,
 }  # fmt: skip
+_BORDERS = ("border_mode_u", "border_mode_v", "border_offset_u", "border_offset_v")
+_NEUTRAL = ("check_", "refline_search_", "warn_", "log_")
 _SCALES = ("scale_z_grid", "scale_slope", "scale_banking", "scale_length", "scale_width", "scale_curvature")
-_SHIFTS = ("refline_offset_x", "refline_offset_y", "refline_offset_z")
+_SHIFTS = ("refline_offset_x", "refline_offset_y", "refline_offset_z", "refline_offset_phi", "refline_rotcenter_x", "refline_rotcenter_y")
 _POINT = (
     *(f"refpoint_{axis}{part}" for axis in "uv" for part in ("", "_fraction", "_offset")),
     *(f"refpoint_{target}" for target in ("x", "y", "z", "phi")),
 )
 _SETTING = re.compile(rf"([a-z_]\w*)\s*=\s*([-+]?{UNSIGNED})(?:\s.*)?", re.IGNORECASE | re.ASCII)
-#: Headings, rad, and slopes that are the same; a road of 10 km is off by 0.1 mm.
+#: The share of its length by which a line may leave that of x and be taken for it; a road of 10 km is off by 0.1 mm.
 _SAME = 1e-8
+#: The largest gap of a line that closes the wrong way, m, as the format's ``check_tol`` has it.
+_CLOSE = 1e-4
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """Places x, y, heights and banking of cross sections (n,), ``step`` apart, and on it heights (n, m) at places ``v``, m."""
+
+    step: float
+    v: _Array
+    x: _Array
+    y: _Array
+    z: _Array
+    banking: _Array
+    grid: _Array
+
+    def at(self, u: float, v: float) -> tuple[float, float, float, float]:
+        """Place, heading and height at a way from the line's begin and a distance to its left; beyond the edges the height stays."""
+        k = int(np.clip(np.floor(u / self.step), 0, len(self.x) - 2))
+        cosine, sine, length, lean, spread = cross_sections(self.x, self.y)[k]
+        t = u / self.step - k
+        if not 0 <= t <= 1:
+            lean, spread, length = 0.0, 0.0, self.step
+            k, t = (k, t) if t < 0 else (k + 1, t - 1)
+        along = t * (length + spread * v) + lean * v
+        across = [np.interp(v, self.v, row) for row in self.heights()]
+        x, y = float(self.x[k] + along * cosine - v * sine), float(self.y[k] + along * sine + v * cosine)
+        return x, y, atan2(sine, cosine), float(np.interp(u, self.step * np.arange(len(self.x)), across))
+
+    def heights(self) -> _Array:
+        """All heights, (n, m)."""
+        return self.grid + self.z[:, None] + self.banking[:, None] * self.v
+
+    def moved(self, turn: float, about: tuple[float, float], to: tuple[float, float, float]) -> _Strip:
+        """The strip turned about a place, which is then at another and higher."""
+        x, y = self.x - about[0], self.y - about[1]
+        c, s = cos(turn), sin(turn)
+        return replace(self, x=to[0] + c * x - s * y, y=to[1] + s * x + c * y, z=self.z + to[2])
 
 
 @dataclass
@@ -160,8 +232,8 @@ class OpenCrg:
     line_u: dict[str, float] = field(default_factory=dict)
     form: str = ""
 
-    def lists(self) -> dict[str, tuple[Any, ...]]:
-        """The places ``x`` and ``y`` and as ``value`` the heights over y for each x, m.
+    def surface(self, bilinear: bool) -> dict[str, Any]:
+        """The entries of a road's surface: a table of heights over x and y, or cross sections along a line.
 
         Raises:
             ModelError: the file is none, or a part of it is not heeded; the message names it.
@@ -173,7 +245,26 @@ class OpenCrg:
         u, z = self._along(len(data)), data[:, columns]
         if len(u) < 2:
             self._fail("the file has less than two cross sections", "a road needs two or more")
-        return self._placed(u, v, self._filled(z), line)
+        self._check_settings()
+        strip = self._moved(self._scaled(self._strip(u, v, z, line)), u[0])
+        options = {key: self._value("ROAD_CRG_OPTS", key, value) for key, value in _OPTIONS.items()}
+        is_along_x = np.ptp(strip.y) <= _SAME * np.ptp(strip.x) and strip.x[-1] > strip.x[0]
+        if is_along_x and options == _OPTIONS and np.ptp(np.diff(strip.v)) <= _SAME * np.ptp(strip.v):
+            x, y = strip.x[0] + strip.step * np.arange(len(strip.x)), strip.y[0] + strip.v
+            return {"table": {"x": tuple(x.tolist()), "y": tuple(y.tolist()), "value": _rows(strip.heights())}}
+        if not bilinear:
+            changed = next((key for key, value in _OPTIONS.items() if options[key] != value), "")
+            what = "uneven places across" if is_along_x else "a line that is not along x"
+            what = f"{changed} = {options[changed]:g}" if changed else what
+            number = self.settings["ROAD_CRG_OPTS"][changed][1] if changed else 1
+            self._fail(f"the file has {what}", "write interpolation: linear, as the format has it", number)
+        lists = {"x": strip.x, "y": strip.y, "z": strip.z, "banking": strip.banking, "across": strip.v}
+        return {
+            "sections": {**{key: tuple(values.tolist()) for key, values in lists.items()}, "value": _rows(strip.grid)},
+            "step": strip.step, "closed": self._closed(strip) if options["refline_continuation"] else (0.0, 0.0),
+            **{name: (options[f"border_{key}"], options[f"border_{other}"]) for name, key, other in (
+                ("border", "mode_u", "mode_v"), ("offset", "offset_u", "offset_v"), ("smooth", "smooth_ubeg", "smooth_uend"))},
+        }  # fmt: skip
 
     # Header
 
@@ -285,18 +376,22 @@ class OpenCrg:
         return np.array([start + step * i for i in range(count)], dtype=np.float64)
 
     def _filled(self, z: _Array) -> _Array:
-        """Heights in place of those that are missing at the sides: of each cross section's last ones."""
+        """Heights in place of those that are missing: of each cross section's last ones, and where modifiers say so the same ones."""
         if not np.isnan(z).any():
             return z
-        if self._modifier("grid_nan_mode", 2.0) != 2 or self._modifier("grid_nan_offset", 0.0) != 0:
-            self._refuse("ROAD_CRG_MODS", "grid_nan_mode" if self._modifier("grid_nan_mode", 2.0) != 2 else "grid_nan_offset")
+        mode, offset = self._modifier("grid_nan_mode", 2.0), self._modifier("grid_nan_offset", 0.0)
+        if mode not in (1, 2):
+            self._refuse("ROAD_CRG_MODS", "grid_nan_mode", "write 1 or 2: a road has a height everywhere")
+        if mode == 1:
+            return np.where(np.isnan(z), offset, z)
         filled = z.copy()
         for row in filled:
             known = np.flatnonzero(~np.isnan(row))
             if not known.size or known[-1] - known[0] + 1 > known.size:
                 message = "heights are missing in a cross section, not at its sides alone"
                 self._fail(message, "fill them in: programs differ in how they do that")
-            row[: known[0]], row[known[-1] :] = row[known[0]], row[known[-1]]
+            row[: known[0]] = row[known[0]] + offset
+            row[known[-1] + 1 :] = row[known[-1]] + offset
         return filled
 
     # Place
@@ -304,63 +399,121 @@ class OpenCrg:
     def _modifier(self, key: str, default: float) -> float:
         return self._value("ROAD_CRG_MODS", key, default)
 
-    def _placed(self, u: _Array, v: _Array, z: _Array, line: Mapping[str, _Array | None]) -> dict[str, tuple[Any, ...]]:
-        """The heights where options and modifiers have them; without modifiers the line begins at the origin, along x."""
-        modifiers = self.settings.get("ROAD_CRG_MODS", {"refpoint_phi": (0.0, 0)})
-        for key, value in _OPTIONS.items():
-            if self._value("ROAD_CRG_OPTS", key, value) != value:
-                self._refuse("ROAD_CRG_OPTS", key)
+    def _check_settings(self) -> None:
+        """Refuse options and modifiers that are not heeded."""
+        modifiers = self.settings.get("ROAD_CRG_MODS", {})
         for key in modifiers:
             if key not in (*_SCALES, *_SHIFTS, *_POINT, "grid_nan_mode", "grid_nan_offset"):
                 self._refuse("ROAD_CRG_MODS", key)
-        if line["phi"] is not None and np.ptp(line["phi"][1:]) > _SAME:
-            message = f"the reference line is curved: its heading is {line['phi'][1]:g} to {line['phi'][-1]:g} rad"
-            self._fail(message, "straight reference lines alone are heeded")
-        steps = np.diff(u)
-        grades = np.full(len(steps), self._value("ROAD_CRG", "reference_line_start_s", 0.0)) if line["slope"] is None else line["slope"][1:]
-        rises = np.concatenate([[0.0], np.cumsum(grades * steps)])
-        end = self.settings.get("ROAD_CRG", {}).get("reference_line_end_z") if line["slope"] is not None else None
-        start = self._value("ROAD_CRG", "reference_line_start_z", 0.0)
-        if end is not None:
-            rises += np.linspace(0, 1, len(rises)) * (end[0] - start - rises[-1])
-        banks = np.full(len(u), self._value("ROAD_CRG", "reference_line_start_b", 0.0)) if line["banking"] is None else line["banking"]
-        scale = {key: self._modifier(key, 1.0) for key in _SCALES}
-        u, v = u[0] + scale["scale_length"] * (u - u[0]), v * scale["scale_width"]
-        rises = rises * scale["scale_slope"] * scale["scale_length"]
-        heights = z * scale["scale_z_grid"] + start + rises[:, None] + scale["scale_banking"] * banks[:, None] * v
-        if any(key in _POINT for key in modifiers):
-            shift = self._to_point(u, v, heights, modifiers)
-        else:
-            heading = self._value("ROAD_CRG", "reference_line_start_phi", 0.0) if line["phi"] is None else float(line["phi"][1])
-            if abs(heading) > _SAME:
-                self._fail(f"the reference line's heading is {heading:g} rad, not that of x", "give the modifier refpoint_phi = 0")
-            places = (self._value("ROAD_CRG", f"reference_line_start_{axis}", 0.0) for axis in "xy")
-            shift = tuple(place + self._modifier(key, 0.0) for place, key in zip((*places, 0.0), _SHIFTS, strict=True))
-        x, y, rows = u - u[0] + shift[0], v + shift[1], heights + shift[2]
-        return {"x": tuple(x.tolist()), "y": tuple(y.tolist()), "value": tuple(map(tuple, rows.tolist()))}
+        for key in ("scale_length", "scale_width"):
+            if self._modifier(key, 1.0) <= 0:
+                self._refuse("ROAD_CRG_MODS", key, "write a number above zero")
+        for key in self.settings.get("ROAD_CRG_OPTS", {}):
+            if key not in _OPTIONS and not key.startswith(_NEUTRAL):
+                self._refuse("ROAD_CRG_OPTS", key)
+        wanted = {"border_mode_u": (1, 2, 3, 4), "border_mode_v": (1, 2, 3, 4), "refline_continuation": (0, 1)}
+        for key, values in wanted.items():
+            if self._value("ROAD_CRG_OPTS", key, values[1]) not in values:
+                self._refuse("ROAD_CRG_OPTS", key, f"write {join_or([str(value) for value in values])}: a road has a height everywhere")
 
-    def _to_point(self, u: _Array, v: _Array, heights: _Array, modifiers: Mapping[str, tuple[float, int]]) -> tuple[float, ...]:
-        """The line's begin, and what is added to heights, so that a point of the road is where modifiers have it."""
-        if abs(self._modifier("refpoint_phi", 0.0)) > _SAME:
-            self._refuse("ROAD_CRG_MODS", "refpoint_phi")
+    def _strip(self, u: _Array, v: _Array, z: _Array, line: Mapping[str, _Array | None]) -> _Strip:
+        """The road without modifiers but those that fill in heights, which come after the grid's scale."""
+        for name, channel in line.items():
+            if channel is not None and np.isnan(channel[name != "banking" :]).any():
+                self._fail(f"'reference line {name}' is missing in a cross section", "fill it in")
+        step = float(u[1] - u[0])
+        start = {name: self._value("ROAD_CRG", f"reference_line_start_{name}", 0.0) for name in ("x", "y", "z", "phi", "s", "b")}
+        ends = {name: self.settings.get("ROAD_CRG", {}).get(f"reference_line_end_{name}") for name in "xyz"}
+        headings = np.full(len(u) - 1, start["phi"]) if line["phi"] is None else line["phi"][1:]
+        grades = np.full(len(u) - 1, start["s"]) if line["slope"] is None else line["slope"][1:]
+        rises = {"x": np.cos(headings), "y": np.sin(headings), "z": grades}
+        places = {name: start[name] + np.concatenate([[0.0], np.cumsum(step * rise)]) for name, rise in rises.items()}
+        given = {"x": line["phi"] is not None and None not in (ends["x"], ends["y"]), "z": line["slope"] is not None}
+        for name, end in ends.items():  # what a channel misses the end by is shared by all cross sections
+            if end is not None and given["z" if name == "z" else "x"]:
+                places[name] = places[name] + np.linspace(0, 1, len(u)) * (end[0] - places[name][-1])
+        banks = np.full(len(u), start["b"]) if line["banking"] is None else line["banking"]
+        return _Strip(step=step, v=v, banking=banks, grid=self._filled(z * self._modifier("scale_z_grid", 1.0)), **places)
+
+    def _scaled(self, strip: _Strip) -> _Strip:
+        slope, banking, length, width, curvature = (self._modifier(key, 1.0) for key in _SCALES[1:])
+        x, y = (places[0] + length * (places - places[0]) for places in (strip.x, strip.y))
+        if curvature != 1:
+            headings = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+            headings = headings[0] + curvature * (headings - headings[0])
+            ways = strip.step * length * np.array([np.cos(headings), np.sin(headings)])
+            x, y = (places[0] + np.concatenate([[0.0], np.cumsum(way)]) for places, way in zip((x, y), ways, strict=True))
+        z = strip.z[0] + slope * length * (strip.z - strip.z[0])
+        return replace(strip, step=strip.step * length, v=strip.v * width, x=x, y=y, z=z, banking=strip.banking * banking)
+
+    def _moved(self, strip: _Strip, begin: float) -> _Strip:
+        """The road where modifiers have it, whose line begins at a value of u; without modifiers that is at the origin, along x."""
+        modifiers = self.settings.get("ROAD_CRG_MODS", {"refpoint_phi": (0.0, 0)})
+        if not any(key in _POINT for key in modifiers):
+            about = self._modifier("refline_rotcenter_x", strip.x[0]), self._modifier("refline_rotcenter_y", strip.y[0])
+            dx, dy, dz, turn = (self._modifier(key, 0.0) for key in _SHIFTS[:4])
+            return strip.moved(turn, about, (about[0] + dx, about[1] + dy, dz))
+        ends = {"u": (begin, begin + strip.step * (len(strip.x) - 1)), "v": (strip.v[0], strip.v[-1])}
         point = []
-        for axis, places, plain in (("u", u, u[0]), ("v", v, 0.0)):
+        for axis, (first, last) in ends.items():
             share = modifiers.get(f"refpoint_{axis}_fraction")
-            place = self._modifier(f"refpoint_{axis}", plain) if share is None else places[0] + share[0] * (places[-1] - places[0])
-            point.append(place + self._modifier(f"refpoint_{axis}_offset", 0.0))
-        across = [np.interp(point[1], v, row) for row in heights]
-        height = float(np.interp(point[0], u, across))
-        wanted = [self._modifier(f"refpoint_{axis}", 0.0) for axis in "xyz"]
-        return wanted[0] - (point[0] - u[0]), wanted[1] - point[1], wanted[2] - height
+            place = self._modifier(f"refpoint_{axis}", begin if axis == "u" else 0.0)
+            place = place if share is None else first + share[0] * (last - first)
+            point.append(float(place) + self._modifier(f"refpoint_{axis}_offset", 0.0))
+        x, y, heading, height = strip.at(point[0] - begin, point[1])
+        inside = all(first <= place <= last for place, (first, last) in zip(point, ends.values(), strict=True))
+        options = {key: self._value("ROAD_CRG_OPTS", key, value) for key, value in _OPTIONS.items()}
+        if not inside and any(options[key] != _OPTIONS[key] for key in _BORDERS):
+            self._fail(f"the reference point is beyond the road's edges, at u = {point[0]:g}, v = {point[1]:g}", "choose one on the road")
+        for key, way, end in (("ubeg", point[0] - ends["u"][0], 0), ("uend", ends["u"][1] - point[0], -1)):
+            if (reach := options[f"border_smooth_{key}"]) > way:
+                height = float(strip.z[end]) + max(way, 0.0) / reach * (height - float(strip.z[end]))
+        wanted = {name: self._modifier(f"refpoint_{name}", 0.0) for name in ("x", "y", "z", "phi")}
+        return strip.moved(wanted["phi"] - heading, (x, y), (wanted["x"], wanted["y"], wanted["z"] - height))
 
-    def _refuse(self, block: str, key: str) -> Never:
-        value, number = self.settings[block][key]
-        known = _OPTIONS.get(key)
-        hint = "leave it out, or apply it and save the road so" if known is None else f"{known:g} is heeded, which is its default"
+    def _closed(self, strip: _Strip) -> tuple[float, float]:
+        """Where a line that closes begins, and its length, in steps: its ends go on to where they meet, or each over half of a gap."""
+        begin, end = (np.array(ends) for ends in zip(*((places[0], places[-1]) for places in (strip.x, strip.y)), strict=True))
+        first, last = cross_sections(strip.x, strip.y)[[0, -1], :2]
+        gap, along = begin - end, float(first @ last)
+        across = float(first[0] * last[1] - first[1] * last[0])
+        ways = np.array([last @ gap, first @ gap]) / 2
+        if abs(across) > _SAME:
+            meet = np.array([last[0] * gap[1] - last[1] * gap[0], first[0] * gap[1] - first[1] * gap[0]]) / across
+            ways = np.array([-meet[0], meet[1]]) if meet[0] <= _CLOSE and meet[1] >= -_CLOSE else ways
+        if along < 0.5 or (ways < -_CLOSE).any():
+            self._refuse("ROAD_CRG_OPTS", "refline_continuation", "leave it out: the line's ends do not lead to each other")
+        return -float(ways[0]) / strip.step, len(strip.x) - 1 + float(ways.sum()) / strip.step
+
+    def _refuse(self, block: str, key: str, hint: str = "leave it out, or apply it and save the road so") -> Never:
+        value, number = self.settings.get(block, {}).get(key, (0.0, 1))
         self._fail(f"{key} = {value:g} is not heeded", hint, number)
 
     def _fail(self, message: str, hint: str, number: int = 1) -> Never:
         raise ModelError([Problem(span=Span(file=self.file, line=number, column=1), element=self.element, message=message, hint=hint)])
+
+
+def cross_sections(x: _Array, y: _Array) -> _Array:
+    """Of the piece of a line (n,) from each of its places to the next (n, 5): cosine and sine of its heading, its length, how far the cross
+    section at its begin leans forward for each metre to the left, and what is added to that at its end; the last has the last heading.
+
+    A cross section between pieces is square to the line from the place before to the one behind.
+    """
+    dx, dy = np.diff(x), np.diff(y)
+    length = np.hypot(dx, dy)
+    c, s = dx / length, dy / length
+    along, across = (np.zeros((2, len(x) - 1)) for _ in range(2))  # of the chord at both ends of a piece, in the piece's axes
+    along[:] = 1.0
+    for end, here in ((0, slice(1, None)), (1, slice(None, -1))):
+        cx, cy = x[2:] - x[:-2], y[2:] - y[:-2]
+        along[end, here], across[end, here] = cx * c[here] + cy * s[here], cy * c[here] - cx * s[here]
+    lean = -across / along
+    pieces = np.column_stack([c, s, length, lean[0], lean[1] - lean[0]])
+    return np.concatenate([pieces, [[c[-1], s[-1], length[-1], 0.0, 0.0]]])
+
+
+def _rows(heights: _Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, heights.tolist()))
 
 
 def original(text: str) -> bytes:

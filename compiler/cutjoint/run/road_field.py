@@ -1,4 +1,4 @@
-"""Surfaces of roads: heights on a grid, between them a surface with continuous slopes; rough ones by ISO 8608.
+"""Surfaces of roads: heights on a grid, between them a surface with continuous slopes; heights along a line; rough ones by ISO 8608.
 
 Between the places of the grid a surface is a product of cubics in Hermite's form, with central differences as slopes and one-sided ones at
 the edges.  Beyond an edge its slope across the edge runs out over one cell, and its height stays from there on.
@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import floor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutjoint.model.records import HeightTable, Patch, Road, RoughSurface
+from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoughSurface
+from cutjoint.model.roads import cross_sections
 
 #: The spectral density of heights at 0.1 cycles a metre, m^3: the geometric means of ISO 8608.
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}
@@ -101,12 +102,177 @@ def _hermite(t: float, order: int) -> Sequence[float]:
     return 12 * t - 6, 6 - 12 * t, 6 * t - 4, 6 * t - 2
 
 
+#: Cross sections in a leaf of the tree by which the nearest one is found.
+_IN_LEAF = 8
+#: Places along and across at most by which a curved road is drawn.
+_DRAWN = 200
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CurvedField:
+    """A surface along a line, as in runtime/include/cutjoint/core/curved_field.hpp."""
+
+    grid: CurvedGrid
+
+    @cached_property
+    def line(self) -> _Array:
+        """Of each cross section (n, 9): its place, cosine and sine of the heading behind it, the way to the next, how far it leans forward
+        for each metre to the left, and what is added to that at the next, height and banking."""
+        x, y, z, banking = np.array(self.grid.sections).T
+        return np.column_stack([x, y, cross_sections(x, y), z, banking])
+
+    @cached_property
+    def _heights(self) -> _Array:
+        return np.array(self.grid.heights)
+
+    def derivative(self, x: float, y: float, by_x: int = 0, by_y: int = 0) -> float:
+        """The height at a place, m, or its derivative of orders 0 to 2, both together, by x and y."""
+        return float(self.at(np.array([x]), np.array([y]), by_x, by_y)[0])
+
+    def over(self, x: _Array, y: _Array) -> _Array:
+        """The heights (n, m) above places x (n,) and y (m,), m."""
+        along, across = np.meshgrid(x, y, indexing="ij")
+        return self.at(along.ravel(), across.ravel()).reshape(len(x), len(y))
+
+    def at(self, x: _Array, y: _Array, by_x: int = 0, by_y: int = 0) -> _Array:
+        """The heights at places (n,), m, or their derivatives."""
+        begin, along, beside, c, s, length, lean, spread = self._located(x, y)
+        way = 1 / (length + spread * beside)
+        t = (along - lean * beside) * way
+        turn = -(lean + spread * t) * way
+        value, u, v, uv, uu = self._over(begin + t, beside)
+        if not by_x + by_y:
+            return value
+        first = u * way, v + u * turn
+        if by_x + by_y == 1:
+            return c * first[0] - s * first[1] if by_x else s * first[0] + c * first[1]
+        mixed = (uv + uu * turn) * way - u * spread * way**2
+        twice = uu * way**2, 2 * uv * turn + uu * turn**2 - 2 * u * spread * turn * way
+        a, b = {2: ((c, -s), (c, -s)), 1: ((c, -s), (s, c)), 0: ((s, c), (s, c))}[by_x]
+        return a[0] * b[0] * twice[0] + (a[0] * b[1] + a[1] * b[0]) * mixed + a[1] * b[1] * twice[1]
+
+    def described(self) -> dict[str, Any]:
+        """The entries of a run file."""
+        grid = self.grid
+        return {
+            "sections": self.line.ravel().tolist(), "across": list(grid.across), "heights": self._heights.ravel().tolist(),
+            "step": grid.step, "boxes": self._boxes().ravel().tolist(), "borders": list(grid.borders), "offsets": list(grid.offsets),
+            "smooth": list(grid.smooth), "closed": list(grid.closed),
+        }  # fmt: skip
+
+    def drawn(self) -> Field:
+        """The heights about the line on an even grid along x and y."""
+        ends = [(a.min(), a.max()) for a in self.line[:, :2].T]
+        reach = max(map(abs, self.grid.across))
+        places = [np.linspace(a - reach, b + reach, min(_DRAWN, 2 + int(4 * (b - a + 2 * reach)))) for a, b in ends]
+        (x, y), heights = places, self.over(*places)
+        return Field(start=(float(x[0]), float(y[0])), step=(float(x[1] - x[0]), float(y[1] - y[0])), heights=heights, bilinear=True)
+
+    def _boxes(self) -> _Array:
+        """A tree of boxes about cross sections, each from and to x and y, the root first."""
+        leaves = 1
+        while leaves * _IN_LEAF < len(self.line):
+            leaves *= 2
+        far = np.finfo(float).max ** 0.25
+        boxes = np.tile([far, -far, far, -far], (2 * leaves - 1, 1))
+        for leaf in range(-(-len(self.line) // _IN_LEAF)):
+            x, y = self.line[leaf * _IN_LEAF : (leaf + 1) * _IN_LEAF, :2].T
+            boxes[leaves - 1 + leaf] = x.min(), x.max(), y.min(), y.max()
+        for node in range(leaves - 1, 0, -1):
+            pair = boxes[2 * node - 1 : 2 * node + 1]
+            boxes[node - 1] = pair[:, 0].min(), pair[:, 1].max(), pair[:, 2].min(), pair[:, 3].max()
+        return boxes
+
+    def _located(self, x: _Array, y: _Array) -> tuple[_Array, ...]:
+        """The piece of the line to which each place belongs, by its begin in steps; the place in its axes, their cosine and sine, and the
+        piece's length, lean and spread."""
+        line, last = self.line, len(self.line) - 1
+        nearest = np.empty(len(x), dtype=int)
+        for i in range(0, len(x), 512):
+            nearest[i : i + 512] = np.argmin((x[i : i + 512, None] - line[:, 0]) ** 2 + (y[i : i + 512, None] - line[:, 1]) ** 2, axis=1)
+        k = np.clip(nearest - 1, 0, last - 1)
+        sides = {1: self._beyond(k, x, y) > 0, -1: self._beyond(k, x, y) < 0}
+        for way, moves in sides.items():
+            moving = moves.copy()
+            while (moving := moving & (way * self._beyond(k, x, y) > 0) & (k + way >= 0) & (k + way < last)).any():
+                k[moving] += way
+        past = self._beyond(k, x, y)
+        end, begin, length = np.where(past < 0, 0, last), self.grid.closed[0], self.grid.closed[1]
+        straight = (past < 0) & (k == 0) | (past > 0) & (k == last - 1)  # elsewhere it is rounding at a cross section
+        if length:
+            u = end + self._seen(end, x, y)[0] / self.grid.step
+            end = np.where((past < 0) & (u < begin) | (past > 0) & (u > begin + length), last - end, end)
+        k = np.where(straight, end, k)
+        lean = np.where(straight[:, None], (self.grid.step, 0.0, 0.0), line[k, 4:7]).T
+        return (k.astype(float), *self._seen(k, x, y), line[k, 2], line[k, 3], *lean)
+
+    def _seen(self, k: NDArray[np.int_], x: _Array, y: _Array) -> tuple[_Array, _Array]:
+        dx, dy, c, s = x - self.line[k, 0], y - self.line[k, 1], self.line[k, 2], self.line[k, 3]
+        return dx * c + dy * s, dy * c - dx * s
+
+    def _beyond(self, k: NDArray[np.int_], x: _Array, y: _Array) -> _Array:
+        """1 for places ahead of a piece of the line, -1 for those behind it, else 0."""
+        (along, beside), (length, lean, spread) = self._seen(k, x, y), self.line[k, 4:7].T
+        return np.where(along > length + (lean + spread) * beside, 1.0, np.where(along < lean * beside, -1.0, 0.0))
+
+    def _over(self, u: _Array, v: _Array) -> tuple[_Array, ...]:
+        """The heights at steps along the line and metres across, and their derivatives by both, mixed and twice along."""
+        grid, across, last = self.grid, np.array(self.grid.across), len(self.line) - 1
+        if grid.closed[1]:
+            u = np.mod(u - grid.closed[0], grid.closed[1]) + grid.closed[0]
+        u, turn_u = _bordered(u, last, grid.borders[0])
+        v, turn_v = _bordered(v - across[0], across[-1] - across[0], grid.borders[1])
+        v = v + across[0]
+        off = ((u < 0) | (u > last), (v < across[0]) | (v > across[-1]))
+        k = np.clip(np.floor(u), 0, last - 1).astype(int)
+        j = np.clip(np.searchsorted(across, v, side="right") - 1, 0, len(across) - 2)
+        t, w = np.clip(u - k, 0, 1), np.clip(v, across[0], across[-1])
+        low, high = (self._heights[k, j + i] + self.line[k, 7] + w * self.line[k, 8] for i in (0, 1))
+        low_next, high_next = (self._heights[k + 1, j + i] + self.line[k + 1, 7] + w * self.line[k + 1, 8] for i in (0, 1))
+        share, gap = (w - across[j]) / (across[j + 1] - across[j]), across[j + 1] - across[j]
+        here, there = low + share * (high - low), low_next + share * (high_next - low_next)
+        slopes = (high - low) / gap + self.line[k, 8], (high_next - low_next) / gap + self.line[k + 1, 8]
+        parts = [here + t * (there - here), there - here, slopes[0] + t * (slopes[1] - slopes[0]), slopes[1] - slopes[0], np.zeros(len(u))]
+        for axis, gone in enumerate(off):
+            for order in (1 + axis, 3):
+                parts[order] = np.where(gone, 0.0, parts[order])
+        for gone, mode, offset in zip(off, grid.borders, grid.offsets, strict=True):
+            if mode == 1:
+                parts = [np.where(gone, offset if order == 0 else 0.0, part) for order, part in enumerate(parts)]
+            parts[0] = parts[0] + np.where(gone & (mode == 2), offset, 0.0)
+        for reach, way, level, sign in zip(grid.smooth, (u, last - u), self.line[[0, -1], 7], (1, -1), strict=True):
+            if reach:
+                parts = _faded(parts, way * grid.step / reach, level, sign * grid.step / reach)
+        return parts[0], turn_u * parts[1], turn_v * parts[2], turn_u * turn_v * parts[3], parts[4]
+
+
+def _bordered(places: _Array, length: float, mode: int) -> tuple[_Array, _Array]:
+    """Places that are repeated or reflected, and -1 for those that run backwards, else 1."""
+    outside = (places < 0) | (places > length)
+    if mode < 3:
+        return places, np.ones(len(places))
+    if mode == 3:
+        return np.where(outside, np.mod(places, length), places), np.ones(len(places))
+    into = np.where(outside, np.mod(places, 2 * length), places)
+    return np.where(into > length, 2 * length - into, into), np.where(into > length, -1.0, 1.0)
+
+
+def _faded(parts: list[_Array], share: _Array, level: float, slope: float) -> list[_Array]:
+    """Heights and their derivatives that become a level where a share of a way becomes zero."""
+    near, w = share < 1, np.maximum(share, 0.0)
+    rises, above = slope * (share > 0), parts[0] - level
+    _, u, v, uv, uu = parts
+    faded = level + w * above, w * u + rises * above, w * v, w * uv + rises * v, w * uu + 2 * rises * u
+    return [np.where(near, new, old) for new, old in zip(faded, parts, strict=True)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Surface:
     """A surface as all wheels meet it, as in runtime/include/cutjoint/core/surface.hpp: a field of heights, None for none, and patches of
     friction."""
 
-    field: Field | None
+    field: Field | CurvedField | None
     patches: Sequence[Patch]
 
     def described(self) -> dict[str, Any]:
@@ -143,10 +309,12 @@ def _share(patch: Patch, x: float, y: float, by_x: int, by_y: int) -> float:
 @lru_cache(maxsize=4)
 def surface_of(road: Road) -> Surface | None:
     """The surface of a scene's road, None where it has neither heights nor friction."""
-    field: Field | None
+    field: Field | CurvedField | None
     match road.surface:
         case HeightTable() as table:
             field = Field(start=table.start, step=table.step, heights=np.array(table.heights), bilinear=table.bilinear)
+        case CurvedGrid() as grid:
+            field = CurvedField(grid=grid)
         case RoughSurface() as rough:
             field = rough_field(ROUGHNESS[rough.grade], rough.seed, rough.width)
         case None:

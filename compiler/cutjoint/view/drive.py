@@ -24,7 +24,7 @@ from cutjoint.model.records import Binding, Force, HeightTable, Model, Output, P
 from cutjoint.model.text import escaped
 from cutjoint.package.errors import RunError
 from cutjoint.run.inputs import given_inputs, require_unit
-from cutjoint.run.road_field import BAND, LENGTH, ROUGHNESS, STEP, rough_field, surface_of
+from cutjoint.run.road_field import BAND, LENGTH, ROUGHNESS, STEP, CurvedField, rough_field, surface_of
 from cutjoint.run.roads import profile_pieces
 from cutjoint.run.run_file import parameter_values
 from cutjoint.stepping.load import open_standalone
@@ -202,7 +202,9 @@ def _ground(scene: Scene) -> dict[str, Any]:
     if isinstance(rough, RoughSurface):
         waves = vars(LaidRoad(roughness=ROUGHNESS[rough.grade], width=rough.width))
         return {**sides, "waves": waves, "seed": rough.seed, "patches": patches}
-    return {**sides, "field": surface.field.described() if surface and surface.field else None, "patches": patches}
+    field = surface.field if surface else None
+    field = field.drawn() if isinstance(field, CurvedField) else field
+    return {**sides, "field": field.described() if field else None, "patches": patches}
 
 
 def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAULT_METHOD) -> Replay:

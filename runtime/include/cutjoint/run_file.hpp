@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -72,6 +73,7 @@ class SurfaceData {
   }
 
   void read_field(const Json& data) {
+    if (data.contains("sections")) return read_sections(data);
     require_keys(data, std::to_array<std::string_view>({"start", "step", "counts", "wraps", "bilinear", "heights"}));
     HeightField<Real>& field = surface_.field;
     field.start = read_pair(data, "start");
@@ -89,7 +91,38 @@ class SurfaceData {
     field.heights = heights_;
   }
 
-  std::vector<Real> heights_;
+  void read_sections(const Json& data) {
+    require_keys(data, std::to_array<std::string_view>({"sections", "across", "heights", "boxes", "step", "borders", "offsets", "smooth", "closed"}));
+    const std::vector<Real> numbers = read_numbers(data, "sections");
+    for (std::size_t i = 0; i + 9 <= numbers.size(); i += 9) {
+      const Real* const n = numbers.data() + i;
+      sections_.push_back({n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8]});
+    }
+    across_ = read_numbers(data, "across");
+    heights_ = read_numbers(data, "heights");
+    boxes_ = read_numbers(data, "boxes");
+    CurvedField<Real>& curved = surface_.curved;
+    if (sections_.size() < 2 || across_.size() < 2 || 9 * sections_.size() != numbers.size()) refuse("sections", "of a surface are not two or more by two");
+    if (heights_.size() != sections_.size() * across_.size()) refuse("heights", "of a surface are not those of its sections");
+    if (boxes_.size() != 4 * (2 * std::bit_ceil((sections_.size() + curved.in_leaf - 1) / curved.in_leaf) - 1)) refuse("boxes", "of a surface are not those of its sections");
+    curved.line = sections_;
+    curved.across = across_;
+    curved.heights = heights_;
+    curved.boxes = boxes_;
+    curved.step = read_number<Real>(data, "step");
+    if (!(curved.step > Real(0))) refuse("step", "of a surface is not above zero");
+    const std::array<Real, 2> borders = read_pair(data, "borders");
+    for (std::size_t axis = 0; axis < 2; ++axis) {
+      if (!(borders[axis] >= Real(1) && borders[axis] <= Real(4))) refuse("borders", "of a surface are not 1 to 4");
+      curved.borders[axis] = static_cast<Border>(static_cast<int>(double(borders[axis])));
+    }
+    curved.offsets = read_pair(data, "offsets");
+    curved.smooth = read_pair(data, "smooth");
+    curved.closed = read_pair(data, "closed");
+  }
+
+  std::vector<CrossSection<Real>> sections_;
+  std::vector<Real> across_, heights_, boxes_;
   std::vector<FrictionPatch<Real>> patches_;
   Surface<Real> surface_;
 };

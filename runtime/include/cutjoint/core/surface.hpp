@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <span>
 
+#include "cutjoint/core/curved_field.hpp"
+
 namespace cutjoint {
 
 /// A surface through heights (m) on a grid: a product of cubics with central differences as slopes, one-sided ones at edges.  Beyond an edge its
@@ -119,13 +121,18 @@ struct FrictionPatch {
   }
 };
 
-/// What a road has beside its two tracks: a height field, if it has one, and patches, of which a later one lies on those before.
+/// What a road has beside its two tracks: a height field along x and y or along a line, if it has one, and patches, of which a later one lies on
+/// those before.
 template <class Real>
 struct Surface {
   HeightField<Real> field{};
+  CurvedField<Real> curved{};
   std::span<const FrictionPatch<Real>> patches{};
 
-  Real height(Real x, Real y, int by_x, int by_y) const { return field.heights.empty() ? Real(0) : field.derivative(x, y, by_x, by_y); }
+  Real height(Real x, Real y, int by_x, int by_y) const {
+    if (!field.heights.empty()) return field.derivative(x, y, by_x, by_y);
+    return curved.heights.empty() ? Real(0) : curved.derivative(x, y, by_x, by_y);
+  }
 
   /// The factor of friction at a place, or its derivative of order 0 or 1 by x or y.
   Real friction(Real x, Real y, int by_x, int by_y) const {
