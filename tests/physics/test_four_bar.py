@@ -105,7 +105,11 @@ def test_dormand_prince_passes_singular_poses(tolerance: float) -> None:
 @pytest.mark.parametrize(("tolerance", "largest"), [(1e-10, 2e-6), (3e-11, 2e-5)])
 def test_steps_that_end_near_a_singular_pose_lose_no_speed(tolerance: float, largest: float) -> None:
     """Rounding of the places there, seen along the direction that loops hardly hold, would turn the speeds: errors were 1e-5 and 2e-4 m."""
-    assert largest_error(completed(simulate(two_windows("recursive"), integrator="dormand-prince", tolerance=tolerance)), 2) < largest
+    model = read_model_text(four_bar_text(2), "four_bar.yaml")
+    scene = find_scene(model, None)
+    numerics = replace(scene.numerics, closure="solved", penalty=None, by_step={})
+    artifact = compile_scene(model, replace(scene, end=10.0, output_step=0.04, numerics=numerics))
+    assert largest_error(completed(simulate(artifact, integrator="dormand-prince", tolerance=tolerance, error=False)), 2) < largest
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
