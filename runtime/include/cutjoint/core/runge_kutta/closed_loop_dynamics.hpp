@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <utility>
 
@@ -26,7 +27,7 @@ class ClosedLoopDynamics : public Solved<M> {
 
   ClosedLoopDynamics(M& mechanism, const stepping::SwitchCells<M>& cells, Real tolerance, Multipliers multipliers)
       : Solved<M>(mechanism, tolerance, multipliers), cells_(cells), history_{state_.lambda, state_.lambda}, residual_(state_.lambda),
-        rate_(state_.lambda) {}
+        rate_(state_.lambda), speeds_(state_.v) {}
 
   /// Take over a start, in the regime in which it stands.
   Vector begin(const StateOf<M>& start) {
@@ -74,9 +75,11 @@ class ClosedLoopDynamics : public Solved<M> {
     if (state_.lambda.empty()) return {};
     this->take(t, y);
     projection_.close_fully(this->experience_.weak);
+    speeds_ = state_.v;
     const Fault fault = projection_.close(state_);
     projection_.close_fully(false);
     if (fault) return fault;
+    if (leaps()) state_.v = speeds_;
     this->put(state_, y);
     return {};
   }
@@ -163,6 +166,18 @@ class ClosedLoopDynamics : public Solved<M> {
  private:
   using Solved<M>::complete_, Solved<M>::mechanism_, Solved<M>::projection_, Solved<M>::state_;
 
+  /// Whether speeds have been moved far for little, as near a singular pose.  Along a direction that loops hold to a share of 1e-6 rounding of places
+  /// turns the speeds that are closed; steps that happen to end there would lose their energy, where those that go over the pose lose none.
+  bool leaps() {
+    using std::abs;
+    if (this->multipliers_ != Multipliers::solved) return false;
+    Real moved(0);
+    for (std::size_t i = 0; i < speeds_.size(); ++i) moved = std::max(moved, abs(state_.v[i] - speeds_[i]));
+    if (!(moved > Real(1e-6) * (Real(1) + largest(speeds_)))) return false;
+    mechanism_.constraint_residual(state_.q.data(), speeds_.data(), residual_.data(), rate_.data());
+    return largest(rate_) < Real(1e-5) * moved;
+  }
+
   /// Multipliers to begin with: on the line through those of the last two steps' ends, or those of the stage before.
   void predict(Real t) {
     const auto& [last, before_last, last_time, before_last_time, known] = history_;
@@ -183,6 +198,7 @@ class ClosedLoopDynamics : public Solved<M> {
   stepping::SwitchCells<M> cells_;
   History history_;
   Equations<M> residual_, rate_;
+  Speeds<M> speeds_;  ///< before loops are closed
 };
 
 }  // namespace cutjoint::runge_kutta
