@@ -48,7 +48,7 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
 
   /// Parts that follow get ready anew, not as one before.
   void forget_part() { is_stale_ = true; }
-  bool can_get_ready_anew() const { return !is_explicit && !seeks_multipliers && !is_stale_; }
+  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !seeks_multipliers && this->inverse_at_ != end.t; }
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation) {
