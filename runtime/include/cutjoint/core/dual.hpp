@@ -3,12 +3,69 @@
 
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace cutjoint {
 
-/// Derivatives along several directions side by side; a struct that has them needs no other alignment than that of doubles.
-typedef double Slopes __attribute__((vector_size(8 * sizeof(double)), aligned(alignof(double))));
-inline constexpr std::size_t directions = sizeof(Slopes) / sizeof(double);
+/// How many doubles a register has.
+#if defined(__AVX512F__)
+inline constexpr std::size_t register_length = 8;
+#elif defined(__AVX__)
+inline constexpr std::size_t register_length = 4;
+#else
+inline constexpr std::size_t register_length = 2;
+#endif
+
+/// A register of doubles; a struct that has some needs no other alignment than that of doubles.
+typedef double Part __attribute__((vector_size(register_length * sizeof(double)), aligned(alignof(double))));
+
+template <std::size_t count, class Parts = std::make_index_sequence<count / register_length>>
+struct Side;
+
+/// So many numbers side by side, by registers: GCC takes vectors that are longer than these through memory.
+template <std::size_t count, std::size_t... p>
+struct Side<count, std::index_sequence<p...>> {
+  Part part[sizeof...(p)];
+
+  double operator[](std::size_t k) const { return part[k / register_length][k % register_length]; }
+  double& operator[](std::size_t k) { return reinterpret_cast<double*>(part)[k]; }
+
+  /// Each part by its number.
+  template <class Each>
+  [[gnu::always_inline]] static Side of(Each each) {
+    return {{each(p)...}};
+  }
+
+  [[gnu::always_inline]] Side& operator+=(const Side& b) { return *this = *this + b; }
+  [[gnu::always_inline]] Side& operator-=(const Side& b) { return *this = *this - b; }
+  [[gnu::always_inline]] Side& operator*=(double b) { return *this = *this * b; }
+  [[gnu::always_inline]] Side& operator/=(double b) { return *this = *this / b; }
+
+#define CUTJOINT_OPERATION(operation)                                                                                                         \
+  [[gnu::always_inline]] friend Side operator operation(const Side& a, const Side& b) { return {{(a.part[p] operation b.part[p])...}}; } \
+  [[gnu::always_inline]] friend Side operator operation(const Side& a, double b) { return {{(a.part[p] operation b)...}}; }               \
+  [[gnu::always_inline]] friend Side operator operation(double a, const Side& b) { return {{(a operation b.part[p])...}}; }
+  CUTJOINT_OPERATION(+)
+  CUTJOINT_OPERATION(-)
+  CUTJOINT_OPERATION(*)
+  CUTJOINT_OPERATION(/)
+#undef CUTJOINT_OPERATION
+  [[gnu::always_inline]] friend Side operator-(const Side& a) { return {{(-a.part[p])...}}; }
+
+  /// The larger of both; the second where one is not a number.
+  [[gnu::always_inline]] friend Side larger(const Side& a, const Side& b) { return {{(a.part[p] > b.part[p] ? a.part[p] : b.part[p])...}}; }
+
+  /// What changes with these times how steeply it does: 0 with what does not change, also where it is infinitely steep.
+  template <class Steepness>
+  [[gnu::always_inline]] friend Side along(const Steepness& steepness, const Side& a) {
+    const Side product = steepness * a;
+    return {{(a.part[p] == 0.0 ? Part{} : product.part[p])...}};
+  }
+};
+
+/// Derivatives along several directions.
+inline constexpr std::size_t directions = 8;
+using Slopes = Side<directions>;
 
 // As calls, products and quotients take a third less time of a compiler and a tenth more of a processor.
 #ifdef CUTJOINT_SMALL_DERIVATIVES
@@ -65,40 +122,92 @@ struct Along {
 };
 
 /// A function's value, and its derivatives by an argument, of which it has that `steepness`.
-inline Dual follow(double value, double steepness, const Dual& a) { return {value, a.slope == 0.0 ? Slopes{} : steepness * a.slope}; }
+inline Dual follow(double value, double steepness, const Dual& a) { return {value, along(steepness, a.slope)}; }
+inline double value_of(const Dual& a) { return a.value; }
 
-inline Dual sqrt(const Dual& a) {
-  const double root = std::sqrt(a.value);
+/// Numbers with derivatives, alone or side by side.
+template <class A>
+concept Differentiated = requires(const A& a) { a.slope, value_of(a); };
+
+template <Differentiated A>
+A sqrt(const A& a) {
+  using std::sqrt;
+  const auto root = sqrt(value_of(a));
   return follow(root, 0.5 / root, a);
 }
-inline Dual sin(const Dual& a) { return follow(std::sin(a.value), std::cos(a.value), a); }
-inline Dual cos(const Dual& a) { return follow(std::cos(a.value), -std::sin(a.value), a); }
-inline Dual tan(const Dual& a) {
-  const double tangent = std::tan(a.value);
+template <Differentiated A>
+A sin(const A& a) {
+  using std::sin, std::cos;
+  return follow(sin(value_of(a)), cos(value_of(a)), a);
+}
+template <Differentiated A>
+A cos(const A& a) {
+  using std::sin, std::cos;
+  return follow(cos(value_of(a)), -sin(value_of(a)), a);
+}
+template <Differentiated A>
+A tan(const A& a) {
+  using std::tan;
+  const auto tangent = tan(value_of(a));
   return follow(tangent, 1.0 + tangent * tangent, a);
 }
-inline Dual asin(const Dual& a) { return follow(std::asin(a.value), 1.0 / std::sqrt(1.0 - a.value * a.value), a); }
-inline Dual acos(const Dual& a) { return follow(std::acos(a.value), -1.0 / std::sqrt(1.0 - a.value * a.value), a); }
-inline Dual atan(const Dual& a) { return follow(std::atan(a.value), 1.0 / (1.0 + a.value * a.value), a); }
-inline Dual sinh(const Dual& a) { return follow(std::sinh(a.value), std::cosh(a.value), a); }
-inline Dual cosh(const Dual& a) { return follow(std::cosh(a.value), std::sinh(a.value), a); }
-inline Dual tanh(const Dual& a) {
-  const double tangent = std::tanh(a.value);
+template <Differentiated A>
+A asin(const A& a) {
+  using std::asin, std::sqrt;
+  const auto x = value_of(a);
+  return follow(asin(x), 1.0 / sqrt(1.0 - x * x), a);
+}
+template <Differentiated A>
+A acos(const A& a) {
+  using std::acos, std::sqrt;
+  const auto x = value_of(a);
+  return follow(acos(x), -1.0 / sqrt(1.0 - x * x), a);
+}
+template <Differentiated A>
+A atan(const A& a) {
+  using std::atan;
+  const auto x = value_of(a);
+  return follow(atan(x), 1.0 / (1.0 + x * x), a);
+}
+template <Differentiated A>
+A sinh(const A& a) {
+  using std::cosh, std::sinh;
+  return follow(sinh(value_of(a)), cosh(value_of(a)), a);
+}
+template <Differentiated A>
+A cosh(const A& a) {
+  using std::cosh, std::sinh;
+  return follow(cosh(value_of(a)), sinh(value_of(a)), a);
+}
+template <Differentiated A>
+A tanh(const A& a) {
+  using std::tanh;
+  const auto tangent = tanh(value_of(a));
   return follow(tangent, 1.0 - tangent * tangent, a);
 }
-inline Dual exp(const Dual& a) {
-  const double power = std::exp(a.value);
+template <Differentiated A>
+A exp(const A& a) {
+  using std::exp;
+  const auto power = exp(value_of(a));
   return follow(power, power, a);
 }
-inline Dual log(const Dual& a) { return follow(std::log(a.value), 1.0 / a.value, a); }
+template <Differentiated A>
+A log(const A& a) {
+  using std::log;
+  return follow(log(value_of(a)), 1.0 / value_of(a), a);
+}
+template <Differentiated A>
+A atan2(const A& a, const A& b) {
+  using std::atan2;
+  const auto y = value_of(a), x = value_of(b), square = y * y + x * x;
+  return follow(atan2(y, x), x / square, a) + follow(0.0, -y / square, b);
+}
+template <Differentiated A>
+A pow(const A& a, const A& b) {
+  using std::log, std::pow;
+  const auto base = value_of(a), exponent = value_of(b), power = pow(base, exponent);
+  return follow(power, exponent * pow(base, exponent - 1.0), a) + follow(0.0, log(base) * power, b);
+}
 inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.slope : a.slope}; }
-inline Dual atan2(const Dual& a, const Dual& b) {
-  const double square = a.value * a.value + b.value * b.value;
-  return follow(std::atan2(a.value, b.value), b.value / square, a) + follow(0.0, -a.value / square, b);
-}
-inline Dual pow(const Dual& a, const Dual& b) {
-  const double power = std::pow(a.value, b.value);
-  return follow(power, b.value * std::pow(a.value, b.value - 1.0), a) + follow(0.0, std::log(a.value) * power, b);
-}
 
 }  // namespace cutjoint

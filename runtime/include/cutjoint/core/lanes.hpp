@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 #include <cstring>
 #include <type_traits>
 
@@ -85,7 +86,7 @@ template <class Side, int stride, class Number>
 Side strided(const Number* x) {
   typename Side::Vector v;
   if constexpr (stride == 1 && std::is_same_v<Number, typename Side::real_type>)
-    std::memcpy(&v, x, sizeof v);
+    std::memcpy(static_cast<void*>(&v), x, sizeof v);
   else
     for (int k = 0; k < Side::size; ++k) v[k] = typename Side::real_type(x[k * stride]);
   return v;
@@ -105,13 +106,13 @@ Row<Side> row(typename Side::real_type* x) {
 }
 
 /// condition ? yes : no in each lane, both evaluated.
-template <class Mask, class Real, int N>
+template <class Mask, std::floating_point Real, int N>
 Lanes<Real, N> where(Mask condition, Lanes<Real, N> yes, Lanes<Real, N> no) {
   return condition ? yes.v : no.v;
 }
 
 /// The sum of all lanes, by halves.
-template <class Real, int N>
+template <std::floating_point Real, int N>
 Real sum(Lanes<Real, N> a) {
   if constexpr (N == 4) return (a[0] + a[2]) + (a[1] + a[3]);
   Real total = a[0];
@@ -136,7 +137,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
 }
 
 #define CUTJOINT_EACH(name)                  \
-  template <class Real, int N>               \
+  template <std::floating_point Real, int N> \
   Lanes<Real, N> name(Lanes<Real, N> a) {    \
     return each(a, [](Real x) {              \
       using std::name;                       \
@@ -158,7 +159,7 @@ CUTJOINT_EACH(log)
 #undef CUTJOINT_EACH
 
 /// The sign's bit cleared.
-template <class Real, int N>
+template <std::floating_point Real, int N>
 Lanes<Real, N> abs(Lanes<Real, N> a) {
   using Vector = typename Lanes<Real, N>::Vector;
   using Bits = typename Lanes<Real, N>::Mask;
@@ -184,13 +185,13 @@ inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return CUTJOINT_SQRT8(a.v); }
 #endif
 #endif
 
-template <class Real, int N>
+template <std::floating_point Real, int N>
 Lanes<Real, N> atan2(Lanes<Real, N> a, Lanes<Real, N> b) {
   using std::atan2;
   return each(a, b, [](Real x, Real y) { return atan2(x, y); });
 }
 
-template <class Real, int N>
+template <std::floating_point Real, int N>
 Lanes<Real, N> pow(Lanes<Real, N> a, Lanes<Real, N> b) {
   using std::pow;
   return each(a, b, [](Real x, Real y) { return pow(x, y); });

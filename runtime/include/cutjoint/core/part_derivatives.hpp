@@ -51,11 +51,11 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
 
   /// Parts that follow get ready anew, not as one before.
   void forget_part() { is_stale_ = true; }
+  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !seeks_multipliers && this->inverse_at_ != end.t; }
 
   Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
   bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
   bool wants_slope_ = false;                ///< it is to be there at the end
-  bool can_get_ready_anew() const { return !is_explicit && !seeks_multipliers && !is_stale_; }
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation) {

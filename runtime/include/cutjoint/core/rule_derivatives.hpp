@@ -113,9 +113,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     for (std::size_t j = 0; j < n; ++j) {
       place_.fill(0.0);
       place_[j] = 1.0;
-      squares_->solve(place_.data(), inverse_.data() + j * n, still_.data());
+      squares_->solve(place_.data(), values_.data(), still_.data());
+      for (std::size_t i = 0; i < n; ++i) inverse_[i * n + j] = values_[i];
     }
-    inverse_of_ = h;
+    inverse_of_ = h, inverse_at_ = end.t;
     is_stale_ = false;
     return squares_->rank() == n;
   }
@@ -152,17 +153,18 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
       lead(h);
       evaluate();
       for (std::size_t i = 0; i < n; ++i) vdot_[i] -= found_[i];
-      step_.fill(Dual());
-      for (std::size_t j = 0; j < n; ++j)
-        for (std::size_t i = 0; i < n; ++i) {
-          step_[i].value += inverse_[j * n + i] * vdot_[j].value;
-          step_[i].slope += inverse_[j * n + i] * vdot_[j].slope;
+      for (std::size_t i = 0; i < n; ++i) {
+        Dual step;
+        for (std::size_t j = 0; j < n; ++j) {
+          step.value += inverse_[i * n + j] * vdot_[j].value;
+          step.slope += inverse_[i * n + j] * vdot_[j].slope;
         }
-      for (std::size_t i = 0; i < n; ++i) found_[i] += step_[i];
+        found_[i] += step_[i] = step;
+      }
       const double share = largest_share(step_, found_);
       if (!(share <= std::numeric_limits<double>::max())) return false;
-      if (iteration == 2) factor = share / before;
-      is_stale_ = iteration > 5;
+      if (iteration == 2) is_stale_ = (factor = share / before) > 0.02;
+      is_stale_ = is_stale_ || iteration > 8;
       const bool is_rounding = iteration > 2 && share > before / 2 && share <= 1e-5;
       if (share * std::min(1.0, factor) <= 1e-10 || is_rounding) return true;
       before = share;
@@ -344,8 +346,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   static Dual largest(const Numbers& numbers) {
     Dual most, odd;
     for (const Dual& x : numbers) {
-      const Slopes size = x.slope < 0.0 ? -x.slope : x.slope;
-      most.slope = size > most.slope ? size : most.slope;
+      most.slope = larger(larger(x.slope, -x.slope), most.slope);
       most.value = std::max(most.value, std::abs(x.value));
       odd.slope += 0.0 * x.slope;
       odd.value += 0.0 * x.value;
@@ -365,8 +366,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   Coordinates<M> from_values_;
   Fixed<Dual, n> speeds_, way_, found_;
   Fixed<double, n * n> matrix_, inverse_;
-  double inverse_of_ = 0.0;  ///< the length of step that the inverse is of
-  bool is_stale_ = true;     ///< whether another inverse is sought next
+  double inverse_of_ = 0.0, inverse_at_ = 0.0;  ///< the length of step that the inverse is of, and where that ends
+  bool is_stale_ = true;                        ///< whether another inverse is sought next
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
   std::optional<dense::LeastSquares<double>> squares_;

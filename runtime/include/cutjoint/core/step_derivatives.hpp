@@ -330,7 +330,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
     for (;;) {
       if (const Fault fault = enter_row(from, first, number)) return fault;
       if (this->go(*simulation_, from, end, h, number)) break;
-      if (!this->can_get_ready_anew()) return no_end(end);
+      if (!this->can_get_ready_anew(end)) return no_end(end);
       this->forget_part();
       if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
     }

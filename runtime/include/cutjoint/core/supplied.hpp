@@ -29,7 +29,7 @@ Real supplied(Supplied function, const Real (&x)[count]) {
     for (std::size_t i = 0; i < count; ++i) arguments[i] = x[i].value;
     function(arguments, &value, partials);
     Real result(value);
-    for (std::size_t i = 0; i < count; ++i) result.slope += x[i].slope == 0.0 ? decltype(result.slope){} : partials[i] * x[i].slope;
+    for (std::size_t i = 0; i < count; ++i) result.slope += along(partials[i], x[i].slope);
     return result;
   } else {
     double arguments[count], value;
@@ -125,7 +125,7 @@ std::array<Real, results> supplied_results(Function function, const Real (&x)[co
       for (std::size_t i = 0; i < results; ++i) {
         found[i] = Real(values[i]);
         for (std::size_t j = 0; j < given.size; ++j)
-          found[i].slope += x[j].slope == 0.0 ? decltype(x[j].slope){} : partials[i * given.size + j] * x[j].slope;
+          found[i].slope += along(partials[i * given.size + j], x[j].slope);
       }
     } else {
       given.call(function, values, nullptr);
