@@ -33,6 +33,9 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
 
   /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
   static constexpr bool carries_slope = is_explicit && m > 0;
+  Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
+  bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
+  bool wants_slope_ = false;                ///< it is to be there at the end
 
   /// Get ready for a part from a state to another; false where its end has no derivative.
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -52,10 +55,6 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
   /// Parts that follow get ready anew, not as one before.
   void forget_part() { is_stale_ = true; }
   bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !seeks_multipliers && this->inverse_at_ != end.t; }
-
-  Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
-  bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
-  bool wants_slope_ = false;                ///< it is to be there at the end
 
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation) {
