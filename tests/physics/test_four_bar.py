@@ -79,13 +79,16 @@ def test_equal_steps_without_settings_pass_singular_poses_or_stop_there(integrat
 def test_rk4_keeps_its_order_through_singular_poses(windows: int, end: float, by_step: bool) -> None:
     """Without a penalty, and with 0.005/dt^2; of order 2 errors at 2 ms would be a sixteenth of those at 8 ms.
 
-    Stages of 40 windows come within 5e-5 rad of a pose.
+    Stages of 40 windows come within 5e-5 rad of a pose.  Evaluations go on by plain passes as soon as these are enough: with light
+    penalties that is later.
     """
     model = read_model_text(four_bar_text(windows), "four_bar.yaml")
     scene = find_scene(model, None)
     numerics = replace(scene.numerics, closure="solved", **({} if by_step else {"penalty": None, "by_step": {}}))
     artifact = compile_scene(model, replace(scene, end=end, output_step=0.04, numerics=numerics))
-    long, short = (largest_error(completed(simulate(artifact, integrator="rk4", dt=dt, error=False)), windows) for dt in (8e-3, 2e-3))
+    runs = [completed(simulate(artifact, integrator="rk4", dt=dt, error=False)) for dt in (8e-3, 2e-3)]
+    long, short = (largest_error(run, windows) for run in runs)
+    assert by_step or max(run.evaluations / run.steps for run in runs) < 9
     assert long < 2e-6
     assert short < long / 4**3
 

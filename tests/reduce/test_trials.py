@@ -8,13 +8,14 @@ from math import inf
 import pytest
 
 from cutjoint.compile.pipeline import compile_interpreted, schedule_method
-from cutjoint.methods import METHODS
+from cutjoint.methods import DEFAULT_INTEGRATOR, INTEGRATORS, METHODS
 from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Numerics, Scene
-from cutjoint.reduce.choose import Candidate, find_step, find_tolerated, searches
+from cutjoint.reduce.choose import Candidate, Choice, chosen_model, find_step, find_tolerated, searches, trials_by
 from cutjoint.reduce.measure import Truth, distance, find_truth
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import Steps, Trials, run_at
+from cutjoint.run.settings import find_closure
 from cutjoint.run.simulation import simulate
 from tests.conftest import MODELS, needs_cpp
 
@@ -97,4 +98,21 @@ def test_a_tolerance_is_found_as_a_step_is() -> None:
     assert errors[0] < 1.1 * goal
     assert errors[1] > 0.9 * goal
     (named, *_) = reduction_sequence(model, replace(scene, numerics=Numerics(integrator="trapezoidal")), "recursive")
-    assert (len(searches(full)), searches(named)) == (3, (find_step,))
+    assert (len(searches(full)), searches(named)) == (3, ((find_step, DEFAULT_INTEGRATOR),))
+
+
+def test_integrators_hold_loops_as_in_runs_of_their_own() -> None:
+    """While they are tried, and where one of them is chosen."""
+    model, scene = turn()
+    free = replace(scene, numerics=Numerics())
+    (full, *_) = reduction_sequence(model, free, "recursive")
+    by = trials_by(full)
+    for _, integrator in searches(full):
+        adaptive = INTEGRATORS[integrator].adaptive
+        picked = Candidate(
+            variant=full.name, method="recursive", dt=0.0 if adaptive else 1e-3, error=0.0, seconds=1.0,
+            integrator=integrator if adaptive else "", tolerance=1e-6,
+        )  # fmt: skip
+        chosen = chosen_model(model, free, Choice(picked=picked, evidence=(), settled=0.0, reduced=full))
+        tried = by(integrator)._scene
+        assert {find_closure(s.numerics, METHODS["recursive"]).name for s in (tried, chosen.scene)} == {INTEGRATORS[integrator].closure}

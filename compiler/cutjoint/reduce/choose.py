@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError
 from math import ceil, inf, log
@@ -28,7 +28,8 @@ from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequen
 from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.settings import accuracy_of
+from cutjoint.run.scenes import held_as_usual, with_closure
+from cutjoint.run.settings import accuracy_of, find_closure
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
 from cutjoint.toolchain.platforms import machine
@@ -256,13 +257,31 @@ def _search(
         return [(Candidate(variant="full", method=method, dt=0.0, error=inf, seconds=inf, failure=str(error)), None)]
     found: list[tuple[Candidate, Trials | None]] = []
     for variant in variants:
-        trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        for find in searches(variant):
+        by = trials_by(variant)
+        for find, integrator in searches(variant):
+            trials = by(integrator)
             candidate = find(variant, scene, parameters, truth, trials, fastest=fastest or _fastest(found))
             if not candidate.failure:
                 trials.begin_compiling()
             found.append((candidate, None if candidate.failure else trials))
     return found
+
+
+def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
+    """Runs of a reduced model by integrators, each of which holds loops as in a run of its own; those that do the same share them."""
+    method = METHODS[variant.method]
+
+    @cache
+    def make(closure: str) -> Trials:
+        if closure == find_closure(variant.scene.numerics, method).name:
+            return Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
+        return Trials(variant.model, with_closure(variant.scene, closure), variant.method)
+
+    def by(integrator: str) -> Trials:
+        held = held_as_usual(variant.scene, variant.method, integrator) if variant.equations else variant.scene
+        return make(find_closure(held.numerics, method).name)
+
+    return by
 
 
 def _fastest(found: Sequence[tuple[Candidate, Trials | None]]) -> Candidate | None:
@@ -331,9 +350,10 @@ def _first_within(
     return best
 
 
-def searches(variant: ReducedModel) -> tuple[Callable[..., Candidate], ...]:
-    """The searches for steps of a reduced model: equal ones, and of a scene without an integrator those of each that holds errors."""
-    return find_step, *(partial(find_tolerated, integrator) for integrator in _adaptive_integrators(variant))
+def searches(variant: ReducedModel) -> tuple[tuple[Callable[..., Candidate], str], ...]:
+    """The searches for steps of a reduced model with their integrators: equal steps, and without one in the scene those of each that holds
+    errors."""
+    return (find_step, DEFAULT_INTEGRATOR), *((partial(find_tolerated, name), name) for name in _adaptive_integrators(variant))
 
 
 def _adaptive_integrators(variant: ReducedModel) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
-from cutjoint.methods import METHODS
+from cutjoint.methods import DEFAULT_INTEGRATOR, METHODS
 from cutjoint.model.errors import ModelError
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
@@ -21,6 +21,7 @@ from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import held_as_usual
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
@@ -55,7 +56,7 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, w
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
             step = scene.numerics.of_method(method).step
-            trials = Trials(model, scene, method)
+            trials = Trials(model, held_as_usual(scene, method, DEFAULT_INTEGRATOR), method)
             if when_running is not None:
                 when_running()
             return _settle(trials, step, scene, parameters)

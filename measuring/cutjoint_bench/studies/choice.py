@@ -26,10 +26,10 @@ from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import __version__
-from cutjoint.reduce.choose import Candidate, choose, searches, timed
+from cutjoint.reduce.choose import Candidate, choose, searches, timed, trials_by
 from cutjoint.reduce.measure import Truth, find_truth, time_run
 from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
-from cutjoint.reduce.trials import Steps, Trials, at_step
+from cutjoint.reduce.trials import Steps, at_step
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.platforms import machine
@@ -112,9 +112,10 @@ class Comparison:
                     yield found
 
     def _try(self, variant: ReducedModel, fastest: Candidate | None) -> Record:
-        trials = Trials(variant.model, variant.scene, variant.method, scheduled=variant.scheduled)
-        found = [find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest) for find in searches(variant)]
-        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c in found]}
+        by = trials_by(variant)
+        tried = [(find, by(integrator)) for find, integrator in searches(variant)]
+        found = [(find(variant, self.scene, {}, self.truth, trials, ratio=FINE, fastest=fastest), trials) for find, trials in tried]
+        return {"candidates": [asdict(timed(c, None if c.failure else trials.compiled, {})) for c, trials in found]}
 
     def _variants(self, method: str) -> list[ReducedModel]:
         try:

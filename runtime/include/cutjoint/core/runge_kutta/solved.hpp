@@ -47,7 +47,7 @@ class Solved : public Relative<M, Solved<M>> {
   const Multipliers multipliers_;
 
  private:
-  static constexpr int trusted = 32, soon = 4;
+  static constexpr int trusted = 32, soon = 4, most = 4;
 
   Real enough() const { return std::max(tolerance_, Real(1e-9)) * (Real(1) + largest(state_.vdot)); }
 
@@ -55,7 +55,6 @@ class Solved : public Relative<M, Solved<M>> {
   /// the accelerations much less than the one before.  Completed ones are checked more often, each one near a singular pose, which a step may go
   /// over as a whole.
   void solve_multipliers() {
-    constexpr int most = 4;
     const bool checks = experience_.age >= trusted, completes = multipliers_ == Multipliers::completed;
     forget();
     Real last = std::numeric_limits<Real>::infinity();
@@ -90,17 +89,14 @@ class Solved : public Relative<M, Solved<M>> {
 
   void forget() { std::fill(state_.lambda.begin(), state_.lambda.end(), Real(0)); }
 
-  /// Near a singular pose.  If a second pass is none the better, the pose is left.
+  /// Near a singular pose.  If passes are enough, the pose is left.
   void settle() {
     projection_.close_fully(true);
     (void)projection_.positions(state_), (void)projection_.velocities(state_);
     projection_.close_fully(false);
     forget();
-    this->add_pass();
-    this->add_pass();
-    experience_.weak = this->largest_change() > enough();
-    experience_.passes = 1;
     experience_.age = trusted;
+    experience_.weak = !is_enough();
     if (!experience_.weak) return;
     for (std::size_t i = 0; i < correction_.size(); ++i) state_.lambda[i] -= correction_[i];
     Real rest = largest(correction_), share(1e-6);
@@ -110,6 +106,21 @@ class Solved : public Relative<M, Solved<M>> {
       share = std::max(Real(1e-6), Real(0.3) * enough() / owed);
       rest = next;
     }
+  }
+
+  /// Passes from no multipliers as elsewhere; whether each changes the accelerations much less than the one before until that is enough.
+  bool is_enough() {
+    Real last = std::numeric_limits<Real>::infinity();
+    for (int pass = 1; pass <= most; ++pass) {
+      this->add_pass();
+      if (pass == 1) continue;
+      const Real change = this->largest_change();
+      experience_.passes = pass - 1;
+      if (change <= enough()) return true;
+      if (!(change < last / Real(100))) break;
+      last = change;
+    }
+    return false;
   }
 
   /// A correction of the multipliers that leaves a share of what they lack; how far it has moved the accelerations.
