@@ -68,9 +68,9 @@ def formulate_recursive(
     The functions are ``evaluate``: q, v, lambda -> vdot and the multipliers' correction; ``constraint_residual``: q, v -> residual and its
     rate; ``report``: q, v, vdot, lambda -> the outputs; ``energy``: the same -> kinetic energy and power; ``project``: q, gap -> the step
     of the speeds' integrals that closes the gaps of the cut joints and moves the masses least; with guards ``guard``: q, v -> margins;
-    with switches ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of their arguments;
-    with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they hold next; with
-    ``poses`` the function of that name.
+    with switches ``events``: q, v -> their values; with laws that may have no value ``domains``: q, v, lambda -> the margins of their
+    arguments; with inputs ``scene_inputs``: t -> the scene's inputs; with controllers ``sample``: q, v, vdot, lambda -> what they hold
+    next; with ``poses`` the function of that name.
     """
     model, b = topology.model, Builder()
     charts = make_charts(topology)
