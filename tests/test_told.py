@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from pathlib import Path
 from threading import Event
+from time import monotonic, sleep
 
 import pytest
 from click.testing import CliRunner
@@ -14,6 +15,7 @@ from cutjoint.cli import main
 from cutjoint.commands import options
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import real_time
+from cutjoint.toolchain.waits import Watch
 from tests.conftest import MODELS, needs_cpp
 
 PRESS = MODELS / "press.yaml"
@@ -129,6 +131,26 @@ def test_work_says_off_a_terminal_how_far_it_is(monkeypatch: pytest.MonkeyPatch)
         said.clear()
         assert said.wait(60)
     assert "running swing: 25 %, 0 s so far" in written.getvalue()
+
+
+def test_a_first_model_is_said_to_compile_what_all_models_share(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    written = io.StringIO()
+    monkeypatch.setattr(options, "err", Console(file=written, width=200))
+    monkeypatch.setattr(options, "EVERY", 0.05)
+    driver, own = "driver/CMakeFiles/driver.dir/recursive.cpp.o", "CMakeFiles/start.dir/start.cpp.o"
+    watch = Watch(tmp_path, ["g++"], [driver, own])
+    with options.progress_bar("compiling swing"):
+        watch.tell()
+        _wait_for("compiling swing and, once, what all models share: 0 %", written)
+        watch.finish(driver)
+        _wait_for("compiling swing: 50 %", written)
+
+
+def _wait_for(words: str, written: io.StringIO) -> None:
+    end = monotonic() + 60
+    while words not in written.getvalue():
+        assert monotonic() < end, written.getvalue()
+        sleep(0.01)
 
 
 def test_a_terminal_has_a_bar_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -199,6 +199,28 @@ def one_coordinate(angle: float) -> tuple[float, float]:
     return potential, float(rate**2 @ [1, 1, 2, 2, 1.5, 1.5, 0.1, 0.9, 0.5])
 
 
+@needs_cpp
+@pytest.mark.parametrize(("law", "leads"), [("-32*position", False), ("-32*position - 1e-9*way", True)])
+def test_a_state_that_nothing_follows_leads_no_mode(law: str, leads: bool) -> None:
+    """A block of 2 kg on a spring of 32 N/m, and a state that counts its way in tenths of a millimetre: 1e4 in units of the block's way."""
+    text = f"""
+cutjoint: 1
+name: block
+gravity: [0, 0, 0]
+bodies: {{block: {{mass: 2, centre_of_mass: [0, 0, 0]}}}}
+joints: {{slide: {{kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: x}}}}
+states: {{way: {{start: 0, rate: 1e4*slide.displacement_rate}}}}
+forces: {{spring: {{kind: joint_force, joint: slide, law: {law}}}}}
+scenes: {{go: {{end: 1}}}}
+"""
+    model = read_model_text(text, "block.yaml")
+    modes = find_scene_modes(model, model.scenes["go"])
+    swing = next(mode for mode in modes.modes if mode.eigenvalue.imag)
+    assert abs(swing.eigenvalue) == pytest.approx(4, rel=1e-5)
+    assert swing.shape["slide.displacement"].share == pytest.approx(2 / (2 + 1e8) if leads else 1)
+    assert abs(swing.shape["way.value"].amplitude) == pytest.approx(1 if leads else 1e4, rel=1e-5)
+
+
 def test_unequal_four_bar() -> None:
     """m s^2 + C s + V'' = 0 at the least potential V of the one coordinate."""
     angle = minimize_scalar(lambda th: one_coordinate(th)[0], bounds=(-0.5, 0.5), method="bounded", options={"xatol": 1e-10}).x

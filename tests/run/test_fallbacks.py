@@ -18,7 +18,7 @@ from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.failures import FailedRunError
 from cutjoint.run.fallbacks import Fallback, try_fallbacks
-from cutjoint.run.scenes import find_scene, with_closure
+from cutjoint.run.scenes import find_case, find_scene, with_closure
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
@@ -159,6 +159,14 @@ def test_what_the_speeds_at_a_start_follow_from(model: str, at_rest: bool, close
     checked = read_model(MODELS / f"{model}.yaml")
     scene = find_scene(checked, None)
     assert start_of(derive(checked, scene, scene.outputs)) == Start(at_rest=at_rest, closes_loops=closes_loops)
+
+
+@pytest.mark.parametrize(("words", "at_rest"), [("lock: [slide]", True), ('drive: {slide: "0.1*t"}', False), ("drive: {slide: push}", False)])
+def test_joints_that_a_scene_locks_give_no_speed(words: str, at_rest: bool) -> None:
+    text = BLOCK.replace("parameters: {", "parameters: {push: {value: 0, unit: m, binding: input}, ")
+    text = re.sub("scenes: .*", f"scenes: {{held: {{end: 1, {words}}}}}", text)
+    case, scene = find_case(read_model_text(text, "held.yaml"), "held")
+    assert start_of(derive(case, scene, scene.outputs)).at_rest is at_rest
 
 
 #: Two pendulums whose knee does not move at the start, and is held there by friction that is the sign of its speed.

@@ -97,17 +97,19 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
     n = system.basis.shape[1]
     values, vectors, null, zeros = eigenpairs(_scaled(system))
     scale = _rate(system)
-    modes = [Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(system, z))) for v, z in zip(values, vectors.T, strict=True)]
+    modes = [
+        Mode(eigenvalue=_cleaned(scale * v), shape=_shape(of, _speeds(system, z, scale))) for v, z in zip(values, vectors.T, strict=True)
+    ]
     undamped: list[Mode] = []
     if of.at_rest:
         squares, shapes, _, _ = eigenpairs(system.stiffness)
         undamped = [
-            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(system, z, states=of.states)))
+            Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(system, z, scale, states=of.states)))
             for square, z in zip(squares, shapes.T, strict=True)
         ]
     return Modes(
         time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
-        indifferent=dict(_indifferent(of, np.array([_speeds(system, z) for z in null.T]).reshape(-1, len(of.M)).T)), q=of.q,
+        indifferent=dict(_indifferent(of, np.array([_speeds(system, z, scale) for z in null.T]).reshape(-1, len(of.M)).T)), q=of.q,
     )  # fmt: skip
 
 
@@ -136,14 +138,14 @@ def _rate(system: ReducedSystem) -> float:
     return springs if springs > _SPRINGS * fastest else fastest or 1.0
 
 
-def _speeds(system: ReducedSystem, z: Array | Complex, *, states: int = 0) -> Array | Complex:
-    """The speeds of independent unknowns (z, w, x), states last; of z alone, ``states`` do not move."""
+def _speeds(system: ReducedSystem, z: Array | Complex, rate: float, *, states: int = 0) -> Array | Complex:
+    """The speeds of independent unknowns (z, w/rate, x/rate), states last; of z alone, ``states`` do not move."""
     n = system.basis.shape[1]
-    return np.concatenate([system.basis @ z[:n], z[2 * n :] if len(z) > n else np.zeros(states)])
+    return np.concatenate([system.basis @ z[:n], rate * z[2 * n :] if len(z) > n else np.zeros(states)])
 
 
 def _scaled(system: ReducedSystem) -> Array:
-    """The matrix of (z, w/rate), by the rate."""
+    """The matrix of (z, w/rate, x/rate), by the rate."""
     rate, n = _rate(system), system.basis.shape[1]
     sizes = np.repeat([1.0, rate, rate], [n, n, len(system.first_order) - 2 * n])
     return np.asarray(system.first_order * sizes / sizes[:, np.newaxis] / rate)
@@ -164,12 +166,20 @@ def _ordered(modes: list[Mode]) -> tuple[Mode, ...]:
 
 def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
     shares = np.real(np.conj(x) * (of.M @ x))
+    followed = np.where(_followed(of), shares, 0.0)
+    shares = followed if followed.any() else shares
     shares /= shares.sum()
     leader = int(np.flatnonzero(shares > (1 - _ALIKE) * shares.max())[0])
     amplitudes = x / x[leader]
     return {
         name: Participant(amplitude=complex(a), share=float(share)) for name, a, share in zip(of.names, amplitudes, shares, strict=True)
     }
+
+
+def _followed(of: Linearisation) -> NDArray[np.bool_]:
+    """Whether anything else follows an unknown: states that only follow others, such as bristles of friction that is off, make no mode."""
+    first = len(of.M) - of.states
+    return np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
 
 
 def _indifferent(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:

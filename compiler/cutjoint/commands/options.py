@@ -86,11 +86,13 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     from cutjoint.toolchain.waits import Compiling, heard_by
 
     with shown_progress(*Progress.get_default_columns()[:-1], _Remaining()) as bar:
-        task = bar.add_task(escape(escaped_lines(label)), total=None, end=None)
+        words = escape(escaped_lines(label))
+        task = bar.add_task(words, total=None, end=None)
 
         def count(now: Compiling) -> None:
             end = None if now.seconds is None else monotonic() + now.seconds
-            bar.update(task, total=now.total, completed=now.done, end=end)
+            described = f"{words} and, once, what all models share" if now.share else words
+            bar.update(task, total=now.total, completed=now.done, end=end, description=described)
 
         with heard_by(count):
             yield lambda share: bar.update(task, total=1.0, completed=share, end=None)

@@ -11,6 +11,7 @@ from typing import Any
 
 from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
+from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
 from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import (
@@ -140,7 +141,9 @@ class Artifact:
 
 def start_of(equations: RecursiveEquations) -> Start:
     """The origin of the speeds at the start of a scene."""
-    guided = any(joint.guide is not None for joint in equations.topology.model.joints)
+    model = equations.topology.model
+    moving = {TIME, *(parameter.symbol for parameter in input_parameters(model))}
+    guided = any(not moving.isdisjoint(law.free_symbols) for joint in model.joints for law in joint.guide or ())
     return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
 
 

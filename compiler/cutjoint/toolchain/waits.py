@@ -21,17 +21,21 @@ from cutjoint.toolchain.cache import cache_folder, digest_of, read_record, write
 
 @dataclass(frozen=True, kw_only=True)
 class Compiling:
-    """``done`` files of ``total``, and how many ``seconds`` the others take, None where one of them has not been compiled before."""
+    """``done`` files of ``total``, and how many ``seconds`` the others take, None where one of them has not been compiled before; whether
+    parts of a driver are among the others, which all models ``share``."""
 
     done: int
     total: int
     seconds: float | None
+    share: bool = False
 
 
 Listener: TypeAlias = Callable[[Compiling], None]
 
 #: The beginning of Ninja's line about a file that it has made, or would make; the file comes last.
 STATUS = "[%f/%t] "
+#: The beginning of the names of a driver's files.
+_DRIVER = "driver/"
 #: Seconds that a byte of generated code takes; of a vehicle's long functions twice that.
 _USUAL = 8e-6
 
@@ -72,7 +76,8 @@ class Watch:
     def tell(self) -> None:
         """Tell whoever listens how far it is."""
         if (listener := _listener.get()) is not None:
-            listener(Compiling(done=self._total - len(self._left), total=self._total, seconds=self._seconds()))
+            share = any(name.startswith(_DRIVER) for name in self._left)
+            listener(Compiling(done=self._total - len(self._left), total=self._total, seconds=self._seconds(), share=share))
 
     def finish(self, name: str) -> None:
         """A file has been made."""
