@@ -26,7 +26,7 @@ from .turns import Turns
 #: Seconds after which fresh processes take their place, since SymPy's caches grow.
 LIFE = 600.0
 #: Seconds between reports.
-REPORT = 600.0
+REPORT = 300.0
 
 _Running: TypeAlias = dict[Future[Tally], tuple[str, range]]
 
@@ -79,7 +79,7 @@ def fuzz(turns: Turns, tallies: dict[str, Tally], *, seconds: float, jobs: int) 
                     for future in wait(running, return_when=FIRST_COMPLETED).done:
                         _take(turns, tallies, future, running)
                 turn = turns.next(end - time.monotonic()) if time.monotonic() < fresh else None
-                if running and time.monotonic() > report:
+                if time.monotonic() > report:
                     report += REPORT
                     print_all(tallies)
 

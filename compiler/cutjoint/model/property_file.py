@@ -73,6 +73,7 @@ _WORDS: Mapping[str, Mapping[str, int]] = {"TYRESIDE": {"LEFT": 1, "RIGHT": -1, 
 _IMPLIED = {"PAC2002": 6.0}
 
 _LINE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.*?)\s*", re.ASCII)
+_COMMENT = re.compile(r"[$!]")
 _FREE_SECTIONS = ("SHAPE", "DEFLECTION_LOAD_CURVE", "BOTTOMING_CURVE")
 
 
@@ -117,7 +118,7 @@ class _Reading:
             if number > _MAX_LINES:
                 self._fail(self._span(number, 1), f"the file has more than {_MAX_LINES} lines", "leave some out")
                 return
-            content = re.split(r"[$!]", line, maxsplit=1)[0].strip()
+            content = _COMMENT.split(line, 1)[0].strip()
             if content.startswith("["):
                 section = content.strip("[]").strip().upper()
             elif content and section not in _FREE_SECTIONS and not content.startswith(("{", "(")):
@@ -173,8 +174,9 @@ class _Reading:
         if not math.isfinite(value):
             self._fail(span, f"{key}: '{text}' is no number", "write a decimal number, a text in quotes")
             return None
-        size = math.prod(self.units.get(unit, 1.0) ** power for unit, power in _DIMENSIONS.get(key, ()))
-        return value if size == 1.0 else value * size
+        if key not in _DIMENSIONS:
+            return value
+        return value * math.prod(self.units.get(unit, 1.0) ** power for unit, power in _DIMENSIONS[key])
 
 
 def _unquoted(text: str) -> str:
