@@ -102,7 +102,7 @@ def draw_drive() -> None:
     """Write the pictures of a drive over hills and steps."""
     with tempfile.TemporaryDirectory() as name, opened() as browser:
         page = Path(name) / "drive.html"
-        command = ["drive", MODELS / "iltis_driven.yaml", "--scene", "by_hand", "--out", page]
+        command = ["drive", MODELS / "iltis_driven.yaml", "--scene", "by_hand", "--steer", "steer=9,-9", "--out", page]
         done = CliRunner().invoke(cutjoint, [str(word) for word in command], catch_exceptions=False)
         assert done.exit_code == 0, done.output
         for file, size in SCREENS.items():

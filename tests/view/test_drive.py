@@ -95,7 +95,7 @@ def test_a_drive_is_that_of_the_native_core(delta: Path, browser: Page, tmp_path
 @needs_zig
 def test_a_lap_of_a_car_replays_bit_by_bit(car: Path, browser: Page) -> None:
     browser.open(car)
-    corner = [[at + 400 * i, how, code] for i in range(5) for at, how, code in ((0, "down", "ArrowLeft"), (150, "up", "ArrowLeft"))]
+    corner = [[at + 1000 * i, how, code] for i in range(2) for at, how, code in ((0, "down", "ArrowLeft"), (900, "up", "ArrowLeft"))]
     steps(browser, 4000, [[0, "down", "ArrowUp"], *corner, [2500, "up", "ArrowUp"], [2500, "down", "KeyS"]])
     log, table = car.with_name("lap.json"), browser.run("cutjoint.drive.table()")
     log.write_text(browser.run("cutjoint.drive.log()"), encoding="utf-8")
@@ -330,7 +330,9 @@ def test_a_car_turns_to_the_left_brakes_and_is_seen_from_behind(car: Path, brows
     left = dict(zip(names, browser.run("cutjoint.drive.outputs()"), strict=False))
     assert left["yaw"] > 0.2
     assert left["y"] > 1.0
-    assert browser.run("cutjoint.drive.shown().axes")["steer"] == pytest.approx(0.3)
+    assert browser.run("cutjoint.drive.shown().axes")["steer"] == pytest.approx(0.3 / (1 + (left["vx"] / 8) ** 2), rel=0.1), (
+        "less, at this speed"
+    )
     eye, at = browser.run("cutjoint.eye().from"), np.array([left["x"], left["y"]])
     ahead = np.array([np.cos(left["yaw"]), np.sin(left["yaw"])])
     assert (np.array([eye[0], -eye[2]]) - at) @ ahead < -2.0, "the eye is behind it"

@@ -8,6 +8,8 @@ const RPM = 30 / Math.PI;
 const SHOWN = 3000, KEPT = 1200;
 /** How fast keys move what they move, in ways from rest to its end a second: away, and back where it goes back by itself. */
 const PACE = { steer: [1.6, 3.5], throttle: [2, 5], brake: [4, 8], '': [0.5, 0] };
+/** The speed, m/s, at which keys turn a car's steering wheel by half of its way: as far as tyres hold at any speed, about. */
+const EASY = 8;
 const TURNED = { steer: 0, throttle: 7, brake: 6 };  // of a gamepad, by the standard mapping: an axis, and buttons
 
 /** Numbers that become more. */
@@ -22,7 +24,7 @@ class Growing {
 
 const run = {
   sim: undefined, core: undefined, module: undefined, road: undefined, given: {}, script: undefined, busy: false, axes: [], step: 0, rest: 0, keys: new Set(), events: [], snapshots: [], rows: [], times: new Growing(),
-  late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
+  late: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: 0, camera: drive?.car ? 'chase' : 'orbit', heading: undefined, pad: undefined, drawn: 0, told: 0, frames: 0,
 };
 
 /** An input or a parameter that keys, a slider, a touch or a gamepad moves: `place` is from -1 to 1, where 0 is its value at rest. */
@@ -38,11 +40,15 @@ class Axis {
     const way = value - this.rest, far = Math.sign(way) === Math.sign(this.low - this.rest) ? this.rest - this.low : this.high - this.rest;
     return far ? Math.min(Math.max(way / far, -1), 1) : 0;
   }
-  /** The keys that are down, with a gamepad's axis or button. */
-  get pushed() {
-    const down = (keys) => Number(keys.some((key) => run.keys.has(key))), own = down(this.plus) - (this.low === this.rest ? 0 : down(this.minus));
-    return own || (run.pad ? this.of(run.pad) : 0);
+  /** The keys that are down: which way. */
+  get keyed() {
+    const down = (keys) => Number(keys.some((key) => run.keys.has(key)));
+    return down(this.plus) - (this.low === this.rest ? 0 : down(this.minus));
   }
+  /** What keys reach of the way: of a car's wheel less, the faster it goes. */
+  get reach() { return drive.car && this.role === 'steer' ? 1 / (1 + (run.speed / EASY) ** 2) : 1; }
+  /** Where keys, or else a gamepad's axis or button, push it. */
+  get pushed() { return this.keyed * this.reach || (run.pad ? this.of(run.pad) : 0); }
   of(pad) {
     if (this.role === 'steer') { const at = pad.axes[TURNED.steer] ?? 0; return Math.abs(at) < 0.08 ? 0 : at; }
     return this.role ? pad.buttons[TURNED[this.role]]?.value ?? 0 : 0;
@@ -54,7 +60,7 @@ class Axis {
     if (pushed) { this.touched = true; this.wanted = away && !this.role ? this.place + Math.sign(pushed) : pushed; this.held = false; }
     else if (back && !this.held) this.wanted = 0;
     else if (!this.held) this.wanted = this.place;
-    const most = (pushed && Math.sign(pushed) === Math.sign(pushed - this.place) ? away : Math.max(back, away)) * dt;
+    const most = (pushed && Math.sign(pushed) === Math.sign(pushed - this.place) ? away * (this.keyed ? this.reach : 1) : Math.max(back, away)) * dt;
     const way = this.wanted - this.place;
     this.place = Math.min(Math.max(this.held ? this.wanted : this.place + Math.min(Math.max(way, -most), most), -1), 1);
   }
@@ -108,11 +114,19 @@ function keep() {
   if (run.snapshots.length > KEPT) run.snapshots = run.snapshots.filter((_, i) => i % 2 === 0 || i > KEPT / 2);
 }
 
+/** The speed of the body that is driven, m/s. */
+function speedOf(poses) {
+  const at = 16 * about.bodies.indexOf(drive.body);
+  return Math.hypot(...poses.subarray(at + 7, at + 10));
+}
+
 /** So many steps at once; false where the drive has ended. */
 function takeSteps(count) {
   try {
     for (let i = 0; i < count; i++) advance();
-    if (!Array.from(run.sim.poses).every(Number.isFinite)) throw new Error('a place is no finite number');
+    const { poses } = run.sim;
+    if (!poses.every(Number.isFinite)) throw new Error('a place is no finite number');
+    run.speed = speedOf(poses);
     return true;
   } catch (error) {
     stop(error);
@@ -141,7 +155,7 @@ function goBack(time) {
   run.axes.forEach((axis, i) => { axis.state = to.axes[i]; });
   run.events.length = to.events;
   for (const row of [run.times, ...run.rows]) row.length = to.rows;
-  Object.assign(run, { step: to.step, rest: 0, fault: undefined, heading: undefined });
+  Object.assign(run, { step: to.step, rest: 0, fault: undefined, speed: speedOf(run.sim.poses), heading: undefined });
   by('failure').hidden = true;
   showDriven(true);
 }
@@ -155,13 +169,16 @@ function begun(core, given) {
   return sim;
 }
 
-/** The start of the scene, on the road as it is. */
+/** The start of the scene, on the road as it is; one that has been found is kept, since a pose at rest takes long to find. */
 function restart(given = drive.given) {
   const shownBy = run.axes.map(({ input, output, bar }) => ({ input, output, bar }));
-  run.sim?.free();
-  run.sim = begun(run.core, given);
+  if (run.sim && given === run.given) run.sim.restore(run.snapshots[0].bytes);
+  else {
+    run.sim?.free();
+    run.sim = begun(run.core, given);
+  }
   run.axes = drive.axes.map((each, i) => Object.assign(new Axis(each), shownBy[i]));
-  Object.assign(run, { given, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, heading: undefined });
+  Object.assign(run, { given, script: undefined, step: 0, rest: 0, events: [], snapshots: [], times: new Growing(), late: 0, frames: 0, physics: 0, simulated: 0, wall: 0, fault: undefined, speed: speedOf(run.sim.poses), heading: undefined });
   run.rows = [...run.core.outputs, ...run.axes].map(() => new Growing());
   by('failure').hidden = true;
   for (const axis of run.axes) if (!axis.touched && axis.kind === 'input') axis.rest = run.sim.input(axis.name);
@@ -232,7 +249,7 @@ function showDriven(curves) {
   by('time').value = 1;
   look(from);
   for (const axis of run.axes) showAxis(axis);
-  if (drive.car) showDials(Math.hypot(...poses.subarray(at + 7, at + 10)));
+  if (drive.car) showDials(speedOf(poses));
   if (!curves) return;
   run.drawn = performance.now();
   t = Float32Array.from(run.times.last(SHOWN));
@@ -415,8 +432,12 @@ function resetDrive() {
 
 /** Another road, from the start. */
 async function changeRoad(name, seed) {
+  const text = 'Looking for the start on this road: a moment.';
   playDrive(false);
+  say(text);
+  await new Promise((drawn) => setTimeout(drawn, 50));
   await takeRoad(name, seed);
+  if (by('saying').textContent === text) by('saying').hidden = true;
   chooseCamera(run.camera);
   showDriven(true);
 }
