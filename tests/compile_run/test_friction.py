@@ -131,5 +131,5 @@ def test_exports_refuse_it_by_its_name(target: str, tmp_path: Path) -> None:
     file.write_text(PENDULUM, encoding="utf-8")
     done = CliRunner().invoke(main, ["export", str(file), "--to", target, "--out", str(tmp_path / "out")])
     assert done.exit_code == 1
-    assert "'rub': only cutjoint has friction by what a joint carries; leave it out" in done.output.replace("\n", " ")
+    assert "'rub': only cutjoint has friction that sticks; leave it out" in done.output.replace("\n", " ")
     assert "rub_bristle" not in done.output

@@ -132,6 +132,22 @@ def run(folder: Path, text: str, method: str = "recursive", **settings: float) -
     return simulate(compile_model(path, method=method), integrator=RULES[method], error=False, **settings)
 
 
+def test_friction_that_nothing_loads_is_that_of_a_constant_force(tmp_path: Path) -> None:
+    """A block of 2 kg on which gravity pulls with 8 N along its slide, and 18 N across it that do not count."""
+    text = BLOCK.replace("coefficient: {coefficient}", "coefficient: 1, preload: {coefficient}, carried: false")
+    held, slides = (completed(run(tmp_path, text.format(coefficient=x, shake=0, end=1), tolerance=1e-10)).columns for x in (9, 3))
+    assert np.abs(held["block.vx"][5:]).max() < 1e-6
+    assert slides["block.vx"][-1] - slides["block.vx"][5] == pytest.approx(0.5 * (8 - 3) / 2, abs=1e-9)
+    assert slides["rub.force"][-1] == pytest.approx(-3, abs=1e-9)
+    assert np.abs(slides["rub.load"] - 3).max() == 0
+
+
+def test_friction_that_nothing_loads_needs_no_measure_of_a_load(tmp_path: Path) -> None:
+    text = BLOCK.replace("coefficient: {coefficient}", "coefficient: 1, preload: 3, arm: 0.1, carried: false").format(shake=0, end=1)
+    with pytest.raises(ModelError, match="arm belongs to friction by what a joint carries"):
+        read_model_text(text, "block.yaml")
+
+
 @pytest.mark.parametrize("method", RULES)
 @pytest.mark.parametrize("shake", ["0", "2*sin(20*pi*t)"])
 def test_held_block_does_not_creep(tmp_path: Path, shake: str, method: str) -> None:

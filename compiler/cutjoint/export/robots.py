@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import GROUND, Binding, Body, Force, Gear, Joint, Model, Span
+from cutjoint.model.records import GROUND, Binding, Body, Force, Gear, Joint, JointFriction, Model, Span
 
 _TREE = {"fixed": "fixed", "revolute": "continuous", "prismatic": "prismatic", "free": "floating", "spherical": "spherical"}
 _LOOPS = {"fixed": "fixed", "revolute": "revolute", "prismatic": "prismatic", "spherical": "spherical"}
 #: The body on which all others stand.
 WORLD = "world"
-#: Dry friction F of files of robots is the law -F tanh(rate/CREEP), as they are read.
-CREEP = 0.01
 #: The range of slides, m, and bounds of force (N) and speed (m/s), which readers ask for; nothing heeds them.
 _LIMITS = {"lower": "-1000", "upper": "1000", "effort": "1000000", "velocity": "1000"}
 
@@ -142,8 +140,11 @@ class Tree:
         return Resistance(stiffness, rest, sum(r.damping for r in found), sum(r.friction for r in found))
 
     def resisting(self, force: Force) -> Resistance | None:
-        """A force whose law is -k (position - rest) - c rate or -F tanh(rate/CREEP), None of any other."""
+        """A force whose law is -k (position - rest) - c rate, or friction that is constant where it slides; None of any other."""
         law = getattr(force, "law", None)
+        if isinstance(force, JointFriction):
+            constant = not force.carried and force.bristle.limit.is_polynomial() and self.is_number(force.bristle.limit * force.preload)
+            return Resistance(friction=self.number(force.bristle.limit * force.preload)) if constant else None
         if not force.joint_of or law is None:
             return None
         position, rate = variables_of(law)
@@ -152,10 +153,7 @@ class Tree:
             if stiffness:
                 return Resistance(-stiffness, -constant / stiffness, -damping)
             return Resistance(damping=-damping) if not constant else None
-        step = next(iter(sympy.sympify(law).atoms(sympy.tanh)), None)
-        if step is None or not self.is_number(factor := law / step) or self.linear(step.args[0], (position, rate)) != [0, 0, 1 / CREEP]:
-            return None
-        return Resistance(friction=-self.number(factor))
+        return None
 
 
 def variables_of(law: Any) -> tuple[Any, Any]:

@@ -150,7 +150,7 @@ def solve_couplings(robot: Robot) -> list[Relation]:
             if robot.joints[name].freedom != 1:
                 coupling.node.refuse(f"couples '{name}', a joint without a coordinate of its own", "couple revolute and prismatic joints")
     bent = [Relation(c.name, *_apart(c), c.bend) for c in robot.couplings if c.bend]
-    driven = {drive.joint for drive in robot.drives}
+    driven = {joint for drive in robot.drives for joint in drive.joints}
     order = {name: (name in driven, not joint.follows) for name, joint in robot.joints.items()}
     return [*_eliminate([c for c in robot.couplings if not c.bend], order), *bent]
 

@@ -23,8 +23,6 @@ from cutjoint.package.locations import AnyPath
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
 _NOISE = 1e-13
-#: The speed at which dry friction is nearly all there, rad/s or m/s.
-_CREEP = 0.01
 #: The most outputs of a file without drives.
 _OUTPUTS = 12
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
@@ -45,7 +43,7 @@ class Document:
         self._notes: dict[str, list[str]] = {note: [] for note in robot.notes}
         self._robot, self._closed, self._folder = robot, closed, folder
         self._sections: dict[str, dict[str, Any]] = {
-            key: {} for key in ("parameters", "bodies", "joints", "gears", "forces", "markers", "outputs")
+            key: {} for key in ("parameters", "bodies", "joints", "gears", "signals", "forces", "markers", "outputs")
         }
         self.bodies: dict[str, str] = {}
         self.joints: dict[str, str] = {}
@@ -86,7 +84,7 @@ class Document:
 
     def _scenes(self) -> Iterator[str]:
         """The file's starts, by the coordinates that loops leave free or that motors drive."""
-        in_loops, driven = self._robot.in_loops(), {drive.joint for drive in self._robot.drives}
+        in_loops, driven = self._robot.in_loops(), {joint for drive in self._robot.drives for joint in drive.joints}
         self._taken = {"motion"}
         for name, start in self._robot.starts.items():
             able = {j: x for j, x in start.items() if j in self.joints and (j not in in_loops or j in driven)}
@@ -216,8 +214,11 @@ class Document:
 
     def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: float) -> None:
         """The spring, damper and friction of a joint, whose coordinate in the file is ``here`` in the design position."""
-        if joint.kind == "spherical" and joint.damping and not joint.stiffness and not joint.friction:
+        if joint.kind in ("spherical", "free") and joint.damping and not joint.stiffness and not joint.friction:
             base, follower = element["bodies"]
+            if joint.kind == "free":
+                drag = {"kind": "load", "body": follower, "at": element["at"], "force": [f"-{joint.damping!r}*v{i}" for i in "xyz"]}
+                self._sections["forces"][self._name(f"{name}_drag")] = drag
             for body, other in ((follower, base), (base, follower)):
                 if body != "ground":
                     torque = [f"-{joint.damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
@@ -233,8 +234,9 @@ class Document:
             element["spring"] = {key: value for key, value in spring.items() if value}
         if joint.friction:
             force = self._name(f"{name}_friction")
-            self._sections["forces"][force] = {"kind": "joint_force", "joint": name, "law": f"-{joint.friction!r}*tanh(rate/{_CREEP})"}
-            self._note(f"dry friction made smooth: all of it is there from about {3 * _CREEP} rad/s or m/s", force)
+            radius = {"radius": 1} if joint.kind == "revolute" else {}
+            friction = {"kind": "joint_friction", "joint": name, "coefficient": 1, **radius, "preload": joint.friction, "carried": False}
+            self._sections["forces"][force] = friction
 
     def _is_used(self, link: Link) -> bool:
         """Return whether anything hangs on a link but its parent."""
@@ -271,17 +273,26 @@ class Document:
         return {"law": {"polynomial": [short(c, 15) for c in coefficients], "of": "position"}}
 
     def _add_drive(self, drive: Drive) -> None:
-        joint = self._robot.joints[drive.joint]
-        if joint.kind not in _COORDINATE or drive.joint not in self.joints:
+        joints = [self._robot.joints[joint] for joint in drive.joints]
+        if any(joint.kind not in _COORDINATE or joint.name not in self.joints for joint in joints):
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
         name = self._name(drive.name, "input")
-        unit = {"unit": "N*m" if joint.kind == "revolute" else "N"} if drive.is_plain else {}
+        unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.pulls else {}
         self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
-        force = self._name(f"{self.joints[drive.joint]}_motor")
-        law = drive.law(name, float(self._closed.q[drive.joint][0]))
-        self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[drive.joint], "law": law}
-        self._sections["outputs"][self._coordinate(drive.joint)] = True
+        laws = self._pull(drive, name) if drive.pulls else {drive.joint: drive.law(name, float(self._closed.q[drive.joint][0]))}
+        for joint, law in laws.items():
+            force = self._name(f"{self.joints[joint]}_motor")
+            self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[joint], "law": law}
+            self._sections["outputs"][self._coordinate(joint)] = True
+
+    def _pull(self, drive: Drive, name: str) -> dict[str, str]:
+        """The laws by joints of a drive on a tendon, whose force is a signal."""
+        ways = [" + ".join(f"{short(k)!r}*{self._coordinate(j)}{end}" for j, k in drive.pulls.items()) for end in ("", "_rate")]
+        here = sum(k * float(self._closed.q[j][0]) for j, k in drive.pulls.items())
+        signal = self._name(f"{name}_pull")
+        self._sections["signals"][signal] = drive.law(name, here, *(f"({way})" for way in ways)).replace("+ -", "- ")
+        return {joint: f"{short(k)!r}*{signal}" for joint, k in drive.pulls.items()}
 
 
 def _legal(name: str) -> str:

@@ -57,7 +57,7 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     warnings: list[str] = []
     mujoco.set_mju_user_warning(warnings.append)  # else they go to a file in the present folder
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model, absent = _compile(path, root, mujoco)
     except ValueError as error:
         root.refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
     finally:
@@ -65,7 +65,44 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     if not all(np.isfinite(getattr(model, name)).all() for name in _NUMBERS):
         root.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
     _heed(root)
-    return _Reading(model, root, mujoco).robot, root
+    robot = _Reading(model, root, mujoco).robot
+    if absent:
+        robot.notes.append(f"meshes and textures that are not there are not drawn: {', '.join(absent)}")
+    return robot, root
+
+
+def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
+    """MuJoCo's model, and the files of pictures that are not there: it has points for them, without mass.
+
+    Raises:
+        ModelError: a mass follows from one of them.
+        ValueError: MuJoCo refuses the file.
+    """
+    try:
+        return mujoco.MjModel.from_xml_path(str(path)), []
+    except ValueError:
+        spec = mujoco.MjSpec.from_file(str(path))
+    meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if _is_absent(path.parent / spec.meshdir, mesh.file)}
+    textures = [texture for texture in spec.textures if _is_absent(path.parent / spec.texturedir, texture.file)]
+    for geom in spec.geoms:
+        if geom.meshname in meshes:
+            body, file = geom.parent, meshes[geom.meshname].file
+            weighs = geom.mass != 0 and geom.density != 0
+            explicit = body.explicitinertial and spec.compiler.inertiafromgeom != int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
+            if weighs and not explicit and body != spec.worldbody:
+                message = f"has a body '{body.name}' whose mass is that of '{file}', which is not there"
+                root.refuse(message, "add the file, or write an inertial")
+            geom.type, geom.size, geom.meshname, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-3, 0, 0], "", 0
+    files = [*(mesh.file for mesh in meshes.values()), *(texture.file for texture in textures)]
+    for mesh in meshes.values():
+        spec.delete(mesh)
+    for texture in textures:
+        texture.file, texture.builtin, texture.width, texture.height = "", mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+    return spec.compile(), files
+
+
+def _is_absent(folder: Path, file: str) -> bool:
+    return bool(file) and not (folder / file).is_file()
 
 
 def _heed(node: Node) -> None:
@@ -152,6 +189,7 @@ class _Reading:
         self._off = {flag for flag in _FLAGS if model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))}
         self._of_joint: dict[int, str] = {}
         self._start: dict[str, float] = {}
+        self._pulled = set[int]()
         x, y, z = map(float, model.opt.gravity) if "GRAVITY" not in self._off else (0.0, 0.0, 0.0)
         self.robot = Robot(root.attributes.get("model") or "mujoco", gravity=(x, y, z))
         self.robot.links[self._links[0]] = Link(self._links[0], root)
@@ -223,8 +261,8 @@ class _Reading:
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
             added.rest = float(m.qpos_spring[address]) - self._start[name]
-        elif added.armature or (kind == _FREE and (added.damping or added.stiffness or added.friction)):
-            added.node.refuse(f"has an armature, a spring, damping or friction on a joint of kind {added.kind}", "leave it out")
+        elif added.armature or (kind == _FREE and (added.stiffness or added.friction)):
+            added.node.refuse(f"has an armature, a spring or friction on a joint of kind {added.kind}", "leave it out")
         self._of_joint[joint] = name
         self.robot.joints[name] = added
 
@@ -317,11 +355,10 @@ class _Reading:
             for sign, tendon in ((1.0, int(m.eq_obj1id[i])), (-float(m.eq_data[i][1]), int(m.eq_obj2id[i]))):
                 if tendon < 0:
                     continue
-                for wrap in range(int(m.tendon_adr[tendon]), int(m.tendon_adr[tendon] + m.tendon_num[tendon])):
-                    if int(m.wrap_type[wrap]) != int(self._mujoco.mjtWrap.mjWRAP_JOINT):
-                        node.refuse("couples a tendon that runs through space", "a model file has tendons of fixed length ratios only")
-                    joint = self._of_joint[int(m.wrap_objid[wrap])]
-                    terms[joint] = terms.get(joint, 0.0) + sign * float(m.wrap_prm[wrap])
+                if not (found := self._fixed_tendon(tendon)):
+                    node.refuse("couples a tendon that runs through space", "a model file has tendons of fixed length ratios only")
+                for joint, factor in found.items():
+                    terms[joint] = terms.get(joint, 0.0) + sign * factor
             if any(m.eq_data[i][2:5]):
                 node.refuse("is a tendon's equality with a polynomial", "write it for joints")
             self.robot.couplings.append(Coupling(name, node, terms, float(m.eq_data[i][0])))
@@ -329,20 +366,27 @@ class _Reading:
     def _add_actuator(self, i: int) -> None:
         m, enums = self.m, self._mujoco
         name = self._name("ACTUATOR", i, f"motor_{i + 1}")
-        of_joint = int(m.actuator_trntype[i]) in (int(enums.mjtTrn.mjTRN_JOINT), int(enums.mjtTrn.mjTRN_JOINTINPARENT))
+        kind, target = int(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
+        of_joint = kind in (int(enums.mjtTrn.mjTRN_JOINT), int(enums.mjtTrn.mjTRN_JOINTINPARENT))
+        pulls = self._fixed_tendon(target) if kind == int(enums.mjtTrn.mjTRN_TENDON) else {}
         kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
         direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
         if of_joint:
-            self._burden(self.robot.joints[self._of_joint[int(m.actuator_trnid[i][0])]], i)
+            self._burden(self.robot.joints[self._of_joint[target]], i)
+        elif pulls and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
+            self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
         direct = direct and not m.actuator_delay[i] and not off
-        if not (of_joint and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
-            reason = "it is switched off" if off else "it has dynamics of its own, or does not act on a joint"
+        if not ((of_joint or pulls) and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
+            reason = "it is switched off" if off else "it has dynamics of its own, or acts on no joint or fixed tendon"
             self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
-        joint = self._of_joint[int(m.actuator_trnid[i][0])]
-        drive = Drive(name, joint, float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0]), offset=self._start.get(joint, 0.0))
+        if pulls:
+            self._pulled.add(target)
+        joint = next(iter(pulls)) if pulls else self._of_joint[target]
+        offset = sum(k * self._start[j] for j, k in pulls.items()) if pulls else self._start.get(joint, 0.0)
+        drive = Drive(name, joint, float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
         if bias:
             drive.bias, drive.stiffness, drive.damping = (float(x) * k for x, k in zip(m.actuator_biasprm[i][:3], (1, -1, -1), strict=True))
         if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
@@ -350,6 +394,16 @@ class _Reading:
         if m.actuator_forcelimited[i]:
             drive.forces = float(m.actuator_forcerange[i][0]), float(m.actuator_forcerange[i][1])
         self.robot.drives.append(drive)
+
+    def _fixed_tendon(self, tendon: int) -> dict[str, float]:
+        """The coefficients of a tendon by its joints, {} where it runs through space."""
+        m, terms = self.m, dict[str, float]()
+        for wrap in range(int(m.tendon_adr[tendon]), int(m.tendon_adr[tendon] + m.tendon_num[tendon])):
+            if int(m.wrap_type[wrap]) != int(self._mujoco.mjtWrap.mjWRAP_JOINT):
+                return {}
+            joint = self._of_joint[int(m.wrap_objid[wrap])]
+            terms[joint] = terms.get(joint, 0.0) + float(m.wrap_prm[wrap])
+        return terms
 
     def _burden(self, joint: Joint, i: int) -> None:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
@@ -386,11 +440,15 @@ class _Reading:
             "limits of joints": int(np.sum(m.jnt_limited)), "limits of the forces of actuators on joints": int(np.sum(m.jnt_actfrclimited)),
             "geoms that collide": int(np.sum((m.geom_contype != 0) | (m.geom_conaffinity != 0))),
             "sites without names": sum(not self._name("SITE", i, "") for i in range(m.nsite)), "sensors": m.nsensor,
-            "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair, "tendons": m.ntendon, "flexible bodies": m.nflex,
+            "cameras": m.ncam, "lights": m.nlight, "contact pairs": m.npair, "flexible bodies": m.nflex,
             "skins": m.nskin, "mocap bodies, which are fixed here": m.nmocap,
         }  # fmt: skip
         if found := [f"{what} ({count})" for what, count in counts.items() if count]:
             notes.append(f"left out: {', '.join(found)}")
+        held = {int(i) for of in (m.eq_obj1id, m.eq_obj2id) for i in of[m.eq_type == _TENDON]}
+        idle = [self._name("TENDON", i, f"tendon_{i + 1}") for i in range(m.ntendon) if i not in held | self._pulled]
+        if idle:
+            notes.append(f"left out, limits included, since no equality holds and no actuator taken pulls them: tendons {', '.join(idle)}")
         if m.opt.density or m.opt.viscosity:
             notes.append("left out: forces of the medium (density, viscosity)")
         if np.any(m.body_gravcomp):

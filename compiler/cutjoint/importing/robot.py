@@ -158,7 +158,7 @@ class Drive:
     """A motor on a joint's coordinate: ``gear`` times the sum of ``gain`` times its input, ``bias``, and a spring and damper before it.
 
     The input and that force have bounds, ``controls`` and ``forces``, or None.  ``offset`` is the coordinate of the file where the
-    reader's is zero.
+    reader's is zero.  ``pulls`` are the coefficients, by joints, of a tendon that it pulls in place of one joint, {} for none.
     """
 
     name: str
@@ -171,19 +171,25 @@ class Drive:
     controls: tuple[float, float] | None = None
     forces: tuple[float, float] | None = None
     offset: float = 0.0
+    pulls: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints on which it works."""
+        return tuple(self.pulls) or (self.joint,)
 
     @property
     def is_plain(self) -> bool:
         """Return whether its input is a force or torque, before the gear."""
         return self.gain == 1 and not (self.bias or self.stiffness or self.damping)
 
-    def law(self, name: str, here: float) -> str:
+    def law(self, name: str, here: float, position: str = "position", rate: str = "rate") -> str:
         """Its law over the input's name, ``position`` and ``rate``; ``here`` is the reader's coordinate where the position is zero."""
         outer = self.gear if self.forces else 1.0
         inner = self.gear / outer
         rest = self.bias - self.stiffness * self.gear * (here + self.offset)
         words = {_bounded(name, self.controls): inner * self.gain, "": inner * rest,
-                 "position": -inner * self.gear * self.stiffness, "rate": -inner * self.gear * self.damping}  # fmt: skip
+                 position: -inner * self.gear * self.stiffness, rate: -inner * self.gear * self.damping}  # fmt: skip
         parts = [_times(factor, word) for word, factor in words.items() if factor]
         return _times(outer, _bounded(" + ".join(parts).replace("+ -", "- ") or "0", self.forces))
 
@@ -259,7 +265,7 @@ class Robot:
         joints = {joint.name for joint in gone.values()}
         ties = [loop for loop in self.loops if gone.keys() & loop.links]
         bound = [coupling for coupling in self.couplings if joints & coupling.terms.keys()]
-        drives = [drive for drive in self.drives if drive.joint in joints]
+        drives = [drive for drive in self.drives if joints.intersection(drive.joints)]
         names = [*sorted(gone), *(tie.name for tie in ties), *(tie.name for tie in bound), *(drive.name for drive in drives)]
         self.notes.append(f"left out, since nothing resists their motion: {', '.join(names)}")
         self.links = {name: link for name, link in self.links.items() if name not in gone}
@@ -273,7 +279,7 @@ class Robot:
         in_loops, behind = self.in_loops(), dict[str, list[Joint]]()
         for joint in self.joints.values():
             behind.setdefault(joint.parent, []).append(joint)
-        busy = {name for coupling in self.couplings for name in coupling.terms} | {drive.joint for drive in self.drives}
+        busy = {name for coupling in self.couplings for name in coupling.terms} | {joint for drive in self.drives for joint in drive.joints}
         held = {end for loop in self.loops for end in loop.links}
 
         def is_plain(joint: Joint) -> bool:

@@ -83,6 +83,9 @@ def _check_fields(element: Element, part: Any, unit: str) -> None:
     for name in ("radius", "thrust_radius") if unit == "m" else ():
         if getattr(part, name) is not None:
             element.fail(f"{name} belongs to friction on an angle", "remove it", (name,))
+    for name in ("arm", "thrust_radius") if not part.carried else ():
+        if getattr(part, name) is not None:
+            element.fail(f"{name} belongs to friction by what a joint carries", "remove it, or carried: false", (name,))
     if part.static is not None and part.stribeck_speed is None:
         element.fail("static needs the speed at which friction has come down from it", "write stribeck_speed: 0.01 m/s", ("static",))
     if part.static is None and part.stribeck_speed is not None:

@@ -18,15 +18,15 @@ _OF_LOAD = {"preload": "N", "radius": "m", "arm": "m", "thrust_radius": "m"}
 class JointFriction(OnJoint):
     """Coulomb and Stribeck friction on one scalar coordinate of a joint, in ``unit`` "m" or "rad".
 
-    The load in N is ``preload`` and what the joint carries: of its reaction the force across the slide or axis, of an angle the force along
-    the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over ``arm``, with that about a slide that
-    cannot turn.  Of these three the last two count where their lengths are not None.
+    The load in N is ``preload`` and, if that is ``carried`` too, what the joint carries: of its reaction the force across the slide or
+    axis, of an angle the force along the axis times ``thrust_radius``/``bearing_radius``, and the moment across the slide or axis over
+    ``arm``, with that about a slide that cannot turn.  Of these three the last two count where their lengths are not None.
     ``law`` is the force by N of load, over ``rate`` and the bristle.
     """
 
     element: ClassVar[ForceElement] = ForceElement(
         kind="joint_friction",
-        text="Dry friction on one of a joint's coordinates, from the load that the joint carries. At rest it sticks.",
+        text="Dry friction on one of a joint's coordinates, from the load that the joint carries or a constant one. At rest it sticks.",
         fields=(
             ForceField("joint", Shape.JOINT), ForceField("coordinate", Shape.COORDINATE, None),
             ForceField("coefficient", Shape.NUMBER, words=" of sliding"),
@@ -39,6 +39,7 @@ class JointFriction(OnJoint):
                 unit=_OF_LOAD["thrust_radius"],
             ),
             ForceField("preload", Shape.NUMBER, 0, words=" that is always there", unit=_OF_LOAD["preload"]),
+            ForceField("carried", Shape.SWITCH, True, words=": whether what the joint carries loads it too"),
             ForceField("presliding", Shape.NUMBER, 1e-4, words=" travel of the surfaces before they slide", unit="m"),
             ForceField("damping_speed", Shape.NUMBER, 0.01, words=" of the surfaces by which sticking is damped", unit="m/s"),
             ForceField("settling", Shape.NUMBER, 1e-3, words=" time by which sliding friction lags", unit="s"),
@@ -50,6 +51,7 @@ class JointFriction(OnJoint):
     law: Scalar
     bristle: Bristle
     preload: Scalar
+    carried: bool
     bearing_radius: Scalar | None
     arm: Scalar | None
     thrust_radius: Scalar | None
@@ -64,13 +66,18 @@ class JointFriction(OnJoint):
         )
         return cls(
             **reader.common(), joint=joint, coordinate=coordinate, unit=unit, law=law, bristle=bristle, preload=preload,
-            bearing_radius=radius, arm=arm, thrust_radius=thrust_radius,
+            carried=reader.given("carried"), bearing_radius=radius, arm=arm, thrust_radius=thrust_radius,
         )  # fmt: skip
 
     @property
     def quantities(self) -> Mapping[str, str]:
         """The force on the coordinate, and the load."""
         return {"force": "N" if self.unit == "m" else "N*m", "load": "N"}
+
+    @property
+    def by_load(self) -> bool:
+        """Return whether it follows from what its joint carries."""
+        return self.carried
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The force itself: it is the same both ways."""
