@@ -189,6 +189,27 @@ def test_derivatives_with_loops_are_limits_of_differences_and_adjoints_their_tra
         )  # fmt: skip
 
 
+@versions
+def test_derivatives_by_parameters_are_those_of_motions_that_are_linear_in_them(version: int) -> None:
+    """Accelerations and forces are linear in the stiffness: a difference is the derivative."""
+    instance = Exchange(fmu_of("press", version, kind="both")).begin()
+    instance.integrate(0.02, 20)
+    x, unknowns = instance.x, ["der(state[1])", "der(state[2])", "spring.force"]
+
+    def values(stiffness: float) -> Array:
+        assert instance.call("EnterEventMode") == instance.set(stiffness=stiffness) == instance.call("EnterContinuousTimeMode") == OK
+        return np.array([*instance.derive(0.02, x), instance.get()[3]])
+
+    slopes = (values(3000.0) - values(2000.0)) / 1000.0
+    assert abs(slopes[1]) > 1e-4
+    assert instance.directional(unknowns, ["stiffness"], [1.0]) == pytest.approx(slopes, rel=1e-10, abs=1e-12)
+    both = instance.directional(unknowns, ["stiffness", "state[1]"], [2.0, 3.0])
+    assert both == pytest.approx(2.0 * slopes + 3.0 * instance.directional(unknowns, ["state[1]"], [1.0]), rel=1e-10)
+    if version == 3:
+        weights = [0.3, 2.0, -1.0]
+        assert instance.directional(unknowns, ["stiffness"], weights, adjoint=True) == pytest.approx([weights @ slopes], rel=1e-10)
+
+
 @pytest.mark.parametrize("name", ["press", "spinning", "driven"])
 def test_what_changes_depends_on_what_was_changed(name: str) -> None:
     """The structure says at least as much as changes."""
@@ -302,7 +323,7 @@ def test_wrong_calls(version: int) -> None:
         (lambda: instance.set_reference(instance.references["state[1]"], 0.0), "only parameters and inputs can be set, which is none"),
         (lambda: instance.call("EnterContinuousTimeMode"), "not allowed in continuous-time mode"),
         (lambda: instance.ask_directional([1], [instance.references["state[1]"]], [1.0])[0], "value reference 1 is no output"),
-        (lambda: instance.ask_directional([instance.references["slider.x"]], [1], [1.0])[0], "value reference 1 is no state"),
+        (lambda: instance.ask_directional([instance.references["slider.x"]], [0], [1.0])[0], "value reference 0 is no state"),
         (lambda: instance.ask_directional([instance.references["slider.x"]], [99], [1.0])[0], "value reference 99 is no state"),
     ):  # fmt: skip
         assert call() == ERROR
