@@ -161,7 +161,9 @@ def test_what_the_speeds_at_a_start_follow_from(model: str, at_rest: bool, close
     assert start_of(derive(checked, scene, scene.outputs)) == Start(at_rest=at_rest, closes_loops=closes_loops)
 
 
-@pytest.mark.parametrize(("words", "at_rest"), [("lock: [slide]", True), ('drive: {slide: "0.1*t"}', False), ("drive: {slide: push}", False)])
+@pytest.mark.parametrize(
+    ("words", "at_rest"), [("lock: [slide]", True), ('drive: {slide: "0.1*t"}', False), ("drive: {slide: push}", False)]
+)
 def test_joints_that_a_scene_locks_give_no_speed(words: str, at_rest: bool) -> None:
     text = BLOCK.replace("parameters: {", "parameters: {push: {value: 0, unit: m, binding: input}, ")
     text = re.sub("scenes: .*", f"scenes: {{held: {{end: 1, {words}}}}}", text)
