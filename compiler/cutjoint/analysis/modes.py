@@ -177,7 +177,7 @@ def _shape(of: Linearisation, x: Complex | Array) -> Mapping[str, Participant]:
 
 
 def _followed(of: Linearisation) -> NDArray[np.bool_]:
-    """Whether anything else follows an unknown: states that only follow others, such as bristles of friction that is off, make no mode."""
+    """The unknowns that anything else follows: states that only follow others, such as bristles of friction that is off, make no mode."""
     first = len(of.M) - of.states
     return np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
 
