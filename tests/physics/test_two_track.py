@@ -43,7 +43,8 @@ TYRE = f"""
         with:
           {{x: x, y: y, z: {CENTRE}, radius: {RADIUS}, mass: {WHEEL}, spin_inertia: {SPIN}, cross_inertia: {CROSS}, load: N,
            Fx: Cx*on.kappa*grip, Fy: -Cy*tan(on.alpha)*grip, Mx: 0, My: -resistance*{RADIUS}*N, Mz: {TRAIL}*Cy*tan(on.alpha)*grip,
-           K_x: Cx, K_y: Cy, stiff_x: Cx/{SIGMA_X}, stiff_y: Cy/{SIGMA_Y}, stands_on: {ROLLING}, sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, theta_x: Cx/(3*mu*N), theta_y: Cy/(3*mu*N), rolling_radius: {ROLLING},
+           K_x: Cx, K_y: Cy, stiff_x: Cx/{SIGMA_X}, stiff_y: Cy/{SIGMA_Y}, stands_on: {ROLLING},
+           sigma_x: {SIGMA_X}, sigma_y: {SIGMA_Y}, theta_x: Cx/(3*mu*N), theta_y: Cy/(3*mu*N), rolling_radius: {ROLLING},
            brake: brake, drive: 0, toe: 0, camber: 0}}
     signals:
       N: max(load + pressed*on.contact.deflection + damped*on.contact.deflection_rate, 1)

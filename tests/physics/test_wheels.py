@@ -201,7 +201,7 @@ def test_all_methods_brake_alike() -> None:
 ])  # fmt: skip
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_braked_wheel_stays_on_a_slope_that_shakes(kind: str, method: str, dt: float) -> None:
-    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: the places after whole periods are the same, from the first one on within 1 um."""
+    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: after whole periods it is where it was, from the first one on within 1 um."""
     period = 3 if dt == 7.5e-3 else 1
     scene = f"end: 12, output_step: {period}, numerics: {{dt: {dt}}}, inputs: {{brake: 1500, pull: '720*sin(2*pi*t)'}}"
     found = run(corner(kind, SLOPE, scene), method, integrator="trapezoidal")["cart.x"]
@@ -224,7 +224,7 @@ def shaken(kind: str, hertz: float, lifts: str = "0") -> dict[str, np.ndarray]:
     return {"along": along, "power": along - of["Fz"] * of["deflection_rate"], "place": of["cart.x"]}
 
 
-@pytest.mark.parametrize("hertz", (1, 5, 12))
+@pytest.mark.parametrize("hertz", [1, 5, 12])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int) -> None:
     """The road's work over whole periods."""
@@ -236,7 +236,7 @@ def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tyre_at_rest_does_no_work_while_its_load_changes(kind: str) -> None:
-    """Up and down a quarter of a period before and after to and fro: the work of both is that of the damping, and the wheel does not walk."""
+    """Up and down a quarter of a period before and after to and fro: both lose what the damping takes, and the wheel does not walk."""
     ahead, behind = (shaken(kind, 0.25, f"{sign}1000*cos(2*pi*0.25*t)") for sign in ("", "-"))
     works = [0.001 * found["along"][4000:-1].sum() for found in (ahead, behind)]
     assert max(works) < -0.4
@@ -247,7 +247,8 @@ def test_a_tyre_at_rest_does_no_work_while_its_load_changes(kind: str) -> None:
 
 def test_a_braked_wheel_is_parked_on_a_slope() -> None:
     """The equilibrium, in which brake and tread take the slope's share of the weight, and nothing moves afterwards."""
-    found = run(corner("62", SLOPE, "end: 2, pose: equilibrium, numerics: {dt: 0.001, solver_tolerance: 1e-12}, inputs: {brake: 1500}"), integrator="trapezoidal")
+    scene = "end: 2, pose: equilibrium, numerics: {dt: 0.001, solver_tolerance: 1e-12}, inputs: {brake: 1500}"
+    found = run(corner("62", SLOPE, scene), integrator="trapezoidal")
     weight = (20 + 330 + 9.4) * 9.81
     assert found["w.rolling.contact.Fx"] == pytest.approx(weight * 0.19611613513818404, rel=1e-9)
     assert np.abs(found["cart.x"]).max() < 1e-12
