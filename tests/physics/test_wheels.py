@@ -201,7 +201,7 @@ def test_all_methods_brake_alike() -> None:
 ])  # fmt: skip
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_braked_wheel_stays_on_a_slope_that_shakes(kind: str, method: str, dt: float) -> None:
-    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: the places after whole periods are the same within 1 um."""
+    """At 20 % slope, shaken by 20 % of the weight at 1 Hz: after whole periods it is where it was, from the first one on within 1 um."""
     period = 3 if dt == 7.5e-3 else 1
     scene = f"end: 12, output_step: {period}, numerics: {{dt: {dt}}}, inputs: {{brake: 1500, pull: '720*sin(2*pi*t)'}}"
     found = run(corner(kind, SLOPE, scene), method, integrator="trapezoidal")["cart.x"]
@@ -236,7 +236,7 @@ def test_a_tyre_at_rest_does_no_work(kind: str, hertz: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tyre_at_rest_does_no_work_while_its_load_changes(kind: str) -> None:
-    """Up and down a quarter of a period before and after to and fro: the work of both is that of the damping, and the wheel stays."""
+    """Up and down a quarter of a period before and after to and fro: both lose what the damping takes, and the wheel does not walk."""
     ahead, behind = (shaken(kind, 0.25, f"{sign}1000*cos(2*pi*0.25*t)") for sign in ("", "-"))
     works = [0.001 * found["along"][4000:-1].sum() for found in (ahead, behind)]
     assert max(works) < -0.4
