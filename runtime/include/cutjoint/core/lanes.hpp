@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cmath>
-#include <concepts>
 #include <cstring>
 #include <type_traits>
 
@@ -32,6 +31,10 @@ CUTJOINT_IN_LIBMVEC(CUTJOINT_DECLARE)
 #endif
 
 namespace cutjoint {
+
+/// Numbers without derivatives.
+template <class Real>
+concept PlainReal = !requires(const Real& x) { x.slope; };
 
 /// The register type of N reals; one specialisation a type, since GCC takes no dependent element type.
 template <class Real, int N>
@@ -106,13 +109,13 @@ Row<Side> row(typename Side::real_type* x) {
 }
 
 /// condition ? yes : no in each lane, both evaluated.
-template <class Mask, std::floating_point Real, int N>
+template <class Mask, PlainReal Real, int N>
 Lanes<Real, N> where(Mask condition, Lanes<Real, N> yes, Lanes<Real, N> no) {
   return condition ? yes.v : no.v;
 }
 
 /// The sum of all lanes, by halves.
-template <std::floating_point Real, int N>
+template <PlainReal Real, int N>
 Real sum(Lanes<Real, N> a) {
   if constexpr (N == 4) return (a[0] + a[2]) + (a[1] + a[3]);
   Real total = a[0];
@@ -137,7 +140,7 @@ Lanes<Real, N> each(Lanes<Real, N> a, Lanes<Real, N> b, Function function) {
 }
 
 #define CUTJOINT_EACH(name)                  \
-  template <std::floating_point Real, int N> \
+  template <PlainReal Real, int N>           \
   Lanes<Real, N> name(Lanes<Real, N> a) {    \
     return each(a, [](Real x) {              \
       using std::name;                       \
@@ -159,7 +162,7 @@ CUTJOINT_EACH(log)
 #undef CUTJOINT_EACH
 
 /// The sign's bit cleared.
-template <std::floating_point Real, int N>
+template <PlainReal Real, int N>
 Lanes<Real, N> abs(Lanes<Real, N> a) {
   using Vector = typename Lanes<Real, N>::Vector;
   using Bits = typename Lanes<Real, N>::Mask;
@@ -185,13 +188,13 @@ inline Lanes<double, 8> sqrt(Lanes<double, 8> a) { return CUTJOINT_SQRT8(a.v); }
 #endif
 #endif
 
-template <std::floating_point Real, int N>
+template <PlainReal Real, int N>
 Lanes<Real, N> atan2(Lanes<Real, N> a, Lanes<Real, N> b) {
   using std::atan2;
   return each(a, b, [](Real x, Real y) { return atan2(x, y); });
 }
 
-template <std::floating_point Real, int N>
+template <PlainReal Real, int N>
 Lanes<Real, N> pow(Lanes<Real, N> a, Lanes<Real, N> b) {
   using std::pow;
   return each(a, b, [](Real x, Real y) { return pow(x, y); });
