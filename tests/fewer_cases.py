@@ -47,7 +47,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
         "test_a_host_is_told_where_a_scene_is_not_made_for_that", "test_simulations_of_a_host_begin_there",
     ),
     "tests/physics/test_iltis_driven.py": (
-        "test_the_lane_is_changed",
+        "test_the_lane_is_changed", "test_a_sine_with_dwell_is_measured_in_what_0_3_g_takes", "test_stability_control_ends_the_turn",
         "test_the_anti_lock_brake_stops_shorter_and_straight", "test_a_start_uphill", "test_gears_are_changed",
         "test_a_step_of_the_steering_wheel_turns_the_car",
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from cutjoint.model.errors import ModelError
 from cutjoint.model.property_file import read_properties
 from cutjoint.model.read import read_model_text
+from cutjoint.package.locations import library_folder
 from tests.fuzz.tyres import DATA, MODEL
 
 TYRE = (DATA / "mf62.tir").read_text()
@@ -100,3 +102,17 @@ def test_files_that_are_broken_are_read_or_refused() -> None:
         except ModelError:
             refused += 1
     assert refused > 0
+
+
+def test_the_tyre_of_the_library_is_what_its_comment_says(tmp_path: Path) -> None:
+    """N/degree across, N for all slip along and the trail at 4 kN, by hand; the submodel takes all of its keys."""
+    found = values((library_folder() / "road_tyre.tir").read_text(encoding="utf-8"))
+    load = found["FNOMIN"]
+    across = -found["PKY1"] * load * math.sin(found["PKY4"] * math.atan(1 / found["PKY2"]))
+    assert math.radians(across) == pytest.approx(1126, abs=1)
+    assert (load * found["PKX1"], found["PDY1"], found["PDX1"]) == (88000, 1.0, 1.1)
+    assert found["UNLOADED_RADIUS"] * found["QDZ1"] == pytest.approx(0.035, abs=5e-4)
+    assert told(tmp_path, "", MODEL.replace("tyre.tir", "library/road_tyre.tir")) == []
+    assert told(tmp_path, "", MODEL.replace("tyre.tir", "library/rode_tyre.tir")) == [
+        "m.yaml:8:95: instance 'w': the library has no tyre 'rode_tyre.tir'; did you mean 'road_tyre.tir'?"
+    ]

@@ -76,6 +76,28 @@ def test_a_start_uphill() -> None:
     assert z[-1] - z[0] == pytest.approx(0.2 * x[-1], abs=0.02)
 
 
+def test_a_sine_with_dwell_is_measured_in_what_0_3_g_takes() -> None:
+    """FMVSS 126, S7.6: a line through accelerations from 0.1 to 0.375 g while the angle grows slowly; A is 34 degrees."""
+    run = drive("slow_steer", end=4.5)
+    share, angle = run["driver.motion.sideways"] / 9.81, run["turned.value"]
+    fit = (share > 0.1) & (run.t < run.t[np.argmax(share > 0.375)])
+    slope, offset = np.polyfit(angle[fit], share[fit], 1)
+    assert (0.3 - offset) / slope == pytest.approx(0.594, rel=0.02)
+
+
+def test_stability_control_ends_the_turn() -> None:
+    """FMVSS 126, S5.2: 35 % and 20 % of the first peak of the yaw rate 1 s and 1.75 s after the end of steer, and 1.83 m to the side."""
+    run = drive("sine_with_dwell", end=4.8)
+    later, last, way = (run[f"dwell.figures.{name}"][-1] for name in ("later", "last", "way"))
+    assert abs(later) < 0.35
+    assert abs(last) < 0.2
+    assert way > 1.83
+    ends, rate = 1.5 + 1 / 0.7, -run["chassis.wz"]
+    first = np.flatnonzero((run.t > 1 + 0.5 / 0.7) & (np.gradient(rate) < 0) & (rate > 0.1))[0]
+    assert later == pytest.approx(np.interp(ends + 1, run.t, rate) / rate[first], abs=0.02)
+    assert way == pytest.approx(np.interp(2.075, run.t, run["chassis.y"]), abs=0.03)
+
+
 def test_gears_are_changed() -> None:
     """From rest to 80 km/h through four gears, upwards alone; the speed is then held."""
     run = drive("drive", end=20)
@@ -91,4 +113,13 @@ def test_power_balances() -> None:
     run = drive("drive", end=8, error=True, tolerance=1e-7)
     assert run.energy is not None
     assert run["driver.motion.speed.value"][-1] > 10
+    assert run.energy.share < 1e-6
+
+
+@pytest.mark.heavy
+def test_power_balances_for_ten_minutes() -> None:
+    """Over gears, clutch and air drag, and then at the speed that the driver holds."""
+    run = drive("drive", end=600, tolerance=1e-5)
+    assert run.energy is not None
+    assert run["driver.motion.speed.value"][-1] == pytest.approx(22.2, abs=0.1)
     assert run.energy.share < 1e-6

@@ -223,13 +223,21 @@ class _Files:
     def _with_properties(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
         if not name.text.lower().endswith(".tir"):
             raise _Fault(f"the file '{name.text}' has no properties of a tyre", "name a .tir file, or write {KEY: number}")
-        path, shown = self._find(name, place)
+        path, shown = self._find_properties(name, place)
         if shown not in self.texts:
             self._open(path, shown, encoding="latin-1")
         found = read_properties(self.texts[shown], shown, name.element)
         names: dict[Keys, Span] = {(key,): place for key, (place, _) in found.places.items()}
         values: dict[Keys, Span] = {(key,): place for key, (_, place) in found.places.items()}
         return self._spliced(source, keys, dict(found.values), Source(shown, {}, values, names))
+
+    def _find_properties(self, name: _Name, place: _Place) -> tuple[Path, str]:
+        if not name.text.startswith(LIBRARY):
+            return self._find(name, place)
+        wanted, known = name.text.removeprefix(LIBRARY), sorted(path.name for path in library_folder().glob("*.tir"))
+        if wanted not in known:
+            raise _Fault(f"the library has no tyre '{wanted}'", nearest(wanted, known, "it has"))
+        return library_folder() / wanted, SHIPPED + wanted
 
     # Files
 
