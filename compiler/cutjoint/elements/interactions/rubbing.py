@@ -34,7 +34,7 @@ class Rubbing(Interaction):
         """The force by the load."""
         carried = " and what the joint carries across its axis; it follows from the accelerations at the same instant, and they from it"
         note = (
-            f"The load $N$ is the preload{carried if force.carried else ''}. $s$ is the bristle's share of the deflection at which it slides, "
-            "a state; $F$ is the generalised force of the coordinate $z$."
+            f"The load $N$ is the preload{carried if force.carried else ''}. $s$ is the bristle's share of the deflection at which it "
+            "slides, a state; $F$ is the generalised force of the coordinate $z$."
         )
         return Explanation(notes=(note,), actions=(r"F = N f(\dot z, s)",), laws=page.law("f", force.law, "rate", r"\dot z"))
