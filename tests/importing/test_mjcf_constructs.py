@@ -138,7 +138,7 @@ BASE = """
 """
 
 
-#: What names the pictures.
+#: Parts of the gripper that name its pictures.
 PICTURES = (
     '<texture name="skin" type="2d" file="skin.png"/>', ' texture="skin"', '<mesh class="grip" file="driver.stl"/>',
     '<geom class="visual" mesh="driver" material="black"/>', '<geom class="visual" mesh="driver" mass="0"/>',
