@@ -138,7 +138,7 @@ BASE = """
 """
 
 
-#: What names the pictures.
+#: Parts of the gripper that name its pictures.
 PICTURES = (
     '<texture name="skin" type="2d" file="skin.png"/>', ' texture="skin"', '<mesh class="grip" file="driver.stl"/>',
     '<geom class="visual" mesh="driver" material="black"/>', '<geom class="visual" mesh="driver" mass="0"/>',
@@ -244,5 +244,5 @@ def test_a_base_and_a_ball_are_damped(tmp_path: Path) -> None:
 def test_a_mass_of_a_mesh_that_is_not_there_is_missed(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(GRIPPER.replace(' mass="0"/></body>', "/></body>"))
-    with pytest.raises(ModelError, match=r"a body 'pad' whose mass is that of 'driver\.stl', which is not there"):
+    with pytest.raises(ModelError, match=r"model\.xml:\d+:\d+: body 'pad': has the mass of 'driver\.stl', which is not there"):
         import_file(path)

@@ -83,22 +83,28 @@ def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
     except ValueError:
         spec = mujoco.MjSpec.from_file(str(path))
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if _is_absent(path.parent / spec.meshdir, mesh.file)}
-    textures = [texture for texture in spec.textures if _is_absent(path.parent / spec.texturedir, texture.file)]
+    textures = [texture for texture in spec.textures if any(_is_absent(path.parent / spec.texturedir, file) for file in _files(texture))]
     for geom in spec.geoms:
         if geom.meshname in meshes:
             body, file = geom.parent, meshes[geom.meshname].file
             weighs = geom.mass != 0 and geom.density != 0
             explicit = body.explicitinertial and spec.compiler.inertiafromgeom != int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
             if weighs and not explicit and body != spec.worldbody:
-                message = f"has a body '{body.name}' whose mass is that of '{file}', which is not there"
-                root.refuse(message, "add the file, or write an inertial")
+                message = f"has the mass of '{file}', which is not there"
+                node = next((n for n in _all(root) if n.tag == "body" and n.attributes.get("name") == body.name), root)
+                node.refuse(message, "add the file, or write an inertial")
             geom.type, geom.size, geom.meshname, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-3, 0, 0], "", 0
-    files = [*(mesh.file for mesh in meshes.values()), *(texture.file for texture in textures)]
+    files = [*(mesh.file for mesh in meshes.values()), *(file for texture in textures for file in _files(texture))]
     for mesh in meshes.values():
         spec.delete(mesh)
     for texture in textures:
-        texture.file, texture.builtin, texture.width, texture.height = "", mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+        texture.file, texture.cubefiles, texture.type = "", [""] * len(texture.cubefiles), mujoco.mjtTexture.mjTEXTURE_2D
+        texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
     return spec.compile(), files
+
+
+def _files(texture: Any) -> list[str]:
+    return [file for file in (texture.file, *texture.cubefiles) if file]
 
 
 def _is_absent(folder: Path, file: str) -> bool:
@@ -183,6 +189,7 @@ class _Reading:
     def __init__(self, model: Any, root: Node, mujoco: Any) -> None:
         self.m, self._root, self._mujoco = model, root, mujoco
         self._nodes = {(node.tag, node.attributes.get("name", "")): node for node in _all(root)}
+        self._equalities = [child for node in _all(root) if node.tag == "equality" for child in node.children]
         self._links = self._names("BODY", model.nbody, lambda i: f"body_{i}" if i else "world")
         self._joints = self._names("JOINT", model.njnt, lambda j: f"{self._links[model.jnt_bodyid[j]]}_joint")
         self._fresh = [*self._links, *self._joints]
@@ -220,6 +227,10 @@ class _Reading:
 
     def _node(self, tag: str, name: str) -> Node:
         return self._nodes.get((tag, name), self._root)
+
+    def _equality(self, i: int) -> Node:
+        """The element of an equality, which need not have a name; other files may have some too."""
+        return self._equalities[i] if len(self._equalities) == self.m.neq else self._root
 
     # bodies and joints
 
@@ -312,14 +323,14 @@ class _Reading:
             elif kind == _JOINT:
                 self._add_coupling(i, name)
             elif kind != _TENDON:
-                self._node("equality", "").refuse(f"has the equality '{name}' of a kind that a model file has not", "leave it out")
+                self._equality(i).refuse(f"is the equality '{name}' of a kind that a model file has not", "leave it out")
         for pairs in points.values():
             self.robot.loops.append(_united(pairs) if len(pairs) > 1 else pairs[0])
 
     def _loop(self, i: int, kind: int, name: str) -> Loop:
         m, data = self.m, self.m.eq_data[i]
         ids = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-        node = self._node("connect" if kind == _CONNECT else "weld", name)
+        node = self._equality(i)
         if int(m.eq_objtype[i]) == int(self._mujoco.mjtObj.mjOBJ_SITE):
             frames = [Pose(of_quaternion(*map(float, m.site_quat[s])), m.site_pos[s].copy()) for s in ids]
             bodies = [int(m.site_bodyid[s]) for s in ids]
@@ -333,7 +344,7 @@ class _Reading:
         return Loop(name, node, "spherical" if kind == _CONNECT else "fixed", links, frames[0], frames[1])
 
     def _add_coupling(self, i: int, name: str) -> None:
-        m, node = self.m, self._node("joint", name)
+        m, node = self.m, self._equality(i)
         first = self._of_joint[int(m.eq_obj1id[i])]
         second = "" if int(m.eq_obj2id[i]) < 0 else self._of_joint[int(m.eq_obj2id[i])]
         constant, slope, *bend = map(float, m.eq_data[i][:5])
@@ -351,7 +362,7 @@ class _Reading:
             if int(m.eq_type[i]) != _TENDON or not m.eq_active0[i]:
                 continue
             name, terms = self._name("EQUALITY", i, f"equality_{i + 1}"), dict[str, float]()
-            node = self._node("tendon", name)
+            node = self._equality(i)
             for sign, tendon in ((1.0, int(m.eq_obj1id[i])), (-float(m.eq_data[i][1]), int(m.eq_obj2id[i]))):
                 if tendon < 0:
                     continue
@@ -451,11 +462,14 @@ class _Reading:
             notes.append(f"left out, limits included, since no equality holds and no actuator taken pulls them: tendons {', '.join(idle)}")
         if m.opt.density or m.opt.viscosity:
             notes.append("left out: forces of the medium (density, viscosity)")
-        if np.any(m.body_gravcomp):
-            self._root.refuse("has bodies with gravcomp", "leave it out, or write it as loads")
+        for body in np.flatnonzero(m.body_gravcomp):
+            self._node("body", self._links[body]).refuse("has gravcomp", "leave it out, or write it as loads")
         names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss")
-        if any(np.any(getattr(m, f"tendon_{name}")) for name in names):
-            self._root.refuse("has tendons with stiffness, damping, friction or armature", "leave them out, or write them as springs")
+        for i in range(m.ntendon):
+            if any(np.any(getattr(m, f"tendon_{name}")[i]) for name in names):
+                title = self._name("TENDON", i, "")
+                node = self._nodes.get(("fixed", title)) or self._nodes.get(("spatial", title)) or self._root
+                node.refuse("is a tendon with stiffness, damping, friction or armature", "leave them out, or write them as springs")
 
 
 def _united(loops: list[Loop]) -> Loop:
