@@ -183,8 +183,8 @@ def test_a_run_that_fails_leaves_its_rows_and_says_where(tmp_path: Path) -> None
     assert result.exit_code == 1
     assert "did not converge in 100 iterations at t = 4.0" in result.output
     assert "method recursive-newton" in result.output
-    line = next(i for i, x in enumerate((MODELS / "parts/iltis_suspension.yaml").read_text().splitlines(), 1) if "arm_hinge: {" in x)
-    assert f"iltis_suspension.yaml:{line}:" in result.output
+    line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "arm_hinge: {" in x)
+    assert f"iltis.yaml:{line}:" in result.output
     assert not out.exists()
     assert np.loadtxt(tmp_path / "run.partial.csv", delimiter=",", skiprows=1)[-1, 0] == pytest.approx(4.0, abs=0.2)
 

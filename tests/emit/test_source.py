@@ -88,9 +88,9 @@ def test_quantities_keep_the_names_of_the_literature() -> None:
         assert f"const Lanes4 {name} = " in text
     for name in ("R_global_xx", "M_chassis_vx_wy", "Dinv_chassis_vx"):
         assert f"const Real {name} = " in text
-    line = next(i for i, x in enumerate((MODELS / "parts/iltis_suspension.yaml").read_text().splitlines(), 1) if "carrier_ball: {" in x)
+    line = next(i for i, x in enumerate((MODELS / "iltis.yaml").read_text().splitlines(), 1) if "carrier_ball: {" in x)
     assert "// condensation: front_left.carrier_ball\n  //   M^c = M + sum M^c" in text
-    assert f"  //   iltis_suspension.yaml:{line}\n" in text
+    assert f"  //   iltis.yaml:{line}\n" in text
 
 
 def test_a_rotation_is_not_named_after_its_negative() -> None:

@@ -356,13 +356,9 @@ INCLUDES = [
      "parts/tail.yaml:5:36: body 'a.end.last': centre_of_mass: unknown symbol 'fur'; did you mean 'far'?"),
     ({"drag.csv": "rate,value\n0,1\n1\n"}, {},
      "parts/drag.csv:3:1: force 'drag': the row has 1 cells, the line of names 2; write as many"),
-    ({}, {"tail: {include: tail.yaml}": "tail: {include: tail.yaml, bodies: {last: {massless: true}}}"},
-     "parts/row.yaml:10:39: submodel 'tail': 'last' is among the bodies of the file 'tail.yaml' too; choose another name, or leave it to "
-     "the file"),
-    ({}, {"tail: {include: tail.yaml}": "tail: {include: tail.yaml, connectors: {}}"},
-     "parts/row.yaml:10:30: submodel 'tail': 'connectors' is in the file 'tail.yaml' too; leave it to the file"),
-    ({}, {"tail: {include: tail.yaml}": "tail: {include: tail.yaml, bodies: {more: {mas: 1}}}"},
-     "parts/row.yaml:10:46: body 'more' of submodel 'tail': unknown field 'mas'; did you mean 'mass'?"),
+    ({}, {"tail: {include: tail.yaml}": "tail: {include: tail.yaml, connectors: [base]}"},
+     "parts/row.yaml:10:19: submodel 'tail': 'include' stands for the whole submodel; remove what stands beside it, "
+     "or write the submodel here"),
     ({}, {"use: tail": "use: tall"}, "parts/row.yaml:12:14: instance 'a.end': unknown submodel 'tall'; did you mean 'tail'?"),
     ({}, {"use: tail, connect: {base: first}, with: {far: 2*reach}": "use: row, connect: {base: first}, with: {reach: 2*reach}"},
      "parts/row.yaml:12:14: instance 'a.end': the submodel 'row' stands inside itself; remove this instance, or use another submodel"),

@@ -40,8 +40,8 @@ def test_speeds_that_nobody_gave_are_named(tmp_path: Path) -> None:
     assert free["crank_0.pin.angle_rate"][0] == 0.0
 
 
-def test_the_iltis_has_nine_speeds_besides_the_one_that_its_scene_gives() -> None:
-    run = completed(simulate(compile_model(MODELS / "iltis.yaml", "simul1"), end=0.0075))
+def test_the_iltis_has_nine_speeds_besides_the_one_that_its_scene_gives(tmp_path: Path) -> None:
+    run = completed(simulate(compile_text(tmp_path, (MODELS / "iltis.yaml").read_text(), "simul1"), end=0.0075))
     assert len(run.undetermined) == 9
     assert "chassis_free.vx" not in run.undetermined
 

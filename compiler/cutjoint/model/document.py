@@ -214,7 +214,7 @@ class Instance(Part):
 
 
 class Submodel(Elements):
-    """Elements to be used several times; those of the file that it may ``include`` come first.
+    """Elements to be used several times, or ``include``, the file that has them instead.
 
     ``defaults`` are parameters that instances may leave out, ``accepts`` has keys of their properties with the values that it is made for.
     """

@@ -110,6 +110,8 @@ class _Files:
     # Submodels
 
     def _with_submodel(self, source: Source, keys: Keys, name: _Name, place: _Place) -> Source:
+        if len(source.part(keys)) > 1:
+            raise _Fault("'include' stands for the whole submodel", "remove what stands beside it, or write the submodel here")
         path, inner = self._find_submodel(name, place)
         if path in place.around:
             names = " -> ".join(each.name for each in (*place.around[place.around.index(path) :], path))
@@ -117,7 +119,7 @@ class _Files:
         if path not in self._parts:
             self._open(path, inner.file)
             self._parts[path] = _without_version(parse_yaml(self.texts[inner.file], inner.file), name)
-        part = _extended(self.filled(self._parts[path], replace(inner.place, around=(*place.around, path))), source, keys, name)
+        part = self.filled(self._parts[path], replace(inner.place, around=(*place.around, path)))
         return self._spliced(source, keys, part.data, part)
 
     def _find_submodel(self, name: _Name, place: _Place) -> tuple[Path, _Inner]:
@@ -303,33 +305,6 @@ def _without_version(part: Source, name: _Name) -> Source:
         message, hint = "this is a whole model, not a submodel", "leave name, gravity and scenes to the model that includes it"
         raise _error(start, name.element, message, hint)
     return replace(part, data={key: value for key, value in data.items() if key != "cutjoint"})
-
-
-def _extended(part: Source, source: Source, keys: Keys, name: _Name) -> Source:
-    """A submodel's document with what stands beside its ``include`` at ``keys``: more elements of its sections, more items of its lists.
-
-    Raises:
-        ModelError: something is in both.
-    """
-    own = {key: value for key, value in source.part(keys).items() if key != "include"}
-    if not own or not isinstance(part.data, dict):
-        return part
-    data, values = dict(part.data), dict(part.values)
-    for key, value in own.items():
-        there = data.get(key)
-        if isinstance(there, dict) and isinstance(value, dict):
-            if twice := next((inner for inner in value if inner in there), None):
-                message = f"'{twice}' is among the {key} of the file '{name.text}' too"
-                raise _error(source.key_span((*keys, key, twice)), name.element, message, "choose another name, or leave it to the file")
-            data[key] = {**there, **value}
-        elif isinstance(there, (list, tuple)) and isinstance(value, (list, tuple)):
-            data[key] = (*there, *value)
-            values |= {(key, len(there) + i): source.value_span((*keys, key, i)) for i in range(len(value))}
-        elif key in data:
-            raise _error(source.key_span((*keys, key)), name.element, f"'{key}' is in the file '{name.text}' too", "leave it to the file")
-        else:
-            data[key] = value
-    return replace(part, data=data, values=values)
 
 
 def _is_in_submodels(keys: Keys) -> bool:

@@ -49,8 +49,8 @@ CASES = (
     ("slider_crank with a motor, 20 signals and 8 states", "turn", tuple(METHODS), (0.5, 1.0)),
 )
 
-#: The carrier of the Iltis with its wheel and without it, and the wheel in place of the element `tyre`.
-CARRIERS = "mass: 57.35, cross: 1.2402, spin: 1.908", "mass: 37.35, cross: 0.2402, spin: 0.1"
+#: The carrier of the Iltis without its wheel, and the wheel in place of the element `tyre`.
+CARRIER = "      carrier: {mass: 37.35, centre_of_mass: C, inertia: [0.2402, 0.1, 0.2402]}\n"
 WHEEL = """    submodels: {wheel: {include: library/wheel_mf62}}
     instances:
       wheel:
@@ -77,7 +77,7 @@ def rolling_text(text: str, *, on_wheels: bool) -> str:
     corners = ("front_left", "front_right", "rear_left", "rear_right") if on_wheels else ()
     if on_wheels:
         text = re.sub(r"      tyre:\n        kind: tyre\n(        .*\n)+", WHEEL, text)
-        text = text.replace(*CARRIERS)
+        text = re.sub(r"      carrier:\n(        .*\n)+", CARRIER, text, count=1)
         text = text.replace("tyre.Fz, tyre.Fy, tyre.slip, ", "")
     rates = "".join(f", {corner}.wheel.rolling.bearing.angle_rate: 20/0.361" for corner in corners)
     return text + ROLLS.format(rates=rates, states=", ".join(f"{corner}.wheel.rolling.rolled: 1" for corner in corners))

@@ -10,7 +10,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,7 +34,7 @@ from cutjoint_bench.studies.provenance import provenance
 #: Edits of the Iltis by name: what stands in its file, and what stands there afterwards.
 EDITS: Mapping[str, tuple[str, str]] = {
     "output": ("outputs: [chassis.x,", "outputs: [chassis.wx, front_left.carrier.vz, chassis.x,"),
-    "hardpoint": ("x_tie_rod: 0.830", "x_tie_rod: 0.831"),
+    "hardpoint": ("S: [x_hinge, 0.1585, 0.600]", "S: [x_hinge, 0.1585, 0.601]"),
     "input law": ("    road:\n", '    inputs: {rack_displacement: "0.001*sin(2*pi*t)"}\n    road:\n'),
     "road": ("{ramp: 10, rise: 1.25}", "{ramp: 10, rise: 1.2}"),
 }
@@ -137,7 +136,6 @@ def time_wait(wait: Wait) -> tuple[float, float]:
         model, cases = folder / f"{wait.model}.yaml", folder / "cases.csv"
         text = (MODELS / f"{wait.model}.yaml").read_text(encoding="utf-8")
         model.write_text(text, encoding="utf-8")
-        shutil.copytree(MODELS / "parts", folder / "parts")
         cases.write_text("stiffness\n" + "".join(f"{2000 + i}\n" for i in range(200)), encoding="utf-8")
         places = {"model": model, "cases": cases, "out": folder / "run.csv"}
         command = wait.command(places)
