@@ -308,7 +308,7 @@ class Rough(Part):
 
 
 class Sections(Part):
-    """Heights along a line, linear between their places: what a file in OpenCRG becomes whose line is not that of x, or which has options.
+    """Heights along a line, linear between their places.  A file in OpenCRG becomes one where its line is not that of x, or with options.
 
     ``sections`` have for each cross section its place ``x``, ``y``, the line's height ``z`` and ``banking``, and as ``value`` heights
     at places ``across``.  Cross sections are a ``step`` apart.  ``border``, ``offset`` and ``smooth`` are OpenCRG's modes, heights
