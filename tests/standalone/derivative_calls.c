@@ -23,7 +23,7 @@ static void wrong_calls(void) {
   int speeds[PRESS_FREEDOMS] = {PRESS_SPEEDS};
   EXPECT(press_linearise(NULL, A, NULL, C, NULL) == PRESS_NO_SIMULATION);
   EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_NOT_STARTED);
-  EXPECT(press_directional(sim, dx, NULL, NULL, rates, y) == PRESS_NOT_STARTED);
+  EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_NOT_STARTED);
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NOT_STARTED && press_choose(sim) == PRESS_NOT_STARTED);
   EXPECT(press_get_minimal(sim, dx) == PRESS_NOT_STARTED);
   EXPECT(press_step_derivative(NULL, X, NULL, P) == PRESS_NO_SIMULATION && press_step_derivative(sim, X, NULL, P) == PRESS_NOT_STARTED);
@@ -32,12 +32,11 @@ static void wrong_calls(void) {
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX && press_choose_speeds(sim, NULL) == PRESS_NO_ARRAY);
   speeds[0] = -1;
   EXPECT(press_choose_speeds(sim, speeds) == PRESS_NO_SUCH_INDEX);
-  EXPECT(press_directional(sim, NULL, NULL, NULL, rates, y) == PRESS_NO_ARRAY && press_directional(sim, dx, NULL, NULL, NULL, y) == PRESS_NO_ARRAY);
-  EXPECT(press_directional(sim, dx, NULL, NULL, rates, NULL) == PRESS_NO_ARRAY);
+  EXPECT(press_directional(sim, NULL, NULL, rates, y) == PRESS_NO_ARRAY && press_directional(sim, dx, NULL, NULL, y) == PRESS_NO_ARRAY);
+  EXPECT(press_directional(sim, dx, NULL, rates, NULL) == PRESS_NO_ARRAY);
   dx[0] = NAN;
-  EXPECT(press_directional(sim, dx, NULL, NULL, rates, y) == PRESS_NOT_FINITE);
+  EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_NOT_FINITE);
   dx[0] = 0.0;
-  EXPECT(press_directional(sim, dx, NULL, &not_a_number, rates, y) == PRESS_NOT_FINITE);
   EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_OK);
   EXPECT(press_state_name(sim, -1) == NULL && press_state_name(sim, n) == NULL);
 }
@@ -65,19 +64,20 @@ static void some_matrices(void) {
   EXPECT(press_linearise(sim, NULL, NULL, NULL, NULL) == PRESS_OK);
 }
 
-/* A direction of parameters adds E p and F p. */
+/* A direction of parameters has E p and F p. */
 static void parameters(void) {
-  static double E[n], F[outputs], by_states[n], of_states[outputs];
+  static double E[n], F[outputs], by_states[n];
   const double change = 250.0;
   press_sim* sim = press_create(memory[0], sizeof memory[0]);
   int i;
   EXPECT(press_start(sim) == PRESS_OK && press_play(sim, 20, NULL) == PRESS_OK && press_linearise_parameters(sim, E, F) == PRESS_OK);
+  EXPECT(press_directional_parameters(sim, NULL, rates, y) == PRESS_NO_ARRAY && press_directional_parameters(sim, &not_a_number, rates, y) == PRESS_NOT_FINITE);
   dx[0] = 0.3, dx[1] = -2.0;
-  EXPECT(press_directional(sim, dx, NULL, NULL, by_states, of_states) == PRESS_OK);
-  EXPECT(press_directional(sim, dx, NULL, &change, rates, y) == PRESS_OK && fabs(E[1]) > 1e-6);
-  for (i = 0; i < n; ++i) EXPECT(fabs(by_states[i] + E[i] * change - rates[i]) <= 1e-12 * (1.0 + fabs(rates[i])));
-  for (i = 0; i < outputs; ++i) EXPECT(fabs(of_states[i] + F[i] * change - y[i]) <= 1e-12 * (1.0 + fabs(y[i])));
-  EXPECT(press_directional(sim, dx, NULL, NULL, rates, y) == PRESS_OK && memcmp(rates, by_states, sizeof by_states) == 0);
+  EXPECT(press_directional(sim, dx, NULL, by_states, y) == PRESS_OK);
+  EXPECT(press_directional_parameters(sim, &change, rates, y) == PRESS_OK && fabs(E[1]) > 1e-6);
+  for (i = 0; i < n; ++i) EXPECT(fabs(E[i] * change - rates[i]) <= 1e-12 * (1.0 + fabs(rates[i])));
+  for (i = 0; i < outputs; ++i) EXPECT(fabs(F[i] * change - y[i]) <= 1e-12 * (1.0 + fabs(y[i])));
+  EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_OK && memcmp(rates, by_states, sizeof by_states) == 0);
 }
 
 /* Who linearises changes nothing: steps go on bit by bit. */
@@ -89,7 +89,7 @@ static void motion(void) {
     EXPECT(press_step(sim) == PRESS_OK && press_step(other) == PRESS_OK);
     EXPECT(press_linearise(sim, A, NULL, C, NULL) == PRESS_OK);
     dx[0] = 0.3, dx[1] = -2.0;
-    EXPECT(press_directional(sim, dx, NULL, NULL, rates, y) == PRESS_OK);
+    EXPECT(press_directional(sim, dx, NULL, rates, y) == PRESS_OK);
     for (i = 0; i < n; ++i) EXPECT(fabs(A[n * i] * dx[0] + A[n * i + 1] * dx[1] - rates[i]) <= 1e-12 * (1.0 + fabs(rates[i])));
     for (i = 0; i < outputs; ++i) EXPECT(fabs(C[n * i] * dx[0] + C[n * i + 1] * dx[1] - y[i]) <= 1e-12 * (1.0 + fabs(y[i])));
     EXPECT(memcmp(press_outputs(sim), press_outputs(other), outputs * sizeof(double)) == 0);

@@ -227,7 +227,7 @@ int main(int count, char** arguments) {
   std::vector<double> dx(states + 1), du(3 * inputs + 1), dxdot(states + 1), dy(outputs + 1), exact_dxdot(states + 1), exact_dy(outputs + 1);
   for (int i = 0; i < states; ++i) dx[i] = std::cos(1.0 + i);
   for (int i = 0; i < 3 * inputs; ++i) du[i] = std::sin(2.0 + i);
-  if ((status = OF(directional)(sim, dx.data(), du.data(), nullptr, dxdot.data(), dy.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
+  if ((status = OF(directional)(sim, dx.data(), du.data(), dxdot.data(), dy.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
   Numbers by[2];
   const Numbers u = motion.u;
   for (int side = 0; side < 2; ++side) {

@@ -149,7 +149,6 @@ class Library:
             self.derive_minimal = self._function("derive_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
-            self.directional = self._function("directional", index, sim, *[ctypes.c_void_p] * 5)
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
         if self.derives_steps:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)

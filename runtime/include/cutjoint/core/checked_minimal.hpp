@@ -94,12 +94,19 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return Base::status_of(s, s->derivatives.linearise_parameters(s->sim, s->minimal, E, F));
   }
 
-  static int directional(CheckedMinimal* s, const double* dx, const double* du, const double* dp, double* derivatives, double* outputs) {
+  static int directional(CheckedMinimal* s, const double* dx, const double* du, double* derivatives, double* outputs) {
     if (const int status = ask(s)) return status;
     if (states > 0 && (!dx || !derivatives)) return no_array;
     if ((Model::inputs > 0 && !du) || (Model::outputs > 0 && !outputs)) return no_array;
-    if (!all_finite(dx, states) || !all_finite(du, 3 * Model::inputs) || (dp && !all_finite(dp, Model::parameters))) return not_finite;
-    return Base::status_of(s, s->derivatives.along(s->sim, s->minimal, dx, du, dp, derivatives, outputs));
+    if (!all_finite(dx, states) || !all_finite(du, 3 * Model::inputs)) return not_finite;
+    return Base::status_of(s, s->derivatives.along(s->sim, s->minimal, dx, du, nullptr, derivatives, outputs));
+  }
+
+  static int directional_parameters(CheckedMinimal* s, const double* dp, double* derivatives, double* outputs) {
+    if (const int status = ask(s)) return status;
+    if ((Model::parameters > 0 && !dp) || (states > 0 && !derivatives) || (Model::outputs > 0 && !outputs)) return no_array;
+    if (!all_finite(dp, Model::parameters)) return not_finite;
+    return Base::status_of(s, s->derivatives.along(s->sim, s->minimal, nullptr, nullptr, dp, derivatives, outputs));
   }
 
   static int step_derivative(CheckedMinimal* s, double* by_state, double* by_input, double* by_parameter) {

@@ -35,14 +35,14 @@ class Derivatives {
 
   static constexpr std::size_t states = 2 * freedoms + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
 
-  /// Derivatives x' and outputs y along a direction: `states` numbers of x, of each input its value, rate and acceleration, and parameters, which stay where that is
-  /// a null pointer.
+  /// Derivatives x' and outputs y along a direction: `states` numbers of x, of each input its value, rate and acceleration, and parameters; a null
+  /// pointer for what stays.
   Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, const double* dp, double* dxdot, double* dy) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
     for (std::size_t i = 0; dp && i < parameters_.size(); ++i) parameters_[i].slope[0] = dp[i];
     if (dp) load_parameters(simulation);
-    for (std::size_t i = 0; i < states; ++i) dx_[i].slope[0] = dx[i];
-    for (std::size_t i = 0; i < du_.size(); ++i) du_[i].slope[0] = du[i];
+    for (std::size_t i = 0; dx && i < states; ++i) dx_[i].slope[0] = dx[i];
+    for (std::size_t i = 0; du && i < du_.size(); ++i) du_[i].slope[0] = du[i];
     if (const Fault fault = derive(simulation.mechanism(), minimal, 1)) return fault;
     for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].slope[0];
     for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].slope[0];
