@@ -220,6 +220,7 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
      "the file has a line that is not along x; write interpolation: linear, as the format has it"),
     ({"heading": np.linspace(0, 0.1, 9), "interpolation": "cubic"}, "the file has a line that is not along x"),
     ({"heading": np.where(np.arange(9) == 4, np.nan, 0)}, "'reference line phi' is missing in a cross section; fill it in"),
+    ({"heading": np.where(np.arange(9) > 4, 2.0, 0)}, "the line stands still, or turns by a right angle or more from one cross section"),
     ({"blocks": "$ROAD_CRG_MODS\ngrid_nan_mode = 0\n$\n", "grid": np.where(np.arange(36).reshape(9, 4) == 12, np.nan, GRID)},
      "grid_nan_mode = 0 is not heeded; write 1 or 2"),
     ({"blocks": "$ROAD_CRG_FILE\nother.crg\n$\n"}, "the data is in another file"),

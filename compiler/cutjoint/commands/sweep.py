@@ -15,7 +15,7 @@ from cutjoint.commands import options, table
 from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_whole
-from cutjoint.sweeps.indices import find_indices, has_indices
+from cutjoint.sweeps.designs import find_indices, has_indices
 from cutjoint.sweeps.reading import read_study
 from cutjoint.sweeps.records import Study
 from cutjoint.sweeps.run import Progress as OnProgress

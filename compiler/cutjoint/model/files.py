@@ -13,9 +13,9 @@ from typing import Any
 from cutjoint.model.csv_table import Column, Csv, as_lists, read_csv
 from cutjoint.model.errors import ModelError, Problem, Problems, nearest
 from cutjoint.model.names import name_problem
+from cutjoint.model.opencrg import OpenCrg
 from cutjoint.model.property_file import read_properties
 from cutjoint.model.records import Span
-from cutjoint.model.roads import OpenCrg
 from cutjoint.model.shape import element_of
 from cutjoint.model.source import MAX_EXPANDED, Source, parse_yaml, read_text
 from cutjoint.model.source import Path as Keys

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.model.opencrg import cross_sections
 from cutjoint.model.records import CurvedGrid, HeightTable, Patch, Road, RoughSurface
-from cutjoint.model.roads import cross_sections
 
 #: The spectral density of heights at 0.1 cycles a metre, m^3: the geometric means of ISO 8608.
 ROUGHNESS = {"A": 16e-6, "B": 64e-6, "C": 256e-6, "D": 1024e-6, "E": 4096e-6}

@@ -28,8 +28,7 @@ from cutjoint.package.system import processors
 from cutjoint.run.settings import StepSettings, require_settings
 from cutjoint.run.stopping import StopRequest, stop_requests
 from cutjoint.sweeps.code import build_kernels
-from cutjoint.sweeps.designs import Masses
-from cutjoint.sweeps.indices import Indices, find_indices
+from cutjoint.sweeps.designs import Indices, Masses, find_indices
 from cutjoint.sweeps.kernel import Kernel
 from cutjoint.sweeps.parts import Parts, count_runs, missing
 from cutjoint.sweeps.reading import read_study, read_study_text

@@ -204,7 +204,7 @@ class SwitchCells {
   SwitchPlaces<M> places_;
   const Road<Real>* roads_;
   Memory now_;
-  Switches<Real> way_;
+  Switches<Real> way_;  ///< of each value from where the step began to where switches were sought
 };
 
 }  // namespace cutjoint::stepping
