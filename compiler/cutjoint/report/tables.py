@@ -110,7 +110,7 @@ def loop_table(topology: Topology) -> Table:
     """One row a loop."""
     table = Table(title="loops", title_justify="left", box=None)
     for heading in ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"):
-        table.add_column(heading)
+        table.add_column(heading, overflow="fold")
     kinds = {c.name: c for c in topology.cuts}
     for loop in topology.loops:
         cut = kinds[loop.cut]
