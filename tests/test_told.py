@@ -40,6 +40,22 @@ def said_by_check(text: str, folder: Path) -> str:
     return " ".join(result.output.split())
 
 
+@needs_cpp
+def test_words_of_modes_are_explained(tmp_path: Path) -> None:
+    """Those that stand above them alone: a swing without dampers, and a wheel that nothing brings back."""
+    file = tmp_path / "model.yaml"
+    words = dict[str, str]()
+    for name, text in (("swing", ARM.replace("[twice, 0, 0]", "[0, 0, -1]")), ("wheel", ARM.replace("-9.81", "0"))):
+        file.write_text(text)
+        result = CliRunner().invoke(main, ["modes", str(file)])
+        assert result.exit_code == 0, result.output
+        words[name] = " ".join(result.output.partition("words")[2].split())
+    assert words["swing"].startswith("eigenvalue its real part is the rate at which the motion grows")
+    assert "moves coordinates and the amplitudes of each" in words["swing"]
+    assert "indifferent" not in words["swing"]
+    assert words["wheel"] == "indifferent directions that nothing brings back, each by its leading coordinate"
+
+
 def test_parameters_that_nothing_uses_are_named() -> None:
     assert read_model_text(ARM, "arm.yaml").notes == ()
     changed = ARM.replace("*gain", "").replace("[twice, 0, 0]", "[1, 0, 0]").replace('"spare*t"', "t")
