@@ -14,8 +14,9 @@ from rich.console import Console
 from cutjoint.cli import main
 from cutjoint.commands import options
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.report.tables import real_time
+from cutjoint.report.tables import loop_table, real_time
 from cutjoint.toolchain.waits import Watch
+from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp
 
 PRESS = MODELS / "press.yaml"
@@ -38,6 +39,16 @@ def said_by_check(text: str, folder: Path) -> str:
     result = CliRunner().invoke(main, ["check", str(file)])
     assert result.exit_code == 0, result.output
     return " ".join(result.output.split())
+
+
+def test_a_narrow_terminal_keeps_the_lines_of_loops() -> None:
+    """A place is folded, and nothing of it is left out."""
+    model = read_model_text(PRESS.read_text(), "a/model/in/a/folder.yaml")
+    narrow = Console(width=60, file=io.StringIO())
+    narrow.print(loop_table(build_topology(model)))
+    assert isinstance(narrow.file, io.StringIO)
+    said = narrow.file.getvalue()
+    assert "…" not in said
 
 
 @needs_cpp

@@ -184,6 +184,7 @@ def rows_elsewhere(run: SimulatorRun) -> str:
 _LEGEND = (
     ("rank", "how many of the equations say something that the others do not; degrees of freedom are the coordinates less the rank", True),
     ("condition", "how far equations are from saying the same, 1 at best; above 1e5 numbers of the file may be rounded", True),
+    ("base body", "the last body on the ways from the ground to both bodies of the cut joint", True),
     ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
     ("(chosen)", "the compiler cuts the loop here, since neither the model nor a force says where", True),
     ("redundant", "equations that follow from others; they do no harm, but reactions that they share are indeterminate", True),

@@ -246,7 +246,7 @@ def _plain_shape(shape: Mapping[str, Participant]) -> dict[str, Any]:
 def _reduced_table(title: str, headings: Sequence[str], left: int) -> Table:
     table = Table(title=title, title_justify="left", box=None)
     for i, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if i < left else "right")
+        table.add_column(heading, justify="left" if i < left else "right", overflow="fold")
     return table
 
 
