@@ -53,7 +53,7 @@ def test_a_narrow_terminal_keeps_the_lines_of_loops() -> None:
 
 @needs_cpp
 def test_words_of_modes_are_explained(tmp_path: Path) -> None:
-    """Those that stand above them alone: a swing without dampers, and a wheel that nothing brings back."""
+    """Words that stand above them alone: a swing without dampers, and a wheel that nothing brings back."""
     file = tmp_path / "model.yaml"
     words = dict[str, str]()
     for name, text in (("swing", ARM.replace("[twice, 0, 0]", "[0, 0, -1]")), ("wheel", ARM.replace("-9.81", "0"))):
@@ -75,13 +75,13 @@ def test_parameters_that_nothing_uses_are_named() -> None:
     assert notes[0] == "arm.yaml:4:14: nothing uses the parameter 'twice'"
 
 
-def test_lengths_of_forces_that_are_off_are_said_to_be_zero() -> None:
-    spring = "rope: {kind: point_spring, bodies: [ground, bob], from: [0, 0, 1], to: [2, 0, 0], law: 3}"
-    text = ARM.replace('"drive*gain"}}', f'"drive*gain"}}, {spring}}}').replace("[bob.x]", "[bob.x, rope.length, rope.force, push.force]")
+def test_contacts_of_wheels_that_are_off_are_said_to_be_zero() -> None:
+    wheel = "tread: {kind: wheel, body: bob, centre: [0, 0, 1], axis: y, radius: 1, force: [0, 0, 1]}"
+    text = ARM.replace('"drive*gain"}}', f'"drive*gain"}}, {wheel}}}').replace("[bob.x]", "[bob.x, tread.deflection, tread.Fz, push.force]")
     assert read_model_text(text, "arm.yaml").notes == ()
-    scene = "scenes: {still: {end: 1, switches: {rope: false, push: false}}, "
+    scene = "scenes: {still: {end: 1, switches: {tread: false, push: false}}, "
     notes = read_model_text(text.replace("scenes: {", scene), "arm.yaml").notes
-    zero = "scene 'still' has 0 for rope.length, since the force is switched off; give it a law of 0 instead"
+    zero = "scene 'still' has 0 for tread.deflection, since the force is switched off; give it a law of 0 instead"
     assert notes == (f"arm.yaml:9:10: {zero}",)
 
 

@@ -234,7 +234,7 @@ scenes: {retract: {end: 2, output_step: 0.1}}
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
 def test_a_guide_that_leads_a_loop_past_its_reach_is_named(method: str) -> None:
-    """Where foot and top are as far apart as the bars together: law of cosines with the sides 0.8, 0.8."""
+    """The run ends where foot and top are as far apart as the bars together: law of cosines with the sides 0.8, 0.8."""
     model = read_model_text(BRACE, "brace.yaml")
     with pytest.raises(FailedRunError, match="the guide of 'trunnion' may lead further than the links reach") as error:
         simulate(compile_interpreted(model, model.scenes["retract"], method=method))
