@@ -14,8 +14,9 @@ from rich.console import Console
 from cutjoint.cli import main
 from cutjoint.commands import options
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.report.tables import real_time
+from cutjoint.report.tables import loop_table, real_time
 from cutjoint.toolchain.waits import Watch
+from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp
 
 PRESS = MODELS / "press.yaml"
@@ -40,6 +41,32 @@ def said_by_check(text: str, folder: Path) -> str:
     return " ".join(result.output.split())
 
 
+def test_a_narrow_terminal_keeps_the_lines_of_loops() -> None:
+    """A place is folded, and nothing of it is left out."""
+    model = read_model_text(PRESS.read_text(), "a/model/in/a/folder.yaml")
+    narrow = Console(width=60, file=io.StringIO())
+    narrow.print(loop_table(build_topology(model)))
+    assert isinstance(narrow.file, io.StringIO)
+    said = narrow.file.getvalue()
+    assert "…" not in said
+
+
+@needs_cpp
+def test_words_of_modes_are_explained(tmp_path: Path) -> None:
+    """Words that stand above them alone: a swing without dampers, and a wheel that nothing brings back."""
+    file = tmp_path / "model.yaml"
+    words = dict[str, str]()
+    for name, text in (("swing", ARM.replace("[twice, 0, 0]", "[0, 0, -1]")), ("wheel", ARM.replace("-9.81", "0"))):
+        file.write_text(text)
+        result = CliRunner().invoke(main, ["modes", str(file)])
+        assert result.exit_code == 0, result.output
+        words[name] = " ".join(result.output.partition("words")[2].split())
+    assert words["swing"].startswith("eigenvalue its real part is the rate at which the motion grows")
+    assert "moves coordinates and the amplitudes of each" in words["swing"]
+    assert "indifferent" not in words["swing"]
+    assert words["wheel"] == "indifferent directions that nothing brings back, each by its leading coordinate"
+
+
 def test_parameters_that_nothing_uses_are_named() -> None:
     assert read_model_text(ARM, "arm.yaml").notes == ()
     changed = ARM.replace("*gain", "").replace("[twice, 0, 0]", "[1, 0, 0]").replace('"spare*t"', "t")
@@ -48,13 +75,13 @@ def test_parameters_that_nothing_uses_are_named() -> None:
     assert notes[0] == "arm.yaml:4:14: nothing uses the parameter 'twice'"
 
 
-def test_lengths_of_forces_that_are_off_are_said_to_be_zero() -> None:
-    spring = "rope: {kind: point_spring, bodies: [ground, bob], from: [0, 0, 1], to: [2, 0, 0], law: 3}"
-    text = ARM.replace('"drive*gain"}}', f'"drive*gain"}}, {spring}}}').replace("[bob.x]", "[bob.x, rope.length, rope.force, push.force]")
+def test_contacts_of_wheels_that_are_off_are_said_to_be_zero() -> None:
+    wheel = "tread: {kind: wheel, body: bob, centre: [0, 0, 1], axis: y, radius: 1, force: [0, 0, 1]}"
+    text = ARM.replace('"drive*gain"}}', f'"drive*gain"}}, {wheel}}}').replace("[bob.x]", "[bob.x, tread.deflection, tread.Fz, push.force]")
     assert read_model_text(text, "arm.yaml").notes == ()
-    scene = "scenes: {still: {end: 1, switches: {rope: false, push: false}}, "
+    scene = "scenes: {still: {end: 1, switches: {tread: false, push: false}}, "
     notes = read_model_text(text.replace("scenes: {", scene), "arm.yaml").notes
-    zero = "scene 'still' has 0 for rope.length, since the force is switched off; give it a law of 0 instead"
+    zero = "scene 'still' has 0 for tread.deflection, since the force is switched off; give it a law of 0 instead"
     assert notes == (f"arm.yaml:9:10: {zero}",)
 
 

@@ -57,6 +57,15 @@ def test_a_massless_link_between_two_balls_is_named() -> None:
     assert "a massless link between two spherical joints: make one of them universal" in first
 
 
+def test_a_point_that_floats_is_named_once() -> None:
+    joints = "joints: {moves: {kind: free, bodies: [ground, load], at: [0, 0, 0]}}\n"
+    text = f"{HEAD}  load: {{mass: 1, centre_of_mass: [0, 0, 0]}}\n{joints}"
+    with pytest.raises(NoInertiaError) as error:
+        require_inertia(formulated(text))
+    (line,) = str(error.value).split("\n")
+    assert "nothing resists the motion of body 'load' (moves.wx, moves.wy, moves.wz), so that" in line
+
+
 def test_no_code_is_generated() -> None:
     model = read_model_text(spherical_tie_rods(), "model.yaml")
     with pytest.raises(NoInertiaError):

@@ -231,6 +231,8 @@ PROBLEMS = [
      "@: body 'hand' of submodel 'wing': massless needs true or false"),
     ("at: root, axis: [1, 2, 0]", "at: §roof, axis: [1, 2, 0]",
      "@: joint 'left.shoulder': unknown point 'roof'; did you mean 'root'?"),
+    ("slide: {kind: prismatic, bodies: [body,", "slide: {kind: prismatic, bodies: [§trunk,",
+     "@: joint 'left.slide': the body 'trunk' is outside the submodel; name a connector of the submodel, and connect it in each instance"),
     ("outputs: [lift.Fy, end.z]", "outputs: [§lift.Mz]",
      "@: instance 'left': output 'lift.Mz': 'lift' has no quantity 'Mz'; quantities: Fx, Fy, Fz"),
 ]  # fmt: skip
@@ -287,6 +289,16 @@ def test_instances_give_points() -> None:
         assert vector(*(evaluate(x, values) for x in arm.centre_of_mass)) == place
     (opened,) = (parameter.symbol for parameter in model.parameters if parameter.name == "nest.x")
     assert right.centre_of_mass[0].has(opened)
+
+
+def test_a_submodel_does_not_see_the_points_of_the_model() -> None:
+    text = WING.replace("parameters:\n  span", "points: {roof: [0, 0, 1]}\nparameters:\n  span")
+    text = text.replace("at: root, axis: [1, 2, 0]", "at: roof, axis: [1, 2, 0]")
+    line, row = next((i, row) for i, row in enumerate(text.splitlines(), 1) if "shoulder" in row)
+    assert problems(text) == [
+        f"m.yaml:{line}:{row.index('roof') + 1}: joint 'left.shoulder': 'roof' is a point of the model, and a submodel does not see it; "
+        "define it under points of the submodel; points of an instance move it"
+    ]
 
 
 def test_problems_of_points_that_instances_give() -> None:

@@ -18,7 +18,7 @@ STEP = 1e-4
 
 
 def reported(dense: DenseMechanism, at: Instant, vdot: Array, multipliers: Array) -> dict[tuple[str, str], float]:
-    """All quantities of bodies, markers, tree joints, reactions, and forces that act but tyres."""
+    """All quantities of bodies, markers, tree joints, reactions, and forces but tyres; one that is off has a length and no force."""
     motion = dense.motion(at)
     values: dict[tuple[str, str], float] = {}
     for body in dense.model.bodies:
@@ -31,8 +31,9 @@ def reported(dense: DenseMechanism, at: Instant, vdot: Array, multipliers: Array
     for reaction in dense.model.reactions:
         values |= _reaction(dense, at, motion, reaction, vdot, multipliers)
     for force in dense.model.forces:
-        if isinstance(force, PointSpring | AxialForce | JointForce) and force.active:
-            values |= {(force.name, q): x for q, x in _law(dense, at, force)}
+        if isinstance(force, PointSpring | AxialForce | JointForce):
+            zeros = () if force.active else ("force", "stiffness", "damping")
+            values |= {(force.name, q): 0.0 if q in zeros else x for q, x in _law(dense, at, force)}
         elif isinstance(force, Bushing):
             values |= {(force.name, q): x for q, x in _bushing(dense, at, force)}
         elif isinstance(force, BodyLoad):

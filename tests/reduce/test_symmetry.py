@@ -205,6 +205,9 @@ def test_a_model_without_pairs_is_left_without_a_word() -> None:
 # What is not symmetric
 
 REFUSALS = [
+    ("idle: {kind: load, body: frame, at: [0, 0, 0], force: [0, 100, 0], active: false}",
+     "idle: {kind: point_spring, bodies: [ground, frame], from: [0, 1, 3], to: [0, 0, 0.4], law: length, active: false}",
+     "idle is not symmetric about the plane y"),
     ("{steer: 0*t}", "{steer: t}", "rudder_slide has a guide of its displacement that moves it out of the plane y = 0, and is not zero"),
     ("frame_free.vy: 0", "frame_free.vy: 0.1", "frame_free starts with a vy that leaves the plane y = 0"),
     ("left.shoulder.angle: 0,", "", "right.shoulder does not start with the angle that the plane y = 0 shows of 'left.shoulder'"),

@@ -210,3 +210,34 @@ def test_a_run_that_stands_still_is_told_what_was_tried() -> None:
     (scene,) = model.scenes.values()
     with pytest.raises(FailedRunError, match=r"tried without success: .* events crossed; try: method recursive"):
         simulate(compile_interpreted(model, scene, method="recursive-newton"))
+
+
+#: A leg that its guide turns away from a brace of two bars, until these are in line.
+BRACE = """
+cutjoint: 1
+name: brace
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0, 0, -0.8], K: [0.5, 0, -0.5]}
+bodies:
+  leg: {mass: 5, centre_of_mass: B, inertia: [1, 1, 1]}
+  upper: {mass: 1, centre_of_mass: K, inertia: [0.1, 0.1, 0.1]}
+  lower: {mass: 1, centre_of_mass: K, inertia: [0.1, 0.1, 0.1]}
+joints:
+  trunnion: {kind: revolute, bodies: [ground, leg], at: A, axis: y, guide: 0.5*t}
+  top: {kind: revolute, bodies: [ground, upper], at: [0.8, 0, 0], axis: y}
+  knee: {kind: revolute, bodies: [upper, lower], at: K, axis: y}
+  foot: {kind: revolute, bodies: [lower, leg], at: B, axis: y}
+outputs: [trunnion.angle, knee.angle]
+scenes: {retract: {end: 2, output_step: 0.1}}
+"""
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+def test_a_guide_that_leads_a_loop_past_its_reach_is_named(method: str) -> None:
+    """The run ends where foot and top are as far apart as the bars together: law of cosines with the sides 0.8, 0.8."""
+    model = read_model_text(BRACE, "brace.yaml")
+    with pytest.raises(FailedRunError, match="the guide of 'trunnion' may lead further than the links reach") as error:
+        simulate(compile_interpreted(model, model.scenes["retract"], method=method))
+    longest = 2 * np.hypot(0.3, 0.5)
+    angle = np.arccos(1 - longest**2 / (2 * 0.8**2)) - np.pi / 2
+    assert error.value.trajectory.failure.time == pytest.approx(2 * angle, abs=2e-3)

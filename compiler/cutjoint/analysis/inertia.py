@@ -7,7 +7,7 @@ cut joint's equation.  A massless link between two spherical joints is the usual
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,11 +42,15 @@ def require_inertia(equations: RecursiveEquations) -> None:
     """Refuse a mechanism that the condensation cannot solve.
 
     Raises:
-        NoInertiaError: some motion moves no mass in any pose; one line for each.
+        NoInertiaError: some motion moves no mass in any pose; one line for all of the same joints.
     """
-    found = find_idle_motions(equations)
+    found: dict[tuple[str, ...], IdleMotion] = {}
+    for motion in find_idle_motions(equations):
+        names = tuple(t.child for t in motion.joints)
+        before = found[names].speeds if names in found else ()
+        found[names] = replace(motion, speeds=before + motion.speeds)
     if found:
-        raise NoInertiaError("\n".join(_describe(motion) for motion in found))
+        raise NoInertiaError("\n".join(map(_describe, found.values())))
 
 
 def _describe(motion: IdleMotion) -> str:

@@ -289,6 +289,11 @@ class Force:
         """The quantities that follow from the motion alone, whatever the law."""
         return frozenset(name for name in self.quantities if not self.is_halved(name))
 
+    @property
+    def measured_when_off(self) -> frozenset[str]:
+        """The quantities that a force has where it is switched off: those measured, but for a wheel's beside its road."""
+        return frozenset() if self.has_road else self.measured
+
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the force; ``signs`` has for the coordinates of joints 1 or -1, by their direction of counting in the image."""
         images: dict[str, Any] = {}
@@ -311,11 +316,16 @@ class Force:
 
     def halved(self) -> Self:
         """The force with half its law."""
-        return replace(self, **{name: _half(getattr(self, name)) for name in self.element.laws})
+        return self._with_laws(lambda law: law / 2)
 
+    def without_laws(self) -> Self:
+        """The force with laws of zero."""
+        return self._with_laws(lambda law: law * 0)
 
-def _half(law: Any) -> Any:
-    return tuple(part / 2 for part in law) if isinstance(law, tuple) else law / 2
+    def _with_laws(self, change: Callable[[Scalar], Scalar]) -> Self:
+        laws = {name: getattr(self, name) for name in self.element.laws}
+        changed: dict[str, Any] = {name: tuple(map(change, x)) if isinstance(x, tuple) else change(x) for name, x in laws.items()}
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.translate import Translator
@@ -33,13 +33,22 @@ def reading(b: Builder, translator: Translator, model: Model, quantity: Callable
     return known
 
 
-def measured_forces(model: Model, scene: Scene) -> Iterator[tuple[Force, frozenset[str]]]:
-    """The forces that act, with those of their quantities that something reads and that follow from the motion alone."""
+def measured_forces(model: Model, scene: Scene, outputs: tuple[Output, ...]) -> Iterator[tuple[Force, frozenset[str]]]:
+    """The forces with those of their quantities that follow from the motion alone and that something reads; of forces that are switched
+    off those that ``outputs`` have too."""
     read = readings_of(model)
     for force in model.forces:
-        names = frozenset(o.quantity for o in read if o.element == force.name) & force.measured
-        if names and is_active(force, scene):
+        asked, known = (read, force.measured) if is_active(force, scene) else ((*read, *outputs), force.measured_when_off)
+        names = frozenset(o.quantity for o in asked if o.element == force.name) & known
+        if names:
             yield force, names
+
+
+def needs_place(force: Force, model: Model, scene: Scene, outputs: Iterable[Output]) -> bool:
+    """Return whether a force acts, or something asks where its parts are although it is switched off."""
+    return is_active(force, scene) or any(
+        o.element == force.name and o.quantity in force.measured_when_off for o in (*readings_of(model), *outputs)
+    )
 
 
 def reported_symbol(model: Model, name: str) -> Scalar | None:

@@ -103,7 +103,7 @@ def _directory(shaped: Shaped) -> Directory:
             continue
         bodies |= {f"{use.name}.{body}" for body in use.submodel.bodies}
         joints |= {f"{use.name}.{joint}": part for joint, part in use.submodel.joints.items()}
-    return Directory(frozenset(bodies), joints, frozenset(broken), frozenset((*model.states, *model.signals)))
+    return Directory(frozenset(bodies), joints, frozenset(broken), frozenset((*model.states, *model.signals)), frozenset(model.points))
 
 
 @dataclass(frozen=True)

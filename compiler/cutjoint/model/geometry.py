@@ -78,12 +78,15 @@ def _between(element: Element, ends: values.FromTo, keys: Path) -> Vector:
 
 
 def _named_point(element: Element, name: str, keys: Path) -> Vector:
-    points = element.scope.points
-    if name not in points:
-        if not element.scope.directory.misses(element.scope.prefix + name):
-            element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
-        return (FAILED, FAILED, FAILED)
-    return points[name]
+    scope, points = element.scope, element.scope.points
+    if name in points:
+        return points[name]
+    if scope.prefix and name in scope.directory.points:
+        remedy = "define it under points of the submodel; points of an instance move it"
+        element.fail(f"'{name}' is a point of the model, and a submodel does not see it", remedy, keys)
+    elif not scope.directory.misses(scope.prefix + name):
+        element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
+    return (FAILED, FAILED, FAILED)
 
 
 def read_direction(element: Element, direction: Any, keys: Path) -> Vector:

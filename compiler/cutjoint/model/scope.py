@@ -36,13 +36,14 @@ class Directory:
     """All bodies and joints of the model by full name, known before any of them is read.
 
     ``broken`` names elements and instances that could not be read; what is asked of them is not reported
-    again.  ``signals`` are the states and signals of the model itself, which submodels do not see.
+    again.  ``signals`` are the states and signals of the model itself, and ``points`` its points, which submodels do not see.
     """
 
     bodies: frozenset[str]
     joints: Mapping[str, joint_parts.Joint]
     broken: frozenset[str]
     signals: frozenset[str] = frozenset()
+    points: frozenset[str] = frozenset()
 
     def misses(self, name: str) -> bool:
         """Return whether ``name`` is, or belongs to, an element that could not be read."""
@@ -255,7 +256,10 @@ class Element:
         directory = self.scope.directory
         if full in directory.bodies or full == GROUND or self.scope.connectors.get(name) == UNKNOWN:
             return full
-        if not directory.misses(full):
+        if self.scope.prefix and name in directory.bodies:
+            remedy = "name a connector of the submodel, and connect it in each instance"
+            self.fail(f"the body '{name}' is outside the submodel", remedy, keys)
+        elif not directory.misses(full):
             self.fail(f"unknown body '{name}'", nearest(name, self._known_bodies(), "bodies here"), keys)
         return UNKNOWN
 

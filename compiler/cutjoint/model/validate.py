@@ -76,9 +76,9 @@ def unused_parameters(source: Source, model: document.Document) -> Iterator[str]
 
 
 def silent_outputs(source: Source, scenes: Mapping[str, Scene], forces: Sequence[Force]) -> Iterator[str]:
-    """A sentence for each scene with outputs that a force would measure if the scene had not switched it off."""
+    """A sentence for each scene with outputs that a wheel would measure if the scene had not switched it off."""
     for scene in scenes.values():
-        off = {force.name: force.measured for force in forces if not scene.switches.get(force.name, force.active)}
+        off = {f.name: f.measured - f.measured_when_off for f in forces if not scene.switches.get(f.name, f.active)}
         zeros = [output.column for output in scene.outputs if output.quantity in off.get(output.element, ())]
         if zeros:
             span = source.key_span(("scenes", scene.name))

@@ -110,7 +110,7 @@ def loop_table(topology: Topology) -> Table:
     """One row a loop."""
     table = Table(title="loops", title_justify="left", box=None)
     for heading in ("cut joint", "kind", "line", "base body", "bodies of the loop", "width"):
-        table.add_column(heading)
+        table.add_column(heading, overflow="fold")
     kinds = {c.name: c for c in topology.cuts}
     for loop in topology.loops:
         cut = kinds[loop.cut]
@@ -184,6 +184,7 @@ def rows_elsewhere(run: SimulatorRun) -> str:
 _LEGEND = (
     ("rank", "how many of the equations say something that the others do not; degrees of freedom are the coordinates less the rank", True),
     ("condition", "how far equations are from saying the same, 1 at best; above 1e5 numbers of the file may be rounded", True),
+    ("base body", "the last body on the ways from the ground to both bodies of the cut joint", True),
     ("width", "the largest number of bodies to which a body of the loop is coupled; operations grow with it", True),
     ("(chosen)", "the compiler cuts the loop here, since neither the model nor a force says where", True),
     ("redundant", "equations that follow from others; they do no harm, but reactions that they share are indeterminate", True),

@@ -19,6 +19,7 @@ from cutjoint.model.records import Scene
 from cutjoint.reduce.choose import Candidate, Choice
 from cutjoint.reduce.measure import Cost
 from cutjoint.reduce.sequence import ReducedModel
+from cutjoint.report.tables import facts
 from cutjoint.run.result_files import write_table
 from cutjoint.run.results import MechanismState
 from cutjoint.run.settings import accuracy_of
@@ -146,8 +147,18 @@ def _histogram(times: StepTimes) -> Table:
 _LISTED, _MOST = 0.05, 4
 
 
+#: The words of `modes` and their meaning.
+_MODE_WORDS = (
+    ("eigenvalue", "its real part is the rate at which the motion grows, decays where negative; its imaginary part the circular frequency"),
+    ("moves", "coordinates and the amplitudes of each, m and rad beside the first one's 1: signs and angles are phases; in brackets the "
+     "share of the kinetic energy, which is negative where a coordinate works against what carries it; wx is a turn about x"),
+    ("without dampers", "the same with all damping left out; a real eigenvalue there is an unstable equilibrium"),
+    ("indifferent", "directions that nothing brings back, each by its leading coordinate"),
+)  # fmt: skip
+
+
 def mode_tables(modes: Modes) -> Iterator[Table | str]:
-    """The eigenvalues, the frequencies without dampers, and the directions that nothing brings back."""
+    """The eigenvalues, the frequencies without dampers, the directions that nothing brings back, and what the words mean."""
     about = "the static equilibrium" if modes.at_rest else f"the motion at {modes.time:.6g} s, coefficients frozen"
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
@@ -157,6 +168,8 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
         yield f"indifferent, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.indifferent)}"
+    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "indifferent": modes.zeros}
+    yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
 
 
 def _table(title: str, modes: tuple[Mode, ...], *, damped: bool = True) -> Table:
@@ -233,7 +246,7 @@ def _plain_shape(shape: Mapping[str, Participant]) -> dict[str, Any]:
 def _reduced_table(title: str, headings: Sequence[str], left: int) -> Table:
     table = Table(title=title, title_justify="left", box=None)
     for i, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if i < left else "right")
+        table.add_column(heading, justify="left" if i < left else "right", overflow="fold")
     return table
 
 

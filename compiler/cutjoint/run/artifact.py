@@ -25,7 +25,7 @@ from cutjoint.methods import (
     join_or,
     names_of,
 )
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Joint, Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
@@ -142,9 +142,19 @@ class Artifact:
 def start_of(equations: RecursiveEquations) -> Start:
     """The origin of the speeds at the start of a scene."""
     model = equations.topology.model
-    moving = {TIME, *(parameter.symbol for parameter in input_parameters(model))}
-    guided = any(not moving.isdisjoint(law.free_symbols) for joint in model.joints for law in joint.guide or ())
+    guided = any(_has_moving_guide(model, joint) for joint in model.joints)
     return Start(at_rest=not (equations.scene.rates or guided), closes_loops=bool(equations.equation_names))
+
+
+def _has_moving_guide(model: Model, joint: Joint) -> bool:
+    moving = {TIME, *(parameter.symbol for parameter in input_parameters(model))}
+    return any(not moving.isdisjoint(law.free_symbols) for law in joint.guide or ())
+
+
+def _leading_joints(topology: Topology) -> tuple[str, ...]:
+    """The joints of loops whose guides move."""
+    joints = (topology.joint_of[body].joint for loop in topology.loops for body in loop.bodies)
+    return tuple(dict.fromkeys(joint.name for joint in joints if _has_moving_guide(topology.model, joint)))
 
 
 def make_simulator_run(
@@ -168,6 +178,7 @@ def make_simulator_run(
     return SimulatorRun(
         simulator=artifact.binary.path, run_file=run_file, units={c.name: c.unit for c in artifact.equations.columns},
         description=artifact.description, goal=goal, method=artifact.method, closes_loops=bool(artifact.mechanism.equation_names),
+        leading=_leading_joints(artifact.topology),
         indeterminate=artifact.indeterminate,
         others=tuple(_other_settings(artifact, options, run_file.settings.integrator)),
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,

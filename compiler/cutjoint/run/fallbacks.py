@@ -7,13 +7,19 @@ from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
 
-from cutjoint.methods import CLOSURES, INTEGRATORS, METHODS, join_and
+from cutjoint.methods import CLOSURES, INTEGRATORS, METHODS, join_and, join_or
 from cutjoint.model.ranges import StepsError, count_steps
 from cutjoint.run.record import RunFile
 from cutjoint.run.results import UNTRIED, FailureReport, Trajectory
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.run.simulator_run import SimulatorRun, start
 
+#: The messages of runs whose loops may have no pose further on, and the reason that no settings cure.
+_OPEN = (
+    "the loops cannot be closed", "no speeds keep the loops closed",
+    "the run stands still: its steps have become too short for it to reach its end",
+)  # fmt: skip
+_BEYOND = "the guide of {} may lead further than the links reach: look at the last pose, such as by --view"
 #: Seconds that trials take together, if the run itself took no longer.
 _SECONDS = 2.0
 #: The number of equal steps beyond a failure, and the share of the time up to it, that a trial has to go.
@@ -91,7 +97,9 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
         untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")
+    reach = failure.message in _OPEN and plan.leading and not trials.helped
     words = (
+        _BEYOND.format(join_or([f"'{name}'" for name in plan.leading])) if reach else "",
         known,
         f"tried up to {trials.past:.6g} s: {_listed(trials.helped)} {_verb(trials.helped)} on" if trials.helped else "",
         f"tried without success: {_listed(trials.failed)}" if trials.failed else "",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -32,9 +32,10 @@ from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.layout import Chart
+from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.closures import derive_closure
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
-from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Output, Reaction, Scalar, Scene
+from cutjoint.model.records import COORDINATES, SPEEDS, Body, Force, Gear, Joint, Marker, Model, Output, Reaction, Scalar, Scene
 from cutjoint.topology.records import Topology, TreeJoint
 from cutjoint_bench.twin.cut_coordinates import describe_cut_coordinate
 from cutjoint_bench.twin.trees import Json, Trees, quantity_names
@@ -52,9 +53,22 @@ def describe_generic(topology: Topology, scene: Scene, outputs: tuple[Output, ..
         "bodies": [_body(trees, bodies[t.child], t, charts.get(t.joint.name)) for t in topology.tree],
         "cuts": [_cut(trees, joint) for joint in topology.cuts],
         "gears": [_gear(trees, gear, topology) for gear in model.gears],
-        "forces": [_force(trees, f, topology, tyres) for f in model.forces if is_active(f, scene)],
+        "forces": [_force(trees, f, topology, tyres) for f in placed_forces(model, scene, outputs)],
         "outputs": [_output(trees, output, topology, scene) for output in outputs],
     }
+
+
+def placed_forces(model: Model, scene: Scene, outputs: tuple[Output, ...]) -> Iterator[Force]:
+    """The forces that act, and without their laws those that are switched off and of which outputs ask where their parts are."""
+    for force in model.forces:
+        if needs_place(force, model, scene, outputs):
+            yield force if is_active(force, scene) else force.without_laws()
+
+
+def force_source(output: Output, force: Force, scene: Scene) -> Json:
+    """The source of a force's column; zero of what a force that is switched off does not measure."""
+    known = is_active(force, scene) or output.quantity in force.measured_when_off
+    return {"kind": "force", "quantity": output.column} if known else {"kind": "zero"}
 
 
 def heading(trees: Trees) -> Json:
@@ -226,7 +240,7 @@ def _source(trees: Trees, output: Output, element: Any, topology: Topology, scen
             return _joint_value(trees, output, element, topology)
         case Gear():
             return {"kind": "gear", "gear": element.name}
-    return {"kind": "force", "quantity": output.column} if is_active(element, scene) else {"kind": "zero"}
+    return force_source(output, element, scene)
 
 
 def _motion(trees: Trees, body: str, point: Iterable[Scalar], quantity: str) -> Json:

@@ -25,7 +25,7 @@ def describe_generic_natural(equations: LagrangianEquations) -> Json:
     """The system: nodes, masses, equations, forces and reported columns."""
     topology, scene = equations.topology, equations.scene
     trees, table = Trees.of(topology.model, scene), FormTable(layout=equations.layout)
-    rows, forces = rows_of(equations, table, trees), list(force_elements(table, trees))
+    rows, forces = rows_of(equations, table, trees), list(force_elements(table, trees, equations.outputs))
     described_rows = [{"name": f"{r.element}.{r.name}", **r.details, "forms": table.numbers(r.forms)} for r in rows]
     described_forces = [
         {"name": f.name, "kind": f.kind, "quantities": f.quantities, **f.details, "forms": table.numbers(f.forms)} for f in forces

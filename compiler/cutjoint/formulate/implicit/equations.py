@@ -83,7 +83,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     system = SharedForces(builder=b)
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
-    forces = add_forces(system, k, model, scene)
+    forces = add_forces(system, k, model, scene, outputs)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     still = b.zero(1)
     numbers = Numbers(penalties={}, damping_ratio=still, frequency=still)

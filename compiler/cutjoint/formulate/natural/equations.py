@@ -85,7 +85,7 @@ def formulate_lagrangian(
     layout = lay_out(topology, scene, (*outputs, *readings_of(model)))
     states = frozenset(b.symbol(f"v:{state.name}", 1, BindingTime.ITERATION) for state in model.states)
     motions = NodeMotions(builder=b, translator=translator, layout=layout, states=states)
-    maker = ForceMaker(motions, model, scene)
+    maker = ForceMaker(motions, model, scene, outputs)
     constraints = tuple(ConstraintMaker(motions, model).all())
     system = _System(
         b=b, motions=motions, layout=layout, constraints=tuple(_without(b, constraints, left_out)),
@@ -96,7 +96,7 @@ def formulate_lagrangian(
     margins |= {equation.name: margin for equation, margin in unheld.items()}
     reported = system.elements | {e.name: e for e in guarded}
     reporter = NaturalReporter(
-        model=model, motions=motions, forces={name: e.quantities for name, e in reported.items()}, elements=reported,
+        model=model, motions=motions, forces=maker.quantities | {e.name: e.quantities for e in guarded}, elements=reported,
         constraints=system.constraints,
     )  # fmt: skip
     tangent = system.classical() if METHODS[method].saddle_point else system.augmented()

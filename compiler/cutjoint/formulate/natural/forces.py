@@ -23,7 +23,7 @@ from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order, seeing_forces
 from cutjoint.model.friction import refuse_method
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Scene, Vector
+from cutjoint.model.records import GROUND, Body, Force, Joint, LawForce, Model, Output, Scene, Vector
 from cutjoint.program.blocks import BindingTime, Block
 from cutjoint.program.differentiate import Differentiator
 
@@ -79,27 +79,28 @@ class Element:
 
 
 class ForceMaker:
-    """Derives the force elements of a scene."""
+    """Derives the force elements of a scene; ``quantities`` are those of forces by their names, as far as they are derived."""
 
-    def __init__(self, motions: NodeMotions, model: Model, scene: Scene) -> None:
+    def __init__(self, motions: NodeMotions, model: Model, scene: Scene, outputs: tuple[Output, ...]) -> None:
         self._b = motions.builder
         self._m = motions
         self._model = model
         self._scene = scene
-        self._quantities: dict[str, Mapping[str, Block]] = {}
+        self._outputs = outputs
+        self.quantities: dict[str, Mapping[str, Block]] = {}
 
     def all(self) -> list[Element]:
         """The force elements that the scene has switched on, each behind those whose quantities its law reads."""
         elements, seeing = list[Element](), seeing_forces(self._model)
-        let_laws_read(self._m, self._model, self._quantities)
-        for force, names in measured_forces(self._model, self._scene):
+        let_laws_read(self._m, self._model, self.quantities)
+        for force, names in measured_forces(self._model, self._scene, self._outputs):
             values = force.interaction.values(force, self._mechanics(force, Element(name=force.name)))
-            self._quantities[force.name] = {name: block for name, block in values.items() if name in names}
+            self.quantities[force.name] = {name: block for name, block in values.items() if name in names}
         for force in forces_in_order(self._model):
             if is_active(force, self._scene):
                 how, element = force.interaction, Element(name=force.name, sees=force.name in seeing)
                 with self._b.section("force", force.name, how.equation_of_points or how.equation, force.span.place):
-                    element.quantities = self._quantities[force.name] = how.act(force, self._mechanics(force, element))
+                    element.quantities = self.quantities[force.name] = how.act(force, self._mechanics(force, element))
                     elements.append(self._labelled(element))
         return elements
 

@@ -18,9 +18,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.needs import Collector, Need, Needs, asked_angles
 from cutjoint.formulate.natural.nodes import Form, Node, NodeKind, NodeName, Use, is_nought
+from cutjoint.formulate.quantities import needs_place
 from cutjoint.kernels.joints import direction_of
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.records import GROUND, Joint, Model, Output, Reaction, Scalar, Scene, Vector
@@ -229,7 +229,7 @@ class _Builder:
         for joint in joints:
             collector.joint(joint, idle=joint.element.holds_one_turn)
         for force in self._model.force_elements:
-            if is_active(force, scene):
+            if needs_place(force, self._model, scene, outputs):
                 collector.force(force)
         for gear in self._model.gears:
             for end in gear.coordinates:

@@ -103,7 +103,7 @@ class NaturalReporter(NaturalQuantities):
     constraints: tuple[Constraint, ...]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off or that a guard stands for.
+        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for.
 
         Raises:
             ModelError: a reaction that points and vectors alone do not determine.

@@ -25,7 +25,7 @@ class NaturalQuantities:
     forces: Mapping[str, Mapping[str, Block]]
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
+        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
         name = output.element
         for body in self.model.bodies:
             if body.name == name:

@@ -79,7 +79,7 @@ def formulate_recursive(
     system = BodySystem(builder=b)
     k.rotors = find_rotors(k, model)
     add_bodies(system, k, model)
-    forces = add_forces(system, k, model, scene)
+    forces = add_forces(system, k, model, scene, outputs)
     margins = add_guards(system, forces, k, model, scene) | range_margins(k)
     closing = ClosingElements(loops=derive_loops(k, topology.cuts, numbers), gears=derive_gears(k, model.gears, numbers))
     loops = closing.all()

@@ -22,7 +22,7 @@ from cutjoint.formulate.recursive.quantities import ContactFrame, Forces, let_la
 from cutjoint.formulate.recursive.recursion import BodySystem, add_to
 from cutjoint.kernels.joints import slide_axis
 from cutjoint.model.dependencies import forces_in_order
-from cutjoint.model.records import COORDINATES, GROUND, Body, Force, Joint, LawForce, Model, Scalar, Scene, Vector, Wheel
+from cutjoint.model.records import COORDINATES, GROUND, Body, Force, Joint, LawForce, Model, Output, Scalar, Scene, Vector, Wheel
 from cutjoint.program.blocks import Block
 
 #: The moments and products of inertia of a body.
@@ -156,11 +156,12 @@ def _on_axis(point: Vector, joint: Joint) -> bool:
     return all(arm[i] * axis[j] == arm[j] * axis[i] for i, j in ((0, 1), (1, 2), (2, 0)))
 
 
-def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene) -> Forces:
-    """The force elements that the scene has switched on; from now on laws know the quantities that they may read."""
+def add_forces(system: BodySystem, k: Kinematics, model: Model, scene: Scene, outputs: tuple[Output, ...]) -> Forces:
+    """The force elements that the scene has switched on; from now on laws know the quantities that they may read, and ``outputs`` where
+    the parts of forces are that are switched off."""
     forces = Forces()
     let_laws_read(k, model, forces)
-    for force, names in measured_forces(model, scene):
+    for force, names in measured_forces(model, scene, outputs):
         mechanics = WrenchMechanics(b=k.builder, translator=k.translator, system=system, k=k, force=force, road=scene.road.parts)
         values = force.interaction.values(force, mechanics)
         forces.quantities[force.name] = {name: block for name, block in values.items() if name in names}

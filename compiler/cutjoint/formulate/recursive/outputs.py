@@ -102,7 +102,7 @@ class Reporter(Quantities):
     reactions: Reactions
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
+        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
         for reaction in self.model.reactions:
             if reaction.name == output.element:
                 return self._rods(reaction) if isinstance(reaction, RodForce) else self.reactions.component(reaction, output.quantity)

@@ -38,7 +38,7 @@ class Quantities:
     forces: Forces
 
     def quantity(self, output: Output) -> Block:
-        """The block of one output; zero for a force that the scene has switched off or that a guard stands for."""
+        """The block of one output; zero for the law of a force that the scene has switched off or that a guard stands for."""
         element = output.element
         for body in self.model.bodies:
             if body.name == element:

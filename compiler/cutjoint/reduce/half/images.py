@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 import sympy
 
 from cutjoint.elements.joint import Direction, JointElement
+from cutjoint.formulate.quantities import needs_place
 from cutjoint.model.elements import Elements
 from cutjoint.model.mirror import coordinate_signs, mirror_elements, reflected_law
 from cutjoint.model.records import GROUND, Binding, Body, Force, Joint, Model, Scene, Vector
@@ -151,7 +152,7 @@ def settle(model: Model, scene: Scene) -> Elements:
         p.symbol: scene.inputs.get(p.name, sympy.Integer(0) if p.value == 0 else sympy.Float(p.value))
         for p in model.parameters if p.binding is Binding.INPUT
     }  # fmt: skip
-    forces = (replace(f, active=scene.switches.get(f.name, f.active)) for f in model.forces)
+    forces = (replace(f, active=needs_place(f, model, scene, scene.outputs)) for f in model.forces)
     return Elements(
         tuple(put_in(b, inputs) for b in model.bodies), tuple(put_in(j, inputs) for j in model.joints),
         tuple(put_in(f, inputs) for f in forces), (), (),

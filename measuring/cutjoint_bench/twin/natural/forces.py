@@ -18,10 +18,11 @@ import sympy
 
 from cutjoint.elements.interaction import Interaction, Point
 from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
-from cutjoint.formulate.forces import is_active, variable
+from cutjoint.formulate.forces import variable
 from cutjoint.formulate.natural.nodes import Uses
 from cutjoint.model.geometry import GLOBAL_AXES
-from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Tyre, Vector
+from cutjoint.model.records import GROUND, BodyLoad, Force, JointForce, LawForce, Output, Tyre, Vector
+from cutjoint_bench.twin.mechanism import placed_forces
 from cutjoint_bench.twin.natural.forms import FormTable
 from cutjoint_bench.twin.trees import Json, Trees, quantity_names
 
@@ -39,18 +40,17 @@ class ForceElement:
     forms: tuple[Uses, ...] = ()
 
 
-def force_elements(table: FormTable, trees: Trees) -> Iterator[ForceElement]:
-    """The forces that the scene has switched on."""
+def force_elements(table: FormTable, trees: Trees, outputs: tuple[Output, ...]) -> Iterator[ForceElement]:
+    """The forces that the scene has switched on, and those of which outputs ask where their parts are."""
     maker = _Forces(table, trees)
     rules: Mapping[type[Interaction], Callable[..., tuple[str, Json, tuple[Uses, ...]]]] = {
         LineForce: maker.stretch, AxisForce: maker.travel, OnCoordinate: maker.on_coordinate, Compliance: maker.compliance,
         Wrench: maker.load, RoadContact: maker.contact,
     }  # fmt: skip
-    for force in trees.model.forces:
-        if is_active(force, trees.scene):
-            how = force.interaction
-            kind, details, forms = rules[type(how)](force, how)
-            yield ForceElement(name=force.name, kind=kind, quantities=quantity_names(force), details=details, forms=forms)
+    for force in placed_forces(trees.model, trees.scene, outputs):
+        how = force.interaction
+        kind, details, forms = rules[type(how)](force, how)
+        yield ForceElement(name=force.name, kind=kind, quantities=quantity_names(force), details=details, forms=forms)
 
 
 class _Forces:

@@ -8,13 +8,13 @@ from typing import Any
 
 import sympy
 
-from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.natural.free_bodies import FreeBody, find_free_body, require_force, share, slide_forces
 from cutjoint.formulate.natural.nodes import Node, Use, Uses
 from cutjoint.formulate.recursive.kinematics import ATTITUDE
 from cutjoint.model.geometry import GLOBAL_AXES
 from cutjoint.model.quantities import reaction_component, reported_element, unit_of
 from cutjoint.model.records import Body, Gear, Joint, Marker, Output, Reaction, Scalar, Vector
+from cutjoint_bench.twin.mechanism import force_source
 from cutjoint_bench.twin.natural.forces import ForceElement
 from cutjoint_bench.twin.natural.forms import FormTable, is_ground
 from cutjoint_bench.twin.natural.masses import masses_of
@@ -48,7 +48,7 @@ class Reports:
                 return self._joint(element, output.quantity)
             case Gear():
                 return {"kind": "gear", "equation": next(i for i, row in enumerate(self.rows) if row.element == element.name)}
-        return {"kind": "force", "quantity": output.column} if is_active(element, self.trees.scene) else {"kind": "zero"}
+        return force_source(output, element, self.trees.scene)
 
     def _axes(self, body: str) -> list[int] | None:
         """The numbers of a body's directions; none of a body that stands still."""
