@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from cutjoint.compile.options import CompileOptions
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
+from cutjoint.model.records import BallSpring
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
@@ -80,7 +81,7 @@ def test_a_damper_alone_and_a_spring_at_rest_elsewhere(bodies: tuple[str, str], 
     assert run["top.wz"] == pytest.approx(2 * np.exp(-damping / INERTIA * run.t), abs=1e-8 if method == "recursive" else 2e-7)
 
 
-CHAIN = {
+CHAIN: dict[str, Any] = {
     "cutjoint": 1, "name": "chain", "gravity": [0, 0, -9.81],
     "bodies": {
         "upper": {"mass": 2, "centre_of_mass": [0.1, 0, -0.4], "inertia": [0.1, 0.15, 0.12, 0.01, 0, 0.02]},
@@ -167,6 +168,7 @@ def test_no_turn_of_an_open_parameter() -> None:
         "scenes": {"spin": {"end": 1}},
     }), "balls.yaml")  # fmt: skip
     (spring,) = model.forces
+    assert isinstance(spring, BallSpring)
     (lean,) = model.parameters
     for value in (0.0, 0.3):
         axes = np.array([[float(x.subs(lean.symbol, value)) if hasattr(x, "subs") else float(x) for x in axis] for axis in spring.axes]).T

@@ -57,8 +57,8 @@ class BallSpring(Force):
     """The spring and the damper of a joint that leaves all turns free, the field ``spring`` of a spherical joint.
 
     The torque on ``follower`` is -``stiffness`` (N m) times the rotation vector by which it is turned out of rest, less ``damping`` (N m s)
-    times its angular velocity beside ``base``.  The base has the reaction.  At rest the follower's design axes stand as ``axes`` of the base.
-    ``of`` is the joint's name.
+    times its angular velocity beside ``base``.  The base has the reaction.  At rest the follower's design axes stand as ``axes`` of the
+    base.  ``of`` is the joint's name.
     """
 
     element: ClassVar[ForceElement] = ForceElement(

@@ -84,7 +84,7 @@ def rotation_vector(b: Builder, D: list[list[Block]]) -> Block:
         columns.append([skew[i], *(own if i == j else b.add(D[i][j], D[j][i]) for j in range(3))])
     y_is_large, x_is_large = b.call("le", D[2][2], D[1][1]), b.call("and", *(b.call("le", D[i][i], D[0][0]) for i in (1, 2)))
     is_large = (b.call("le", b.zero(1), trace), x_is_large, y_is_large)  # e_0^2 is 1/4 or more; the largest of the others
-    first, *rest = (reduce(lambda p, chosen: _where(b, *chosen, p), zip(is_large[::-1], entry[2::-1], strict=True), entry[3])
+    first, *rest = (reduce(lambda p, chosen: _where(b, chosen[0], chosen[1], p), zip(is_large[::-1], entry[2::-1], strict=True), entry[3])
                     for entry in zip(*columns, strict=True))  # fmt: skip
     squares = b.total([b.mul(x, x) for x in rest])
     is_near = b.call("lt", squares, b.mul(b.number(_NEAR), b.mul(first, first)))
