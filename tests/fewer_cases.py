@@ -202,6 +202,7 @@ _KEPT: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "tests/formulate/test_implicit.py": {
         "test_tangent_of_loops": ("*-roots", "point_on_line-*"), "test_tangent_of_random_loops": ("[02]",),
         "test_tangent_of_random_trees": ("[02]",), "test_tangent_with_gears": ("0-*",), "test_tangent_with_contacts": ("0",),
+        "test_tangent_with_ball_springs": ("0",),
         "test_tangent_of_trees": ("*universal*", "*screw*"),
     },
     "tests/analysis/test_assembled.py": {"test_random_mechanisms_move_as_by_their_loops_equations": ("0-*", "1-*")},

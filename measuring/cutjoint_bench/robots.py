@@ -83,7 +83,7 @@ class PinocchioRobot:
         self._loops += list(self._beside(beside)) if beside.is_file() else []
 
     def _end(self, link: str, origin: ElementTree.Element | None) -> _End:
-        frame = self.model.frames[self.model.getFrameId(link)]
+        frame = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
         placed = frame.placement * pin.SE3(pin.rpy.rpyToMatrix(*_numbers(origin, "rpy")), _numbers(origin, "xyz"))
         return _End(frame.parentJoint, placed.translation.copy(), placed.rotation.copy())
 
@@ -187,7 +187,7 @@ class PinocchioRobot:
         pin.forwardKinematics(model, data, q, v, a)
         places, accelerations = {}, {}
         for link, centre in self._centres.items():
-            frame = model.frames[model.getFrameId(link)]
+            frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
             place, _, acceleration, *_ = self._motion(_End(frame.parentJoint, frame.placement.act(centre), np.eye(3)))
             places[link], accelerations[link] = place, acceleration
         slip, masses = float(np.abs(J @ v).max(initial=0.0)), np.linalg.eigvalsh(free)

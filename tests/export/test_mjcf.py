@@ -161,3 +161,24 @@ def test_what_is_left_out_is_named(tmp_path: Path) -> None:
     assert "an MJCF is one file whose name ends in .xml" in " ".join(
         CliRunner().invoke(main, ["export", str(path), "--to", "mjcf", "--out", str(tmp_path / "m.urdf")]).output.split()
     )
+
+
+def test_springs_of_balls_come_back_or_are_named(tmp_path: Path) -> None:
+    """A ball's spring that rests in the design position is the joint's; one that rests elsewhere, or closes a loop, is left out by name."""
+    text = """
+cutjoint: 1
+name: balls
+gravity: [0, 0, -9.81]
+bodies:
+  one: {mass: 1, centre_of_mass: [0.5, 0, 0], inertia: [0.1, 0.1, 0.1]}
+  two: {mass: 1, centre_of_mass: [1.5, 0, 0], inertia: [0.1, 0.1, 0.1]}
+joints:
+  hip: {kind: spherical, bodies: [one, ground], at: [0, 0, 0], spring: {stiffness: 3, damping: 0.1}}
+  knee: {kind: spherical, bodies: [one, two], at: [1, 0, 0], spring: {stiffness: 3, free_rotation: [0.1, 0, 0]}}
+  tip: {kind: spherical, bodies: [ground, two], at: [2, 0, 0], spring: {damping: 0.2}}
+scenes: {run: {end: 1}}
+"""
+    written, notes = write_mjcf(read_model_text(text, "balls.yaml"))
+    assert '<joint name="hip" type="ball" stiffness="3.0" damping="0.1"' in written
+    (left,) = (note for note in notes if "springs" in note)
+    assert left.endswith(": knee_spring, tip_spring")

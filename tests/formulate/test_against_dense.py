@@ -165,6 +165,13 @@ def test_contacts(seed: int) -> None:
     compare(random_models.with_contacts(model, seed), seed)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_ball_springs(seed: int) -> None:
+    """Springs and dampers of balls, in trees and loops, turned by any angle."""
+    model = random_models.random_loops(seed) if seed % 2 else random_models.random_tree(seed)
+    compare(random_models.with_ball_springs(model, seed), seed)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_cuts_chosen_by_the_compiler(seed: int) -> None:
     model = random_models.chosen_loops(seed)

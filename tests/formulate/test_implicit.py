@@ -184,6 +184,13 @@ def test_tangent_with_contacts(seed: int) -> None:
         verify_tangent(make_system(random_models.with_contacts(model, seed), random_models.scene()), seed)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_tangent_with_ball_springs(seed: int) -> None:
+    """Rotation vectors of any length up to half a turn."""
+    for model in (random_models.random_tree(seed), random_models.random_loops(seed)):
+        verify_tangent(make_system(random_models.with_ball_springs(model, seed), random_models.scene()), seed)
+
+
 @pytest.mark.parametrize(("name", "scene"), [("iltis", "simul1s"), ("slider_crank", None), ("flyball", None)])
 def test_tangent_of_models(name: str, scene: str | None) -> None:
     """The vehicle on hills, with tyres and bumpers."""

@@ -30,7 +30,8 @@ def document(kind: str, axis: str, is_guided: bool) -> str:
     elif names:
         joint["spring"] = {"stiffness": 9, "damping": 1, "free_position": 0.3, "coordinate": names[0]}
         joint["limits"] = {"lower": -0.01, "upper": 0.02, "stiffness": 50, "coordinate": names[-1]}
-    hand = {"kind": "spherical", "bodies": ["arm", "hand"], "at": [0.3, 0.5, 0.1]}
+    spring = {"stiffness": 5, "damping": 1, "free_rotation": [0.2, -0.3, 0.4]}
+    hand = {"kind": "spherical", "bodies": ["arm", "hand"], "at": [0.3, 0.5, 0.1], "spring": spring}
     forces = {
         "mount": {"kind": "bushing", "bodies": ["arm", "hand"], "at": [0.3, 0.5, 0.1], "x": [1, 2, 2], "z": [2, 1, -2],
                   "laws": ["3 - position", "1 - 2*position**2", "2 - rate", "1 - position", "-3*position**2", "2 + rate"]},

@@ -229,6 +229,11 @@ def test_contacts(seed: int) -> None:
     compare(random_models.with_contacts(random_models.random_tree(seed), seed), seed)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_ball_springs(seed: int) -> None:
+    compare(random_models.with_ball_springs(random_models.random_tree(seed), seed), seed)
+
+
 def determined(pair: Pair, at: Instant) -> set[str]:
     """The columns that multipliers which change no force on the coordinates do not change."""
     placed = pair.call("initial_coordinates", relative_q=at.q, relative_v=at.v, t=np.array([at.t]))
@@ -365,9 +370,11 @@ def test_tangents(name: str, chosen: str | None) -> None:
         assert np.abs(found - expected).max() < 2e-8 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("balls", [False, True])
 @pytest.mark.parametrize("seed", [1, 3])
-def test_tangents_of_random_models(seed: int) -> None:
-    pair = make_pair(without_rod_forces(random_models.random_loops(seed)), SCENE, (), "classical")
+def test_tangents_of_random_models(seed: int, balls: bool) -> None:
+    model = without_rod_forces(random_models.random_loops(seed))
+    pair = make_pair(random_models.with_ball_springs(model, seed) if balls else model, SCENE, (), "classical")
     rng = np.random.default_rng(seed)
     q, v, vdot = (rng.standard_normal(pair.n) for _ in range(3))
     M, C, K, J = differences(pair, q, v, vdot)

@@ -16,6 +16,7 @@ from tests.importing.test_sdf import FOUR_BAR
 _LEG = Path(__file__).parents[1] / "importing" / "leg.urdf"
 _TREE = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="j" axis="0 1 0" armature="0.1"/>
 <geom type="box" size="0.1 0.2 0.3"/><body name="b" pos="1 0 0"><joint name="k" type="slide"/><geom type="sphere" size="0.1"/></body></body>
+<body name="d" pos="0 0 -1"><joint type="ball" stiffness="2" damping="0.1"/><geom type="sphere" size="0.1" pos="0 0 0.2"/></body>
 <body name="c"><freejoint/><geom type="capsule" fromto="0 0 0 0 0 1" size="0.1"/></body></worldbody>
 <equality><connect body1="b" body2="c" anchor="0 0 0.1"/><joint joint1="j" joint2="k" polycoef="0 1 0.5 0 0"/></equality>
 <actuator><position joint="j" kp="10"/></actuator></mujoco>"""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.importing.document import import_file
+from cutjoint.importing.robot import of_quaternion
 from cutjoint.model.errors import ModelError
 from cutjoint.tasks.batch import simulate
 from cutjoint.topology.reading import read_model, read_model_text
@@ -28,7 +31,7 @@ TREE = """
         <joint name="turn" axis="1 0 0" pos="0 0.1 0"/>
         <geom type="capsule" fromto="0 0 0 0.1 0 0.3" size="0.04"/>
         <body name="tip" pos="0 0 0.3">
-          <joint name="ball" type="ball" damping="0" armature="0"/>
+          <joint name="ball" type="ball" stiffness="3" damping="0.2" armature="0"/>
           <geom type="ellipsoid" size="0.05 0.1 0.2" pos="0.02 0 0.2"/>
         </body>
       </body>
@@ -74,6 +77,63 @@ def test_a_tree_moves_as_in_mujoco(tmp_path: Path) -> None:
             mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, data.body(body).id, twist, 0)
             expected = twist[3:] + model.opt.gravity  # of the body's centre, without the gravity that MuJoCo adds
             assert np.abs(np.array([at[f"{body}.a{c}"] for c in "xyz"]) - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+BALLS = """
+<mujoco model="balls">
+  <default><geom density="800" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="one" pos="0 0 1">
+      <joint name="hip" type="ball" stiffness="30" damping="0.4"/>
+      <geom type="box" size="0.1 0.2 0.05" pos="0.05 0 0.1"/>
+      <body name="two" pos="0.3 0 0.1">
+        <joint name="wrist" type="ball" pos="0 0.1 0" stiffness="5"/>
+        <geom type="ellipsoid" size="0.05 0.1 0.2" pos="0.02 0 0.2"/>
+        <body name="three" pos="0 0.2 0">
+          <joint name="tip" type="ball" damping="0.05"/>
+          <geom type="capsule" fromto="0 0 0 0.1 0 0.3" size="0.04"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@needs_cpp
+def test_springs_of_balls_are_those_of_mujoco(tmp_path: Path) -> None:
+    """Accelerations and the potential at random attitudes, up to half a turn."""
+    path = tmp_path / "balls.xml"
+    path.write_text(BALLS)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model)
+    bodies, joints = ("one", "two", "three"), ("hip", "wrist", "tip")
+    columns = [f"{body}.a{c}" for body in bodies for c in "xyz"] + ["hip_spring.potential", "wrist_spring.potential"]
+    text = import_file(path).text.partition("scenes:")[0]
+    read = read_model_text(f"{text}outputs: [{', '.join(columns)}]\nscenes: {{motion: {{end: 1}}}}\n", "balls.yaml")
+    artifact, random = compile_interpreted(read, read.scenes["motion"]), np.random.default_rng(5)
+    for state in range(20):
+        places, rates = {}, {}
+        for i, joint in enumerate(joints):
+            quaternion, spin = random.standard_normal(4), 3 * random.standard_normal(3)
+            quaternion[0] *= 0.01 if state % 2 else 1  # a hundredth: near half a turn
+            quaternion /= np.linalg.norm(quaternion)
+            data.qpos[4 * i : 4 * i + 4], data.qvel[3 * i : 3 * i + 3] = quaternion, spin
+            before = of_quaternion(*quaternion) @ spin  # in the axes of the body before the joint
+            places |= {f"{joint}.e{k}": sympy.Float(x) for k, x in enumerate(quaternion)}
+            rates |= {f"{joint}.w{c}": sympy.Float(x) for c, x in zip("xyz", before, strict=True)}
+        scene = replace(artifact.scene, end=0, positions=places, rates=rates)
+        run = simulate(replace(artifact, scene=scene), check=False)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        for body in bodies:
+            twist = np.zeros(6)
+            mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_BODY, data.body(body).id, twist, 0)
+            expected = twist[3:] + model.opt.gravity
+            assert np.abs(np.array([run[f"{body}.a{c}"][0] for c in "xyz"]) - expected).max() < 1e-9 * np.abs(expected).max()
+        weight = -sum(model.body_mass[i] * model.opt.gravity @ data.xipos[i] for i in range(1, model.nbody))
+        assert sum(run[f"{j}_spring.potential"][0] for j in ("hip", "wrist")) == pytest.approx(data.energy[0] - weight, rel=1e-9)
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:

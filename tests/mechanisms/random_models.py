@@ -15,10 +15,12 @@ import sympy
 
 from cutjoint.elements.joint import Fault
 from cutjoint.elements.joints import JOINTS
+from cutjoint.model.geometry import GLOBAL_AXES, turned_axes
 from cutjoint.model.records import (
     COORDINATES,
     GROUND,
     AxialForce,
+    BallSpring,
     Binding,
     Body,
     BodyLoad,
@@ -478,6 +480,22 @@ def with_contacts(model: Model, seed: int) -> Model:
             ball=2 * SIZE.symbol, cylinder=cylinder and sympy.Float(cylinder), inside=inside, force=force, active=True, span=NOWHERE,
         ))  # fmt: skip
     return replace(model, forces=(*model.forces, *contacts))
+
+
+def with_ball_springs(model: Model, seed: int) -> Model:
+    """The model with springs and dampers on the turns between any of its bodies and the ground, one at rest where the design is turned
+    out of it, and a damper alone."""
+    rng = np.random.default_rng([seed, *b"ball springs"])
+    names = [GROUND, *(body.name for body in model.bodies)]
+    springs = []
+    for i, (stiffness, damping) in enumerate([(20 * STRENGTH.symbol, 0), (sympy.Integer(7), sympy.Float(0.4)), (0, SIZE.symbol)]):
+        base, follower = rng.choice(names, 2, replace=False)
+        rest = turned_axes(tuple(map(sympy.Float, rng.uniform(-1, 1, 3)))) if i == 1 else GLOBAL_AXES
+        springs.append(BallSpring(
+            name=f"ball_{i}_spring", of=f"ball_{i}", base=str(base), follower=str(follower), axes=rest, stiffness=sympy.sympify(stiffness),
+            damping=sympy.sympify(damping), active=True, span=NOWHERE,
+        ))  # fmt: skip
+    return replace(model, forces=(*model.forces, *springs))
 
 
 def _gear(name: str, ends: Sequence[tuple[Joint, str]], ratio: float) -> Gear:

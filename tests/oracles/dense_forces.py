@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from cutjoint.model.records import COORDINATES, AxialForce, BodyLoad, Bushing, Contact, JointForce, PointSpring, Tyre, Wheel
+from cutjoint.model.records import COORDINATES, AxialForce, BallSpring, BodyLoad, Bushing, Contact, JointForce, PointSpring, Tyre, Wheel
 from tests.oracles.joints import apply
 from tests.oracles.tyre import Flat, road_normal, tyre_contact, wheel_distance
 
@@ -38,6 +39,8 @@ class DenseForces:
                 Q += self._load(force, at, motion)
             elif isinstance(force, JointForce):
                 Q += self._joint_force(force, at)
+            elif isinstance(force, BallSpring):
+                Q += self._ball_spring(force, motion)
             elif isinstance(force, Contact):
                 Q += self._contact(force, at, motion)
             elif isinstance(force, Wheel):
@@ -119,6 +122,15 @@ class DenseForces:
         components *= at.motion if force.moving_only else 1
         vector = R @ components if force.axes == "body" else components
         return vector @ (J if force.point is not None else motion.spin(force.body)[0])
+
+    def _ball_spring(self, spring: BallSpring, motion: Motion) -> Array:
+        """The virtual power of a torque by the logarithm of the rotation from rest."""
+        base, follower = motion.R[spring.base], motion.R[spring.follower]
+        rest = np.column_stack([self.vector(axis) for axis in spring.axes])
+        turned = Rotation.from_matrix(rest.T @ base.T @ follower).as_rotvec()
+        (J, w), (J_base, w_base) = (motion.spin(body)[:2] for body in (spring.follower, spring.base))
+        torque = -self.number(spring.stiffness) * (follower @ turned) - self.number(spring.damping) * (w - w_base)
+        return torque @ (J - J_base)
 
     def _tyre(self, tyre: Tyre, motion: Motion) -> Array:
         """The virtual power of the road's force at the contact point, and of the aligning moment."""

@@ -155,6 +155,9 @@ class Mirror(Protocol):
     def rotation(self, v: Vector) -> Vector:
         """The image of an axis of rotation or a torque."""
 
+    def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
+        """The image of a frame, whose axes turn round along the mirror's once more: they stay right-handed, and global axes global."""
+
     def law(self, expression: Scalar) -> Scalar:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it."""
 

@@ -21,6 +21,7 @@ from cutjoint.model.friction import bristle_name
 from cutjoint.model.quantities import reading_elements
 from cutjoint.model.records import (
     COORDINATES,
+    BallSpring,
     Binding,
     Contact,
     FirstOrderState,
@@ -83,8 +84,8 @@ class Numbers:
 
 
 def require_mechanics_alone(model: Model) -> None:
-    """Raise ModelError for states, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, gears with
-    laws and functions of the user, which programs with mechanics alone do not have."""
+    """Raise ModelError for states, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, springs of
+    balls, gears with laws and functions of the user, which programs with mechanics alone do not have."""
     bristles = {bristle_name(f.name) for f in model.forces if isinstance(f, JointFriction)}
     reading = (e for e in reading_elements(model) if not (isinstance(e, Signal) and e.reported))  # outputs may be left out
     found = (*(s for s in model.states if s.name not in bristles), *(e for e in reading if not isinstance(e, FirstOrderState)))
@@ -92,7 +93,7 @@ def require_mechanics_alone(model: Model) -> None:
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
-        for f in model.forces if isinstance(f, JointFriction | Contact) or (f.has_road and f.expressions and f not in found)
+        for f in model.forces if isinstance(f, JointFriction | Contact | BallSpring) or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
     problems += [
         Problem(span=g.span, element=f"gear '{g.name}'", message=f"only cutjoint has gears {what}", hint="give it a ratio")
@@ -115,6 +116,8 @@ def _words(force: Force) -> str:
         return "friction that sticks"
     if isinstance(force, Contact):
         return "contacts"
+    if isinstance(force, BallSpring):
+        return "springs and dampers of balls"
     return "wheels that turn" if isinstance(force, Wheel) else "a ground of a wheel's own"
 
 

@@ -241,7 +241,7 @@ class _Mjcf(Tree):
     def _drive(self, force: Force) -> Element | None:
         """The actuator of a force that an input drives; None, with a note, of one that is none and resists nothing."""
         found = self._actuator(force)
-        if found is None and not self.resisting(force):
+        if found is None and not self.resists(force):
             self._unwritten.append(force.name)
         return found
 

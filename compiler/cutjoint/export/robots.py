@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.records import GROUND, Binding, Body, Force, Gear, Joint, JointFriction, Model, Span
+from cutjoint.model.geometry import GLOBAL_AXES
+from cutjoint.model.records import GROUND, BallSpring, Binding, Body, Force, Gear, Joint, JointFriction, Model, Span
 
 _TREE = {"fixed": "fixed", "revolute": "continuous", "prismatic": "prismatic", "free": "floating", "spherical": "spherical"}
 _LOOPS = {"fixed": "fixed", "revolute": "revolute", "prismatic": "prismatic", "spherical": "spherical"}
@@ -134,13 +135,21 @@ class Tree:
 
     def resistance(self, joint: Joint) -> Resistance:
         """The sum of what resists a joint's coordinate."""
-        found = [r for force in self.model.force_elements if force.joint_of == joint.name and (r := self.resisting(force))]
+        found = [r for force in self.model.force_elements if joint_of(force) == joint.name and (r := self.resisting(force))]
         stiffness = sum(r.stiffness for r in found)
         rest = sum(r.stiffness * r.rest for r in found) / stiffness if stiffness else 0.0
         return Resistance(stiffness, rest, sum(r.damping for r in found), sum(r.friction for r in found))
 
+    def resists(self, force: Force) -> bool:
+        """Return whether a force is written as the resistance of a joint of the tree; a joint that closes a loop has none."""
+        return any(joint.name == joint_of(force) for joint, _, _ in self.tree) and self.resisting(force) is not None
+
     def resisting(self, force: Force) -> Resistance | None:
-        """A force whose law is -k (position - rest) - c rate, or friction that is constant where it slides; None of any other."""
+        """A force whose law is -k (position - rest) - c rate, on a ball the same about the design position, or friction that is constant
+        where it slides; None of any other."""
+        if isinstance(force, BallSpring):
+            found = Resistance(self.number(force.stiffness), 0.0, self.number(force.damping))
+            return found if force.axes == GLOBAL_AXES or not found.stiffness else None
         law = getattr(force, "law", None)
         if isinstance(force, JointFriction):
             constant = not force.carried and force.bristle.limit.is_polynomial() and self.is_number(force.bristle.limit * force.preload)
@@ -154,6 +163,11 @@ class Tree:
                 return Resistance(-stiffness, -constant / stiffness, -damping)
             return Resistance(damping=-damping) if not constant else None
         return None
+
+
+def joint_of(force: Force) -> str:
+    """The joint on whose coordinate or turns a force acts, "" for none."""
+    return force.of if isinstance(force, BallSpring) else force.joint_of
 
 
 def variables_of(law: Any) -> tuple[Any, Any]:
@@ -307,7 +321,7 @@ class _Urdf(Tree):
         """A drive of a force that is an input, else a note of one that is no resistance of a joint."""
         if force.joint_of and getattr(force, "law", None) in self.inputs:
             SubElement(SubElement(root, "transmission", name=force.name), "joint", name=force.joint_of)
-        elif not self.resisting(force):
+        elif not self.resists(force):
             self._unwritten.append(force.name)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -93,14 +93,20 @@ class Lazy:
 
 @dataclass(frozen=True, kw_only=True)
 class LazyRotation(Lazy):
-    """Small rotations, with their Jacobian (tr(S) 1 - S)/2 by the relative angular velocity."""
+    """Small rotations, with their Jacobian (tr(S) 1 - S)/2 by the relative angular velocity, and the rows of S."""
 
     jacobian: Callable[[], Block]
+    rows: Callable[[], Sequence[Sequence[Block]]]
 
     @property
     def by_turn(self) -> Block:
         """The Jacobian."""
         return self.jacobian()
+
+    @property
+    def axes(self) -> Sequence[Sequence[Block]]:
+        """The rows of S."""
+        return self.rows()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -210,33 +210,42 @@ class Document:
             element["armature"] = joint.armature
         self._sections["joints"][name] = element
         self._weld_shaft(child)
-        self._resist(name, element, joint, float(self._closed.q[joint.name][0]) if joint.name in self._closed.q else 0.0)
+        q = self._closed.q.get(joint.name, np.zeros(1))
+        self._resist(name, element, joint, pose.rotation @ q if joint.kind == "spherical" else q)
 
-    def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: float) -> None:
-        """The spring, damper and friction of a joint, whose coordinate in the file is ``here`` in the design position."""
-        if joint.kind in ("spherical", "free") and joint.damping and not joint.stiffness and not joint.friction:
-            base, follower = element["bodies"]
-            if joint.kind == "free":
-                drag = {"kind": "load", "body": follower, "at": element["at"], "force": [f"-{joint.damping!r}*v{i}" for i in "xyz"]}
-                self._sections["forces"][self._name(f"{name}_drag")] = drag
-            for body, other in ((follower, base), (base, follower)):
-                if body != "ground":
-                    torque = [f"-{joint.damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
-                    damper = self._name(f"{name}_damping", "reaction")
-                    self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
+    def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: Array) -> None:
+        """The spring, damper and friction of a joint, whose coordinates in the file are ``here`` in the design position; a ball's turn it
+        there from where its spring is at rest, rad in global axes."""
+        if joint.kind == "free" and joint.damping and not joint.stiffness and not joint.friction:
+            self._slow(name, element, joint.damping)
             return
-        if joint.kind not in _COORDINATE and (joint.stiffness or joint.damping or joint.friction):
+        if joint.kind not in (*_COORDINATE, "spherical") and (joint.stiffness or joint.damping or joint.friction):
             joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or write three hinges")
+        if joint.kind == "spherical" and joint.friction:
+            joint.node.refuse("has dry friction on a ball", "set it to zero, or write three hinges")
         if joint.stiffness or joint.damping:
-            spring = {"stiffness": joint.stiffness, "damping": joint.damping}
-            if joint.stiffness:
-                spring["free_position"] = short(joint.rest - here)
+            spring: dict[str, Any] = {"stiffness": joint.stiffness, "damping": joint.damping}
+            if joint.stiffness and joint.kind == "spherical":
+                spring["free_rotation"] = _vector(-here) if here.any() else ()
+            elif joint.stiffness:
+                spring["free_position"] = short(joint.rest - float(here[0]))
             element["spring"] = {key: value for key, value in spring.items() if value}
         if joint.friction:
             force = self._name(f"{name}_friction")
             radius = {"radius": 1} if joint.kind == "revolute" else {}
             friction = {"kind": "joint_friction", "joint": name, "coefficient": 1, **radius, "preload": joint.friction, "carried": False}
             self._sections["forces"][force] = friction
+
+    def _slow(self, name: str, element: dict[str, Any], damping: float) -> None:
+        """The damper of a free joint, on places and turns."""
+        base, follower = element["bodies"]
+        drag = {"kind": "load", "body": follower, "at": element["at"], "force": [f"-{damping!r}*v{i}" for i in "xyz"]}
+        self._sections["forces"][self._name(f"{name}_drag")] = drag
+        for body, other in ((follower, base), (base, follower)):
+            if body != "ground":
+                torque = [f"-{damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
+                damper = self._name(f"{name}_damping", "reaction")
+                self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
 
     def _is_used(self, link: Link) -> bool:
         """Return whether anything hangs on a link but its parent."""
@@ -255,7 +264,7 @@ class Document:
         self._sections["joints"][name] = element
         if loop.stiffness and any(q.any() for q in self._closed.q.values()):
             loop.node.refuse("has a spring where a loop closes, whose zero is not known there", "put it on another joint of the loop")
-        self._resist(name, element, loop, 0.0)
+        self._resist(name, element, loop, np.zeros(1))
 
     def _add_gear(self, relation: Relation) -> None:
         joints = [self.joints[joint] for joint in (relation.follower, *relation.ratios)]

@@ -27,6 +27,14 @@ class JointSpring(Part):
     coordinate: StrictStr | None = None
 
 
+class BallSpring(Part):
+    """A spring and a damper on all turns of a joint: ``free_rotation`` turns the follower to where the spring is at rest."""
+
+    stiffness: Number = 0
+    damping: Number = 0
+    free_rotation: Triple | None = None
+
+
 class JointLimits(Part):
     """Soft stops at the ends of a coordinate's range: short for a joint_force."""
 
@@ -71,6 +79,8 @@ def _joint_shape(element: JointElement) -> type[JointPart]:
     fields: dict[str, Any] = {"kind": (Literal[str(element.kind)], ...)}
     for field in element.fields:
         fields[field.name] = (_JOINT_TYPES[field.name] | None, None) if field.optional else (_JOINT_TYPES[field.name], ...)
+    if element.has_ball and not element.coordinates:
+        fields["spring"] = (BallSpring | None, None)
     if element.can_be_guided:
         fields["guide"] = ((Law if len(element.coordinates) == 1 else Guides) | None, None)
     if len(element.coordinates) == 1 and element.can_be_guided:

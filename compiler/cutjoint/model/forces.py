@@ -11,13 +11,13 @@ import sympy
 
 from cutjoint.elements.force import Bristle, Law
 from cutjoint.elements.forces import FORCES
-from cutjoint.elements.forces.joint_force import JointForce, law_on
+from cutjoint.elements.forces.joint_force import BallSpring, JointForce, law_on
 from cutjoint.model import element_parts as force_parts
 from cutjoint.model import element_parts as joint_parts
 from cutjoint.model.expressions import variable
 from cutjoint.model.friction import read_friction
 from cutjoint.model.gears import Naming, read_coordinate
-from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_across, read_axes, read_direction, read_point
+from cutjoint.model.geometry import GLOBAL_AXES, coincide, read_across, read_axes, read_direction, read_point, turned_axes
 from cutjoint.model.laws import LawKind, read_law, read_names, soft_stops
 from cutjoint.model.names import name_problem
 from cutjoint.model.records import Force, Scalar, Vector
@@ -129,25 +129,34 @@ def _naming(joint: Path, coordinate: Path) -> Naming:
 JOINT_FORCES = {"spring": "spring", "limits": "stop"}
 
 
-def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[JointForce]:
+def joint_forces(element: Element, joint: joint_parts.Joint) -> Iterator[Force]:
     """The spring and the stops that are written in a joint."""
     for field, suffix in JOINT_FORCES.items():
-        part: joint_parts.JointSpring | joint_parts.JointLimits | None = getattr(joint, field)
+        part: joint_parts.JointSpring | joint_parts.BallSpring | joint_parts.JointLimits | None = getattr(joint, field)
         if part is None:
             continue
-        coordinate = read_coordinate(element, element.name, joint, part.coordinate, _naming((field,), (field, "coordinate")))
+        span = element.scope.source.key_span((*element.path, field))
+        common: dict[str, Any] = {"name": f"{element.name}_{suffix}", "active": True, "span": span}
+        if isinstance(part, joint_parts.BallSpring):
+            yield _ball_spring(element, joint, part, common)
+        else:
+            coordinate = read_coordinate(element, element.name, joint, part.coordinate, _naming((field,), (field, "coordinate")))
+            law = _own_law(element, part, _kind_of(law_on(coordinate.unit)))
+            yield JointForce(**common, joint=element.name, coordinate=coordinate.name, unit=coordinate.unit, law=law)
         problem = name_problem(f"{element.path[-1]}_{suffix}")
         if problem:
             element.fail(f"{field}: {problem[0]}", "rename the joint", (field,), at_key=True)
-        yield JointForce(
-            name=f"{element.name}_{suffix}",
-            joint=element.name,
-            coordinate=coordinate.name,
-            unit=coordinate.unit,
-            law=_own_law(element, part, _kind_of(law_on(coordinate.unit))),
-            active=True,
-            span=element.scope.source.key_span((*element.path, field)),
-        )
+
+
+def _ball_spring(element: Element, joint: joint_parts.Joint, spring: joint_parts.BallSpring, common: Mapping[str, Any]) -> BallSpring:
+    base, follower = element.two_bodies(joint.bodies)
+    stiffness, damping = (
+        element.scalar(getattr(spring, name), _DIMENSIONS[unit], ("spring", name))
+        for name, unit in (("stiffness", "N*m"), ("damping", "N*m*s"))
+    )
+    rest = None if spring.free_rotation is None else element.triple(spring.free_rotation, ANGLE, ("spring", "free_rotation"))
+    axes = GLOBAL_AXES if rest is None else turned_axes(rest)
+    return BallSpring(**common, of=element.name, base=base, follower=follower, axes=axes, stiffness=stiffness, damping=damping)
 
 
 def _own_law(element: Element, part: joint_parts.JointSpring | joint_parts.JointLimits, kind: LawKind) -> Scalar:

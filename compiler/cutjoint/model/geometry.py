@@ -23,6 +23,8 @@ GLOBAL_AXES: tuple[Vector, Vector, Vector] = (
     (sympy.Integer(0), sympy.Integer(1), sympy.Integer(0)),
     (sympy.Integer(0), sympy.Integer(0), sympy.Integer(1)),
 )
+#: Added to the square of a turn, rad, so that none has a direction.
+_NO_TURN = 1e-300
 #: Directions shorter than this are zero.
 SHORTEST = 1e-12
 
@@ -162,6 +164,21 @@ def read_axes(element: Element, part: Any, keys: Path) -> tuple[Vector, Vector, 
     third = ({"x", "y", "z"} - axes.keys()).pop()
     axes[third] = cross(b, a) if third == "y" else cross(a, b)
     return (axes["x"], axes["y"], axes["z"])
+
+
+def turned_axes(turn: Vector) -> tuple[Vector, Vector, Vector]:
+    """The directions x, y, z turned by a rotation vector, rad (Rodrigues); that of no turn may depend on parameters."""
+    angle = sympy.sqrt(sum(part**2 for part in turn) + _NO_TURN)
+    first, second = sympy.sin(angle) / angle, 2 * (sympy.sin(angle / 2) / angle) ** 2
+    along = [_vector(turn[i] * part for part in turn) for i in range(3)]
+    x, y, z = (
+        _vector(
+            (sympy.cos(angle) if i == k else 0) + first * part + second * along[k][i]
+            for i, part in enumerate(cross(turn, GLOBAL_AXES[k]))
+        )
+        for k in range(3)
+    )
+    return x, y, z
 
 
 def _vector(components: Any) -> Vector:

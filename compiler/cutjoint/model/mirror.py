@@ -36,6 +36,15 @@ class Mirror:
         a, b, c = self.vector(v)
         return (-a, -b, -c)
 
+    def frame(self, axes: tuple[Vector, Vector, Vector]) -> tuple[Vector, Vector, Vector]:
+        """The image of a frame, right-handed: its axis along which the mirror reflects counts the other way."""
+        x, y, z = (self._times(sign, self.vector(axis)) for sign, axis in zip(self.signs, axes, strict=True))
+        return x, y, z
+
+    @staticmethod
+    def _times(sign: int, v: Vector) -> Vector:
+        return (sign * v[0], sign * v[1], sign * v[2])
+
     def law(self, expression: Scalar) -> Scalar:
         """An expression over x y z vx vy vz and wx wy wz, as the image sees it; angular velocities turn over as rotations do."""
         axis = "xyz"[self.signs.index(-1)]

@@ -15,6 +15,7 @@ from enum import StrEnum
 from cutjoint.elements.force import Force as Force
 from cutjoint.elements.force import LawForce as LawForce
 from cutjoint.elements.forces import AxialForce as AxialForce
+from cutjoint.elements.forces import BallSpring as BallSpring
 from cutjoint.elements.forces import BodyLoad as BodyLoad
 from cutjoint.elements.forces import Bushing as Bushing
 from cutjoint.elements.forces import Contact as Contact

@@ -9,6 +9,7 @@ from cutjoint.elements.forces.axial_force import AxialForce as AxialForce
 from cutjoint.elements.forces.body_load import BodyLoad as BodyLoad
 from cutjoint.elements.forces.bushing import Bushing as Bushing
 from cutjoint.elements.forces.contact import Contact as Contact
+from cutjoint.elements.forces.joint_force import BallSpring as BallSpring
 from cutjoint.elements.forces.joint_force import JointForce as JointForce
 from cutjoint.elements.forces.joint_friction import JointFriction as JointFriction
 from cutjoint.elements.forces.point_spring import PointSpring as PointSpring

@@ -71,12 +71,10 @@ class Bushing(Force):
         )  # fmt: skip
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
-        """The image of the bushing.  Its axes change their sign along the mirror's axis once more: they stay right-handed, and global axes
-        global."""
-        x, y, z = (_times(sign, mirror.vector(axis)) for sign, axis in zip(mirror.signs, self.axes, strict=True))
+        """The image of the bushing."""
         of_laws = (*mirror.signs, *(-sign for sign in mirror.signs))
         laws = tuple(mirror.reflected(law, sign) for sign, law in zip(of_laws, self.laws, strict=True))
-        return replace(super().mirrored(mirror, signs), axes=(x, y, z), laws=laws)
+        return replace(super().mirrored(mirror, signs), axes=mirror.frame(self.axes), laws=laws)
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """All are components, those about axes of rotations."""
@@ -92,7 +90,3 @@ def _read_law(reader: Reader, index: int) -> Scalar:
         reader.number(name, index, unit=unit) for name, unit in (("stiffness", per_position), ("damping", per_rate))
     )
     return -stiffness * reader.variable("position") - damping * reader.variable("rate")
-
-
-def _times(sign: int, v: Vector) -> Vector:
-    return (sign * v[0], sign * v[1], sign * v[2])

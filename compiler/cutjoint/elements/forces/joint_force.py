@@ -1,13 +1,15 @@
-"""A force on a joint's coordinate."""
+"""Forces on the coordinates of a joint, and on all turns of a ball."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from cutjoint.elements.force import ForceElement, ForceField, Law, LawForce, Mirror, OnJoint, Reader, Shape
-from cutjoint.elements.interactions import OnCoordinate
+from cutjoint.elements.force import Force, ForceElement, ForceField, Law, LawForce, Mirror, OnJoint, Reader, Shape
+from cutjoint.elements.interaction import Carrier, Frame
+from cutjoint.elements.interactions import AttitudeForce, OnCoordinate
+from cutjoint.elements.terms import Scalar, Vector
 
 _SLIDE = Law({"position": "m", "rate": "m/s"}, "N")
 _TURN = Law({"position": "rad", "rate": "rad/s"}, "N*m")
@@ -48,3 +50,43 @@ class JointForce(OnJoint, LawForce):
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the force: its law counts the other way where its coordinate does."""
         return replace(self, law=mirror.reflected(self.law, signs.get(self.joint, {}).get(self.coordinate, 1)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BallSpring(Force):
+    """The spring and the damper of a joint that leaves all turns free, the field ``spring`` of a spherical joint.
+
+    The torque on ``follower`` is -``stiffness`` (N m) times the rotation vector by which it is turned out of rest, less ``damping`` (N m s)
+    times its angular velocity beside ``base``.  The base has the reaction.  At rest the follower's design axes stand as ``axes`` of the
+    base.  ``of`` is the joint's name.
+    """
+
+    element: ClassVar[ForceElement] = ForceElement(
+        kind="ball_spring",
+        text="A spring and a damper on all turns of a joint.",
+        fields=(),
+        interaction=AttitudeForce(frame=Frame(Carrier.BASE, "axes")),
+        laws=("stiffness", "damping"),
+        quantities={
+            **dict.fromkeys(("Mx", "My", "Mz"), "N*m"), **dict.fromkeys(("rx", "ry", "rz"), "rad"), "potential": "J",
+        },
+    )  # fmt: skip
+
+    of: str
+    base: str
+    follower: str
+    axes: tuple[Vector, Vector, Vector]
+    stiffness: Scalar
+    damping: Scalar
+
+    def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
+        """The image of the spring."""
+        return replace(self, axes=mirror.frame(self.axes))
+
+    def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
+        """Components are those of rotations; the potential is the same."""
+        return 1 if quantity == "potential" else sign(f"M{quantity[-1]}")
+
+    def is_halved(self, quantity: str) -> bool:
+        """Return whether half of the spring has half of the quantity."""
+        return quantity == "potential" or super().is_halved(quantity)

@@ -1,4 +1,4 @@
-"""A force on the coordinate of a joint."""
+"""A force on the coordinate of a joint, by a law over the coordinate or by the load of the joint."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from cutjoint.elements.interaction import Explanation, Interaction, Mechanics, P
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import LawForce
+    from cutjoint.elements.forces.joint_friction import JointFriction
     from cutjoint.program.blocks import Block
 
 
@@ -35,6 +36,34 @@ class OnCoordinate(Interaction):
         """A force on the coordinate, or on the displacements that it is measured by."""
         notes, actions = map(page.either, _ON_BODIES, _on_points(page.kind_of_coordinate(force), page))
         return Explanation(notes=notes, actions=actions, laws=page.law("F", force.law, self.position, "z"))
+
+
+@dataclass(frozen=True)
+class Rubbing(Interaction):
+    """A law over the ``rate`` of a joint's coordinate and a bristle, times a load that stays, or that of the joint by all forces."""
+
+    by_load: ClassVar[bool] = True
+    equation: ClassVar[str] = "tau = load law(rate, s) of one coordinate, with the share s of the bristle's deflection"
+
+    def act(self, force: JointFriction, m: Mechanics) -> dict[str, Block]:
+        """The law waits for a load that the joint carries."""
+        law = m.scalar(force.law, {"rate": m.coordinate()["rate"]})
+        if force.carried:
+            m.rub_coordinate(law)
+            return {}
+        load = m.scalar(force.preload, {})
+        found = {"force": m.b.mul(load, law), "load": load}
+        m.push_coordinate(found["force"])
+        return found
+
+    def explain(self, force: JointFriction, page: Page) -> Explanation:
+        """The force by the load."""
+        carried = " and what the joint carries across its axis; it follows from the accelerations at the same instant, and they from it"
+        note = (
+            f"The load $N$ is the preload{carried if force.carried else ''}. $s$ is the bristle's share of the deflection at which it "
+            "slides, a state; $F$ is the generalised force of the coordinate $z$."
+        )
+        return Explanation(notes=(note,), actions=(r"F = N f(\dot z, s)",), laws=page.law("f", force.law, "rate", r"\dot z"))
 
 
 _ON_BODIES: tuple[tuple[str, ...], tuple[str, ...]] = (

@@ -234,7 +234,7 @@ class NodalMechanics(Laws):
             trace = b.total([S[i][i] for i in range(3)])
             return b.scale(b.number(0.5), b.sub(b.scale(trace, b.identity(3)), b.stack(S)))
 
-        return LazyRotation(place=lambda: x, rate=lambda: v, jacobian=by_turn)
+        return LazyRotation(place=lambda: x, rate=lambda: v, jacobian=by_turn, rows=lambda: S)
 
     def pull(self, start: Point, end: Point, force: Block) -> None:
         """A force on the end, its reaction on the start."""

@@ -300,7 +300,10 @@ class WrenchMechanics(Laws):
         half, (x, y, z) = b.number(0.5), (b.element(S, i, i) for i in range(3))
         turns = b.column([b.mul(half, b.sub(b.element(S, i, j), b.element(S, j, i))) for i, j in ((2, 1), (0, 2), (1, 0))])
         by_turn = b.scale(half, b.sub(b.scale(b.add(b.add(x, y), z), b.identity(3)), S))
-        return LazyRotation(place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), jacobian=lambda: by_turn)
+        return LazyRotation(
+            place=lambda: turns, rate=lambda: b.mul(by_turn, b.mul(to_base, spin)), jacobian=lambda: by_turn,
+            rows=lambda: [[b.element(S, i, j) for j in range(3)] for i in range(3)],
+        )  # fmt: skip
 
     def coordinate(self) -> dict[str, Block]:
         """The coordinate as the tree or the cut joint has it."""
