@@ -49,7 +49,7 @@ _FULL: Mapping[str, tuple[str, ...]] = {
     "tests/physics/test_iltis_driven.py": (
         "test_the_lane_is_changed", "test_a_sine_with_dwell_is_measured_in_what_0_3_g_takes", "test_stability_control_ends_the_turn",
         "test_the_anti_lock_brake_stops_shorter_and_straight", "test_a_start_uphill", "test_gears_are_changed",
-        "test_a_step_of_the_steering_wheel_turns_the_car",
+        "test_a_step_of_the_steering_wheel_turns_the_car", "test_a_road_that_winds_is_followed",
     ),
     "tests/physics/test_iltis_scenes.py": (
         "test_simul1_peak_acceleration_is_that_of_the_converged_motion", "test_ten_kilometres_away_the_run_is_the_same",

@@ -84,6 +84,23 @@ def test_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(("wheel", "data", "kind"), [
+    *(("wheel_mf52", "mf52.tir", f"FITTYP = {kind}") for kind in (6, 21, 52)), ("wheel_mf52", "mf52.tir", ""),
+    *(("wheel_mf62", "mf62.tir", f"FITTYP = {kind}") for kind in (60, 61, 62)),
+])  # fmt: skip
+def test_each_kind_of_file_has_its_submodel(wheel: str, data: str, kind: str, tmp_path: Path) -> None:
+    """Files of PAC2002 need not say it; another submodel refuses the file."""
+    text = re.sub(r"(?m)^FITTYP\s*=.*\n", f"{kind}\n", (DATA / data).read_text())
+    more = ", MASS: 20, IXX: 0.6, IYY: 1" if wheel == "wheel_mf52" else ""
+    model = MODEL.replace("z: 0.3}", f"z: 0.3{more}}}")
+    (tmp_path / "tyre.tir").write_text(text)
+    read = read_model_text(model.replace("wheel_mf62", wheel), "m.yaml", folder=tmp_path)
+    number = kind.rpartition(" ")[2] or "6"
+    assert read.choices["w"].startswith(f"FITTYP {number}, TYRESIDE 1, tan_alpha 0, ")
+    other = {"wheel_mf52": "wheel_mf62", "wheel_mf62": "wheel_mf52"}[wheel]
+    assert any(f"FITTYP is {number}, and the submodel" in line for line in told(tmp_path, text, model.replace("wheel_mf62", other)))
+
+
 def test_values_beside_a_file_go_before_it(tmp_path: Path) -> None:
     (tmp_path / "tyre.tir").write_text(TYRE)
     given = read_model_text(MODEL.replace("z: 0.3}", "z: 0.3, MASS: 77}"), "m.yaml", folder=tmp_path)
@@ -115,4 +132,43 @@ def test_the_tyre_of_the_library_is_what_its_comment_says(tmp_path: Path) -> Non
     assert told(tmp_path, "", MODEL.replace("tyre.tir", "library/road_tyre.tir")) == []
     assert told(tmp_path, "", MODEL.replace("tyre.tir", "library/rode_tyre.tir")) == [
         "m.yaml:8:95: instance 'w': the library has no tyre 'rode_tyre.tir'; did you mean 'road_tyre.tir'?"
+    ]
+
+
+CHOSEN = """
+cutjoint: 1
+name: two
+gravity: [0, 0, -9.81]
+parameters: {on: 1, quick: {value: 0.5, binding: input}}
+bodies: {hull: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {free: {kind: free, bodies: [ground, hull], at: [0, 0, 0]}}
+submodels:
+  fin:
+    connectors: [hull]
+    parameters: [area, mode]
+    defaults: {soft: 0, stiff: 10*area}
+    choices: [mode, soft]
+    warns: {soft: "a spring: steps of {2/stiff} s at most", mode: "another one"}
+    forces: {drag: {kind: load, body: hull, at: [0, 0, 0], force: ["-area*vx*mode - soft*x*stiff", 0, 0]}}
+instances:
+  left: {use: fin, connect: {hull: hull}, with: {area: 2, mode: 0}}
+  right: {use: fin, connect: {hull: hull}, with: {area: 3, mode: 0}}
+  top: {use: fin, connect: {hull: hull}, with: {area: 4, mode: quick, soft: on}}
+scenes: {run: {end: 1}}
+"""
+
+
+def test_choices_and_warnings_of_submodels_are_told() -> None:
+    """By the values of the instances; equal ones stand together, a value that changes with time is none."""
+    model = read_model_text(CHOSEN, "m.yaml")
+    assert model.choices == {"left, right": "mode 0, soft 0", "top": "mode varies, soft 1"}
+    assert model.notes == (
+        "m.yaml:19:3: soft of 'fin' is on: a spring: steps of 0.05 s at most", "m.yaml:19:3: mode of 'fin' is on: another one"
+    )  # fmt: skip
+    wrong = CHOSEN.replace("choices: [mode, soft]", "choices: [mood, soft]").replace("warns: {soft:", "warns: {sift:")
+    with pytest.raises(ModelError) as caught:
+        read_model_text(wrong, "m.yaml")
+    assert str(caught.value).splitlines() == [
+        "m.yaml:13:15: submodel 'fin': choices: unknown parameter 'mood'; did you mean 'mode'?",
+        "m.yaml:14:13: submodel 'fin': warns: unknown parameter 'sift'; did you mean 'soft'?",
     ]

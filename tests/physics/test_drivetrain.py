@@ -243,6 +243,28 @@ scenes:
     assert run["path.side.value"][4] == pytest.approx(3.5)
 
 
+def test_a_path_is_by_its_heading() -> None:
+    """A circle, beside which a point goes straight on: by the angle at its centre, apart from how far its place lags."""
+    text = """
+cutjoint: 1
+name: dot
+gravity: [0, 0, 0]
+bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {moves: {kind: free, bodies: [ground, dot], at: [0, 0, 0]}}
+submodels: {path: {include: library/path}}
+instances: {path: {use: path, with: {heading: path.along/40, px: moves.x, py: moves.y, speed: moves.vx, reach: 0.02}}}
+outputs: [dot.x, path.along.value, path.at_x.value, path.at_y.value, path.beside.value]
+scenes:
+  run: {end: 4, output_step: 0.25, rates: {moves.vx: 10}, positions: {moves.x: 3, moves.y: 5}}
+"""
+    model = read_model_text(text, "dot.yaml")
+    run = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+    x, behind = run["dot.x"][1:], 35
+    assert run["path.beside.value"][1:] == pytest.approx(40 - np.hypot(x, behind), abs=5e-6)  # (0.02 m)^2 over the diameter
+    assert run["path.along.value"][1:] == pytest.approx(40 * np.arctan2(x, behind), abs=0.02)
+    assert np.hypot(run["path.at_x.value"], run["path.at_y.value"] - 40) == pytest.approx(40, abs=1e-7)
+
+
 QUARTER = """
 cutjoint: 1
 name: quarter

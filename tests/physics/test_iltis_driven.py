@@ -76,6 +76,24 @@ def test_a_start_uphill() -> None:
     assert z[-1] - z[0] == pytest.approx(0.2 * x[-1], abs=0.02)
 
 
+def test_a_road_that_winds_is_followed() -> None:
+    """The middle of the car stays on the line of the road's file, by complex numbers, and at its height."""
+    run = drive("winding_road")
+    data = (MODELS / "winding.crg").read_text().partition("$" * 80 + "\n")[2].splitlines()
+    phi, slope = np.array([[float(row[:10]), float(row[10:20])] for row in data[1:]]).T
+    line = np.concatenate([[0], np.cumsum(2 * np.exp(1j * (phi - phi[0])))])
+    height = np.concatenate([[0], np.cumsum(2 * slope)])
+    way = np.linspace(0, len(phi), 20 * len(phi))
+    fine, level = np.interp(way, np.arange(len(line)), line), np.interp(way, np.arange(len(line)), height)
+    places = run["chassis.x"] + 1j * run["chassis.y"]
+    nearest = np.array([np.argmin(abs(fine - place)) for place in places])
+    on = places.real > 2
+    assert abs(places - fine[nearest])[on].max() < 0.25
+    assert (run["chassis.z"] - run["chassis.z"][0] - level[nearest])[on] == pytest.approx(0, abs=0.04)
+    assert run["driver.motion.speed.value"][run.t > 15] == pytest.approx(12, abs=0.3)
+    assert nearest[-1] / 20 * 2 > 400
+
+
 def test_a_sine_with_dwell_is_measured_in_what_0_3_g_takes() -> None:
     """FMVSS 126, S7.6: a line through accelerations from 0.1 to 0.375 g while the angle grows slowly; A is 34 degrees."""
     run = drive("slow_steer", end=4.5)

@@ -195,3 +195,16 @@ def test_the_ground_resists_what_turns() -> None:
     parked = straight(turn=0.5) | {"vx": np.zeros(2), "spin": np.zeros(2)}
     left, right = bench(parked, f"turn_slip: 1, {TURNING}, ")["bench.f.Mz.value"]
     assert left < -50 < 50 < right
+
+
+def test_the_slip_angle_is_its_tangent_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the printed equations too, apart from the cosine, and the tangent in turn slip, of the angle at which the wheel moves."""
+    equations = EQUATIONS.replace("cos(alpha)", "cos(angle)").replace("PDYP3*tan(alpha)", "PDYP3*tan(angle)")
+    monkeypatch.setattr("tests.physics.test_turn_slip.EQUATIONS", f"angle = alpha\nalpha = tan(angle)\n{equations}")
+    rows = motions(12)
+    found, plain = (bench(rows, f"turn_slip: 1, tan_alpha: {i}, {TURNING}, ") for i in (1, 0))
+    expected = [printed({name: float(values[i]) for name, values in rows.items()}) for i in range(12)]
+    for name in ("Fx", "Fy", "Mz"):
+        values = np.array([each[name] for each in expected])
+        assert found[f"bench.f.{name}.value"] == pytest.approx(values, rel=0, abs=1e-9 * np.abs(values).max()), name
+        assert np.abs(plain[f"bench.f.{name}.value"] - values).max() > 1e-4 * np.abs(values).max(), name

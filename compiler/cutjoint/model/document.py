@@ -217,6 +217,7 @@ class Submodel(Elements):
     """Elements to be used several times, or ``include``, the file that has them instead.
 
     ``defaults`` are parameters that instances may leave out, ``accepts`` has keys of their properties with the values that it is made for.
+    ``choices`` are parameters whose values `cutjoint check` tells, ``warns`` has sentences about parameters that are not zero.
     """
 
     include: StrictStr | None = None
@@ -224,6 +225,8 @@ class Submodel(Elements):
     parameters: tuple[ParameterName, ...] = ()
     defaults: dict[ParameterName, Number] = Field(default={})
     accepts: dict[StrictStr, tuple[StrictInt, ...]] = Field(default={})
+    choices: tuple[ParameterName, ...] = ()
+    warns: dict[ParameterName, StrictStr] = Field(default={})
     submodels: dict[Name, Submodel] = Field(default={})
     instances: dict[Name, Instance] = Field(default={})
 

@@ -26,10 +26,12 @@ from cutjoint.model.validate import (
     check_elements,
     check_names,
     check_submodels,
+    choices_made,
     is_connected,
     silent_outputs,
     unused_parameters,
     unused_properties,
+    warnings_of,
 )
 from cutjoint.package.locations import AnyPath, path_of
 
@@ -96,8 +98,9 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
         files=files,
         notes=(
             *notes, *unused_parameters(source, document), *unused_properties(source, document),
-            *silent_outputs(source, scenes, elements.forces),
+            *silent_outputs(source, scenes, elements.forces), *warnings_of(document, expansion.reporting),
         ),
+        choices=choices_made(document, expansion.reporting),
     )
     if problems:
         raise problems.error(model if is_connected(expansion) else None)

@@ -708,7 +708,8 @@ class Model:
     ``signals`` named expressions of quantities, ``controllers`` hold values between samples.  ``assemblies`` are loops that a pass has
     replaced by functions.  ``text`` is the model file's, ``files`` are the texts of the files that it names, by their names in places,
     ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
-    of forces that are off.  ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
+    of forces that are off, and warnings of submodels; ``choices`` have values that submodels call so, by names of instances.
+    ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
     the user supplies, ``code`` is their C++.
     """
 
@@ -732,6 +733,7 @@ class Model:
     assemblies: tuple[Assembly, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
+    choices: Mapping[str, str] = field(default_factory=dict)
     written: tuple[Joint, ...] | None = None
     functions: tuple[SuppliedFunction, ...] = ()
     code: str = field(default="", repr=False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from cutjoint.elements.forces import FORCES
 from cutjoint.model import document
-from cutjoint.model.errors import Problems
+from cutjoint.model.errors import Problems, nearest
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expand import Expansion
 from cutjoint.model.expressions import symbols_of
@@ -16,17 +17,24 @@ from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.friction import bristle_name
 from cutjoint.model.instances import find_submodels, find_uses
 from cutjoint.model.mass import mass_problems
+from cutjoint.model.operations import Term
 from cutjoint.model.property_file import STANDARD
 from cutjoint.model.records import GROUND, Body, Force, Joint, Scene, Span
-from cutjoint.model.scope import FAILED
+from cutjoint.model.scope import FAILED, Element, Scope
 from cutjoint.model.shape import KINDS
 from cutjoint.model.source import Path, Source
 
 #: A name in a text.
 _NAME = re.compile(r"[A-Za-z]\w*")
 
+#: An expression in braces in a text.
+_BRACES = re.compile(r"\{(.*?)\}")
+
 #: The sections whose names must differ.
 _SECTIONS = ("bodies", "joints", "gears", "forces", "reactions", "markers", "states", "signals", "controllers", "instances")
+
+#: The sections of a submodel that use no parameter.
+_NO_EXPRESSIONS = ("connectors", "parameters", "outputs", "accepts", "choices", "warns")
 
 
 def check_names(source: Source, problems: Problems, model: document.Document) -> None:
@@ -49,11 +57,11 @@ def check_names(source: Source, problems: Problems, model: document.Document) ->
 
 
 def check_submodels(source: Source, problems: Problems, model: document.Document) -> None:
-    """Note parameters of submodels that no expression of theirs uses."""
+    """Note parameters of submodels that no expression of theirs uses, and choices and warnings about none."""
     for level in find_submodels(model):
         submodel, path = level.part, level.path
         assert isinstance(submodel, document.Submodel)
-        sections = {key: part for key, part in source.part(path).items() if key not in ("connectors", "parameters", "outputs", "accepts")}
+        sections = {key: part for key, part in source.part(path).items() if key not in _NO_EXPRESSIONS}
         used = frozenset().union(*map(symbols_of, _texts(sections)))
         places = {name: source.value_span((*path, "parameters", index)) for index, name in enumerate(submodel.parameters)}
         places |= {name: source.key_span((*path, "defaults", name)) for name in submodel.defaults}
@@ -61,6 +69,11 @@ def check_submodels(source: Source, problems: Problems, model: document.Document
             if parameter not in used:
                 message = f"nothing in it uses the parameter '{parameter}'"
                 problems.add(span, f"submodel '{path[-1]}'", message, "remove it here and in its instances, or use it")
+        told = [("choices", name, source.value_span((*path, "choices", index))) for index, name in enumerate(submodel.choices)]
+        told += [("warns", name, source.key_span((*path, "warns", name))) for name in submodel.warns]
+        for section, name, span in told:
+            if name not in places:
+                problems.add(span, f"submodel '{path[-1]}'", f"{section}: unknown parameter '{name}'", nearest(name, places, "parameters"))
 
 
 def unused_parameters(source: Source, model: document.Document) -> Iterator[str]:
@@ -97,6 +110,45 @@ def unused_properties(source: Source, model: document.Document) -> Iterator[str]
         if spans:
             named = ", ".join(f"{name} (line {span.line})" for name, span in spans.items())
             yield f"{next(iter(spans.values())).file}: nothing in '{use.instance.use}' uses {named}"
+
+
+def choices_made(model: document.Document, scopes: Mapping[str, Scope]) -> dict[str, str]:
+    """The values of what submodels call choices, and of the keys of properties that they are made for, by names of instances."""
+    made: dict[str, list[str]] = {}
+    for use in find_uses(model):
+        if use.submodel is not None and (scope := scopes.get(f"{use.name}.")) is not None:
+            values = {key: use.instance.properties[key] for key in use.submodel.accepts if key in use.instance.properties}
+            values |= {name: _value(scope, scope.names[name]) for name in use.submodel.choices if name in scope.names}
+            if values:
+                made.setdefault(", ".join(f"{name} {_word(float(value))}" for name, value in values.items()), []).append(use.name)
+    return {", ".join(names): text for text, names in made.items()}
+
+
+def warnings_of(model: document.Document, scopes: Mapping[str, Scope]) -> Iterator[str]:
+    """A sentence for each parameter that is not zero where its submodel warns of that, with numbers in place of its braces."""
+    found: dict[str, None] = {}
+    for use in find_uses(model):
+        scope = scopes.get(f"{use.name}.")
+        if use.submodel is None or scope is None:
+            continue
+        for name, text in use.submodel.warns.items():
+            if name not in scope.names or _value(scope, scope.names[name]) == 0:
+                continue
+            where = Element(scope, f"submodel '{use.at[-1]}'", use.name, use.at)
+            numbers = [_value(scope, where.term(each, ("warns", name), scope.names)) for each in _BRACES.findall(text)]
+            told = _BRACES.sub("{:.2g}", text).format(*numbers)
+            found[f"{scope.source.key_span(use.path)}: {name} of '{use.instance.use}' is on: {told}"] = None
+    yield from found
+
+
+def _word(value: float) -> str:
+    return "varies" if math.isnan(value) else f"{value:g}"
+
+
+def _value(scope: Scope, term: Term) -> float:
+    """The value of a term at the parameters' values, NaN of one that changes with time."""
+    is_closed = term.value.free_symbols <= scope.values.keys() and not scope.moves(term)
+    return evaluate(term.value, scope.values) if is_closed else math.nan
 
 
 def _texts(data: Any) -> Iterator[str]:

@@ -12,7 +12,7 @@ shared and printed like others.  Lanes stay: what is spread over lanes is summed
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial, reduce
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
@@ -24,6 +24,28 @@ from cutjoint.program.scalars import Graph
 
 #: By leaf, where it is not zero: the derivative of a column (n, 1) by the leaf (k, 1), (n, k).
 Jacobian: TypeAlias = Mapping[Block, Block]
+
+D = TypeVar("D")
+#: A rule on its way: it yields blocks, is sent their derivatives, and returns that of its own block.
+Steps: TypeAlias = Generator[Block, D, D]
+
+
+def _follow(block: Block, known: dict[Block, D], rule: Callable[[Block], Steps[D]]) -> D:
+    """The derivative of a block, and those that it follows from in ``known``, in the order of a recursion, but on a stack of their own."""
+    stack = [] if block in known else [(block, rule(block))]
+    sent: Any = None
+    while stack:
+        of, steps = stack[-1]
+        try:
+            wanted = steps.send(sent)
+        except StopIteration as end:
+            sent = known[of] = end.value
+            stack.pop()
+        else:
+            sent = known.get(wanted)
+            if sent is None:
+                stack.append((wanted, rule(wanted)))
+    return known[block]
 
 
 class Differentiator:
@@ -42,11 +64,9 @@ class Differentiator:
         Raises:
             ValueError: the block uses an operation that has no rule, or an input by another way than a leaf.
         """
-        if block not in self._known:
-            self._known[block] = {leaf: d for leaf, d in self._derived(block).items() if not _vanishes(d)}
-        return self._known[block]
+        return _follow(block, self._known, self._derived)
 
-    def _derived(self, block: Block) -> Jacobian:
+    def _derived(self, block: Block) -> Steps[Jacobian]:
         if block.op == "symbol" and block.binding is BindingTime.ITERATION:
             raise ValueError(f"{block!r} ({block.data}) is reached by another way than the leaves")
         if not block.args or block.binding < BindingTime.ITERATION:
@@ -54,7 +74,8 @@ class Differentiator:
         rule = _RULES.get(block.op)
         if rule is None or block.shape[1] != 1:
             raise ValueError(f"{block!r} has no derivative")
-        return rule(self, block)
+        found = yield from rule(self, block)
+        return {leaf: d for leaf, d in found.items() if not _vanishes(d)}
 
     def _combined(self, terms: Iterable[tuple[Callable[[Block], Block], Jacobian]]) -> Jacobian:
         """The sum of Jacobians that functions are applied to."""
@@ -65,35 +86,36 @@ class Differentiator:
                 result[leaf] = self._b.add(result[leaf], term) if leaf in result else term
         return result
 
-    def _sum(self, block: Block) -> Jacobian:
+    def _sum(self, block: Block) -> Steps[Jacobian]:
         a, c = block.args
         second = self._b.neg if block.op == "sub" else _same
-        return self._combined([(_same, self.jacobian(a)), (second, self.jacobian(c))])
+        return self._combined([(_same, (yield a)), (second, (yield c))])
 
-    def _neg(self, block: Block) -> Jacobian:
-        return self._combined([(self._b.neg, self.jacobian(block.args[0]))])
+    def _neg(self, block: Block) -> Steps[Jacobian]:
+        return self._combined([(self._b.neg, (yield block.args[0]))])
 
-    def _scale(self, block: Block) -> Jacobian:
+    def _scale(self, block: Block) -> Steps[Jacobian]:
         b, (s, a) = self._b, block.args
-        return self._combined([(lambda d: b.scale(s, d), self.jacobian(a)), (lambda d: b.mul(a, d), self.jacobian(s))])
+        return self._combined([(lambda d: b.scale(s, d), (yield a)), (lambda d: b.mul(a, d), (yield s))])
 
-    def _mul(self, block: Block) -> Jacobian:
+    def _mul(self, block: Block) -> Steps[Jacobian]:
         b, (a, x) = self._b, block.args
-        terms = [(lambda d: b.mul(a, d), self.jacobian(x))]
+        terms = [(lambda d: b.mul(a, d), (yield x))]
         if a.binding is BindingTime.ITERATION:
             if a.shape == (1, 1):
-                terms.append((lambda d: b.mul(x, d), self.jacobian(a)))
+                terms.append((lambda d: b.mul(x, d), (yield a)))
             elif a.shape[0] == 1:
-                terms.append((lambda d: b.mul(b.transpose(x), d), self.jacobian(b.transpose(a))))
+                terms.append((lambda d: b.mul(b.transpose(x), d), (yield b.transpose(a))))
             elif a.op == "skew":
-                terms.append((lambda d: b.neg(b.mul(b.skew(x), d)), self.jacobian(a.args[0])))
+                terms.append((lambda d: b.neg(b.mul(b.skew(x), d)), (yield a.args[0])))
             else:
                 raise ValueError(f"the factor {a!r} has no derivative")
         return self._combined(terms)
 
-    def _stack(self, block: Block) -> Jacobian:
-        b = self._b
-        jacobians = [self.jacobian(a) for a in block.args]
+    def _stack(self, block: Block) -> Steps[Jacobian]:
+        b, jacobians = self._b, list[Jacobian]()
+        for a in block.args:
+            jacobians.append((yield a))
         leaves = dict.fromkeys(leaf for j in jacobians for leaf in j)
         return {
             leaf: b.stack([
@@ -101,29 +123,31 @@ class Differentiator:
             ]) for leaf in leaves
         }  # fmt: skip
 
-    def _take(self, block: Block) -> Jacobian:
+    def _take(self, block: Block) -> Steps[Jacobian]:
         rows, (first, last) = _ranges(block)
-        column = _column(block.args[0], first) if last == first + 1 else block.args[0]
-        return {leaf: self._b.take(d, rows, (0, d.shape[1])) for leaf, d in self.jacobian(column).items()}
+        whole = yield _column(block.args[0], first) if last == first + 1 else block.args[0]
+        return {leaf: self._b.take(d, rows, (0, d.shape[1])) for leaf, d in whole.items()}
 
-    def _transpose(self, block: Block) -> Jacobian:
+    def _transpose(self, block: Block) -> Steps[Jacobian]:
         """Of a row that is taken from a matrix."""
         row = block.args[0]
         if row.op != "take":
             raise ValueError(f"{block!r} has no derivative")
         (i, _), (first, last) = _ranges(row)
-        return self.jacobian(self._b.column([self._b.element(row.args[0], i, j) for j in range(first, last)]))
+        return (yield self._b.column([self._b.element(row.args[0], i, j) for j in range(first, last)]))
 
-    def _call(self, block: Block) -> Jacobian:
+    def _call(self, block: Block) -> Steps[Jacobian]:
         data: Any = block.data
         if data[0] == "where":
-            return self._choice(block)
-        slopes = partial_derivatives(self._b, block)
-        return self._combined([(partial(self._b.scale, p), self.jacobian(a)) for p, a in zip(slopes, block.args, strict=True)])
+            return (yield from self._choice(block))
+        terms = []
+        for slope, a in zip(partial_derivatives(self._b, block), block.args, strict=True):
+            terms.append((partial(self._b.scale, slope), (yield a)))
+        return self._combined(terms)
 
-    def _choice(self, block: Block) -> Jacobian:
+    def _choice(self, block: Block) -> Steps[Jacobian]:
         b, (condition, yes, no) = self._b, block.args
-        jacobians = self.jacobian(yes), self.jacobian(no)
+        jacobians = (yield yes), (yield no)
 
         def chosen(leaf: Block) -> Block:
             width = leaf.shape[0]
@@ -156,7 +180,7 @@ def _vanishes(block: Block) -> bool:
     return block.op == "const" and not any(x for row in data for x in row)
 
 
-_RULES: Mapping[str, Callable[[Differentiator, Block], Jacobian]] = {
+_RULES: Mapping[str, Callable[[Differentiator, Block], Steps[Jacobian]]] = {
     "add": Differentiator._sum, "sub": Differentiator._sum, "neg": Differentiator._neg, "scale": Differentiator._scale,
     "mul": Differentiator._mul, "stack": Differentiator._stack, "take": Differentiator._take, "call": Differentiator._call,
     "transpose": Differentiator._transpose,
@@ -207,75 +231,78 @@ class Variation:
         Raises:
             ValueError: the block uses an operation that has no rule, or depends on a symbol whose change is not given.
         """
-        if block not in self._known:
-            self._known[block] = self._derived(block) if self._inputs.of(block) & self._symbols else self._b.zero(*block.shape)
-        return self._known[block]
+        return _follow(block, self._known, self._derived)
 
-    def _derived(self, block: Block) -> Block:
+    def _derived(self, block: Block) -> Steps[Block]:
+        if not self._inputs.of(block) & self._symbols:
+            return self._b.zero(*block.shape)
         if block in self._turns:
             return self._b.mul(self._b.skew(self._turns[block]), block)
+        if block.op in _LINEAR:
+            return _LINEAR[block.op](self._b, (yield block.args[0]))
         rule = _VARIED.get(block.op)
         if rule is None:
             raise ValueError(f"{block!r} ({block.data}) has no derivative")
-        return rule(self, block)
+        return (yield from rule(self, block))
 
-    def _sum(self, block: Block) -> Block:
-        first, second = (self.of(a) for a in block.args)
+    def _sum(self, block: Block) -> Steps[Block]:
+        first, second = (yield block.args[0]), (yield block.args[1])
         return self._b.add(first, second) if block.op == "add" else self._b.sub(first, second)
 
-    def _scale(self, block: Block) -> Block:
+    def _scale(self, block: Block) -> Steps[Block]:
         b, (s, a) = self._b, block.args
-        return b.add(self._scaled(s, self.of(a)), self._scaled(self.of(s), a))
+        return b.add(self._scaled(s, (yield a)), self._scaled((yield s), a))
 
     def _scaled(self, factor: Block, block: Block) -> Block:
         return self._b.zero(*block.shape) if is_zero(factor) else self._b.scale(factor, block)
 
-    def _mul(self, block: Block) -> Block:
+    def _mul(self, block: Block) -> Steps[Block]:
         b, (a, x) = self._b, block.args
-        rest = b.mul(a, self.of(x))
+        rest = b.mul(a, (yield x))
         if a in self._turns:
             return b.add(b.mul(b.skew(self._turns[a]), block), rest)
         if a.op == "transpose" and a.args[0] in self._turns:
-            return b.mul(a, b.sub(self.of(x), b.mul(b.skew(self._turns[a.args[0]]), x)))
-        return b.add(b.mul(self.of(a), x), rest)
+            return b.mul(a, b.sub((yield x), b.mul(b.skew(self._turns[a.args[0]]), x)))
+        return b.add(b.mul((yield a), x), rest)
 
-    def _stack(self, block: Block) -> Block:
+    def _stack(self, block: Block) -> Steps[Block]:
         data: Any = block.data
-        parts, columns = [self.of(a) for a in block.args], len(data[1])
+        parts, columns = list[Block](), len(data[1])
+        for a in block.args:
+            parts.append((yield a))
         return self._b.stack([parts[i : i + columns] for i in range(0, len(parts), columns)])
 
-    def _take(self, block: Block) -> Block:
+    def _take(self, block: Block) -> Steps[Block]:
         data: Any = block.data
-        return self._b.take(self.of(block.args[0]), *data)
+        return self._b.take((yield block.args[0]), *data)
 
-    def _mirror(self, block: Block) -> Block:
-        return self._b.mirror(self.of(block.args[0]))
-
-    def _sandwich(self, block: Block) -> Block:
+    def _sandwich(self, block: Block) -> Steps[Block]:
         b, (a, m) = self._b, block.args
-        half = b.mul(self.of(a), b.mul(m, b.transpose(a)))
-        inner = self.of(m)
+        half = b.mul((yield a), b.mul(m, b.transpose(a)))
+        inner = yield m
         whole = b.symmetrise(half)
         return whole if is_zero(inner) else b.add(whole, b.sandwich(a, b.mirror(inner)))
 
-    def _call(self, block: Block) -> Block:
+    def _call(self, block: Block) -> Steps[Block]:
         b, data = self._b, block.data
         assert isinstance(data, tuple)
         if data[0] == "where":
             condition, yes, no = block.args
-            first, second = self.of(yes), self.of(no)
+            first, second = (yield yes), (yield no)
             return first if first is second else b.call("where", condition, first, second)
-        terms = [(p, self.of(a)) for p, a in zip(partial_derivatives(b, block), block.args, strict=True)]
+        terms = []
+        for slope, a in zip(partial_derivatives(b, block), block.args, strict=True):
+            terms.append((slope, (yield a)))
         return b.total([b.zero(1), *(b.mul(p, d) for p, d in terms)])
 
 
-_VARIED: Mapping[str, Callable[[Variation, Block], Block]] = {
+_VARIED: Mapping[str, Callable[[Variation, Block], Steps[Block]]] = {
     "add": Variation._sum, "sub": Variation._sum, "scale": Variation._scale, "mul": Variation._mul, "stack": Variation._stack,
-    "take": Variation._take, "mirror": Variation._mirror, "sandwich": Variation._sandwich, "call": Variation._call,
-    "neg": lambda v, block: v._b.neg(v.of(block.args[0])),
-    "transpose": lambda v, block: v._b.transpose(v.of(block.args[0])),
-    "symmetrise": lambda v, block: v._b.symmetrise(v.of(block.args[0])),
-    "skew": lambda v, block: v._b.skew(v.of(block.args[0])),
+    "take": Variation._take, "sandwich": Variation._sandwich, "call": Variation._call,
+}  # fmt: skip
+#: Operations on one block whose change is that of their argument, treated in the same way.
+_LINEAR: Mapping[str, Callable[[Builder, Block], Block]] = {
+    "neg": Builder.neg, "transpose": Builder.transpose, "symmetrise": Builder.symmetrise, "skew": Builder.skew, "mirror": Builder.mirror,
 }  # fmt: skip
 
 

@@ -56,6 +56,7 @@ def topology_facts(topology: Topology, mobility: Mobility, warning: str = "") ->
         ("degrees of freedom", str(mobility.degrees_of_freedom)),
         *([("motion", motion)] if (motion := _motion(mobility, guided)) else []),
         *([("warning", warning)] if warning else []),
+        *((f"choices of {names}", text) for names, text in model.choices.items()),
         *(("note", note) for note in model.notes),
     )  # fmt: skip
 
