@@ -129,6 +129,6 @@ def _held_by(results: Iterable[Block]) -> set[int]:
         if block.op == "symbol" and block.data == HELD and block.shape == (1, 1):
             found.add(0)
         for held in (a for a in block.args if a.op == "symbol" and a.data == HELD):
-            rows: Any = block.data[0] if block.op == "take" else (0, held.shape[0])
-            found.update(range(*rows))
+            data: Any = block.data
+            found.update(range(*data[0]) if block.op == "take" else range(held.shape[0]))
     return found

@@ -51,12 +51,12 @@ def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: Closin
     """Add the cut joints and gears to the bodies' system and solve it, which uses it up."""
     inside = {name for branch in topology.branches for name in branch.cuts}
     systems: dict[str, BranchSystem] = {}
-    for branch in sorted(topology.branches, key=lambda each: bool(each.hub)):
-        systems[branch.bodies[0]] = BranchSystem(
-            branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in closing.loops if x.joint.name in branch.cuts],
-            gears=[x for x in closing.gears if x.element.name in branch.gears], hub=systems.get(branch.hub),
+    for of in sorted(topology.branches, key=lambda each: bool(each.hub)):
+        systems[of.bodies[0]] = BranchSystem(
+            branch=of, system=system, k=k, numbers=numbers, loops=[x for x in closing.loops if x.joint.name in of.cuts],
+            gears=[x for x in closing.gears if x.element.name in of.gears], hub=systems.get(of.hub),
         )  # fmt: skip
-    branches = [systems[branch.bodies[0]] for branch in topology.branches]
+    branches = [systems[each.bodies[0]] for each in topology.branches]
     of_body: dict[str, Branched] = {}
     for own in (each for each in branches if each.hub is None):
         around = [each for each in branches if each.hub is own]
