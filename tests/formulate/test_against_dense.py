@@ -142,6 +142,17 @@ def test_coupled_loops(seed: int) -> None:
     compare(random_models.random_loops(seed), seed)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_parts_around_a_hub(seed: int) -> None:
+    """As the sides of an axle around their rack: a branch each, and one of the hub."""
+    model = random_models.around_hub(seed)
+    branches = build_topology(model).branches
+    hubs = [branch.hub for branch in branches if branch.hub]
+    assert len(hubs) == 2 + seed % 2
+    assert {branch.bodies[0] for branch in branches if not branch.hub} >= set(hubs)
+    compare(model, seed)
+
+
 @pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("seed", range(6))
 def test_geared_tree(seed: int, bent: bool) -> None:

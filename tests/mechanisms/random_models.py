@@ -433,6 +433,24 @@ def random_loops(seed: int, gravity: bool = True, forces: bool = True) -> Model:
     return w.model()
 
 
+def around_hub(seed: int) -> Model:
+    """Two or three parts of nine unknowns that cut joints connect through one body: on the ground, on a free body or on one that a joint
+    holds.  Parts have loops of their own too, and ends on a guided body of the hub."""
+    w = workshop(seed, "around a hub")
+    carrier = (GROUND, w.grow(GROUND, K.FREE, is_reversed=False), w.grow(GROUND, K.UNIVERSAL))[seed % 3]
+    hub = w.grow(carrier, w.pick((K.REVOLUTE, K.PRISMATIC, K.CYLINDRICAL, K.SPHERICAL)))
+    end = w.guided(hub) if seed % 2 else hub
+    for n in range(2 + seed % 2):
+        first = w.grow(carrier, K.SPHERICAL)
+        last = w.grow(w.grow(first, K.SPHERICAL), K.SPHERICAL)
+        w.close(w.pick(PLAIN_CUTS), last, hub if n else end)
+        if w.chance(0.5):
+            w.close(w.pick(PLAIN_CUTS), last, w.pick((carrier, first)))
+    w.load_all()
+    w.sense()
+    return w.model()
+
+
 def chosen_loops(seed: int) -> Model:
     """Loops whose cut joints the compiler chooses; no joint says whether it may be cut, but for the massless links' own."""
     w = workshop(seed, "chosen loops")

@@ -244,6 +244,16 @@ def test_equal_steps_keep_their_order_2_across_samples(method: str) -> None:
     assert 12 < coarse / fine < 20
 
 
+def test_a_controller_by_which_nothing_moves_changes_no_bit() -> None:
+    """One that notes where the crank has been, as often as steps are made: accelerations are not found anew for it."""
+    noted = 'notes: {every: 1 ms, memory: {peak: {start: 0 rad, next: "max(peak, pin.angle + 1e-3*crank.ax)"}}}'
+    text = LOOP.replace("controllers:\n", f"controllers:\n  {noted}\n").replace("outputs: [", "outputs: [notes.peak, ")
+    plain, noting = (run(read_model_text(each, "m.yaml"), integrator="trapezoidal", dt=1e-3) for each in (LOOP, text))
+    assert noting.columns["notes.peak"][-1] > 0.1
+    for name, values in plain.columns.items():
+        assert (noting.columns[name] == values).all(), name
+
+
 def test_diagonally_implicit_steps_have_the_same_motion() -> None:
     assert distance(run(driven_loop()[0], "recursive-newton", integrator="radau5", tolerance=1e-10)) < 1e-6
 

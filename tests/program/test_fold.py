@@ -90,6 +90,15 @@ SAMPLED = DAMPED.replace("law: -torque", "law: -torque - brake.pull").replace(
     "    signals:\n      turns",
 )
 
+def with_a_rack() -> str:
+    """The car whose front wheels are steered by a rack that slides by itself, with a spring."""
+    text = (MODELS / "car.yaml").read_text().replace("bodies:\n", "bodies:\n  rack: {mass: 3, centre_of_mass: [1.12, 0, 0.31]}\n", 1)
+    text = text.replace("joints:\n", "joints:\n  slide: {kind: prismatic, bodies: [chassis, rack], at: [1.12, 0, 0.31], axis: y}\n", 1)
+    spring = "forces:\n  centring: {kind: joint_force, joint: slide, law: -2e4*position - 300*rate}\n"
+    text = text.replace("submodels:\n", f"{spring}submodels:\n", 1)
+    return text.replace("steering: chassis", "steering: rack", 2)
+
+
 CASES = {
     "arms with signals and states": (lambda: DAMPED, "swing"),
     "arms with controllers": (lambda: SAMPLED, "swing"),
@@ -98,6 +107,7 @@ CASES = {
     "7 pendulums in groups of 4, 2 and 1": (lambda: pendulums(7), "swing"),
     "4 geared pendulums": (lambda: geared(4), "swing"),
     "car whose corners are two subtrees each": (lambda: (MODELS / "car.yaml").read_text(), "drop"),
+    "car whose front sides share a rack that slides": (with_a_rack, "drop"),
     "axle whose sides share a rack and a stabiliser": (lambda: (MODELS / "axle.yaml").read_text(), "chirp"),
 }
 

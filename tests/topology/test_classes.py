@@ -12,6 +12,7 @@ from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import SubtreeClass
 from tests.conftest import MODELS
 from tests.mechanisms.four_bar import four_bar_text
+from tests.program.test_fold import with_a_rack
 
 CAR = MODELS / "car.yaml"
 
@@ -51,6 +52,15 @@ def test_the_sides_of_an_axle_are_one_class() -> None:
     assert (len(sides.roots), sides.size) == (2, 5)
     side_by_side(sides)
     assert pads.roots == ("pad_l", "pad_r")
+
+
+def test_a_rack_between_the_sides_leaves_them_independent() -> None:
+    """One that slides by itself is their hub: its sides are alike with those of the axle behind, which has none."""
+    topology = build_topology(read_model_text(with_a_rack(), "car.yaml"))
+    (found,) = topology.classes
+    assert (len(found.roots), found.size) == (4, 4)
+    side_by_side(found)
+    assert sorted(branch.hub for branch in topology.branches) == ["", "", "", "rack", "rack"]
 
 
 def test_parts_of_different_carriers_are_classes_of_their_own() -> None:

@@ -15,6 +15,7 @@ from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import posed_elements
+from cutjoint.formulate.states import describe_controllers
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.formulate.transposed import Transposed
 from cutjoint.methods import START
@@ -362,7 +363,7 @@ def sizes_of(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "roads": len(equations.roads), "columns": len(equations.columns),
         "guards": len(guards_in(equations)), "switches": len(equations.switches),
         **({"states": states} if states else {}), **({"controllers": len(controllers), "held": equations.held} if controllers else {}),
-    }, **({"samples": controllers} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
+    }, **({"samples": describe_controllers(equations)} if controllers else {}), **({"nominals": nominals} if nominals else {})}  # fmt: skip
 
 
 def pattern_view(pattern: Pattern, names: Sequence[str]) -> dict[str, object]:

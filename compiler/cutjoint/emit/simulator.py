@@ -9,6 +9,7 @@ from cutjoint.emit.factorisation import STRAIGHT_LINE
 from cutjoint.emit.source import FACTORISATION, Page, Piece, Source, code_file, compiled, nominals_of, quotable, switches_of
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import LeftOut, RecursiveEquations, SystemEquations
+from cutjoint.formulate.states import describe_controllers
 from cutjoint.formulate.switches import guides_jump
 from cutjoint.model.functions import SUPPLIED_FILE
 from cutjoint.model.records import Assembly, Guard, Parameter
@@ -122,10 +123,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "switches": switches_of(equations),
         "states": len(equations.state.states),
         "nominals": nominals_of(equations),
-        "controllers": [
-            {"name": c.name, "place": quotable(c.span.place), "every": c.every, "offset": c.offset, "held": len(c.held)}
-            for c in model.controllers
-        ],
+        "controllers": [{**c, "place": quotable(str(c["place"]))} for c in describe_controllers(equations)],
     }  # fmt: skip
 
 

@@ -408,15 +408,15 @@ def _surface(begin: Beginning) -> dict[str, Any] | None:
     patches = [[*texts((*p["x"], *p["y"])), *texts((p["friction"], p["edge"]))] for p in begin.surface["patches"]]
     field = begin.surface["field"]
     if field is None:
-        return {"field": None, "patches": patches}
+        return {"field": None, "curved": None, "patches": patches}
     if "sections" in field:
         lists: dict[str, Any] = {name: texts(field[name]) for name in ("across", "heights", "boxes", "offsets", "smooth", "closed")}
         sections = [texts(field["sections"][i : i + 9]) for i in range(0, len(field["sections"]), 9)]
         lists |= {"sections": sections, "step": repr(float(field["step"])), "borders": field["borders"]}
-        return {"curved": lists, "patches": patches}
+        return {"field": None, "curved": lists, "patches": patches}
     parts = {name: texts(field[name]) for name in ("start", "step", "heights")}
     flags = {name: _truth(field[name]) for name in ("wraps", "bilinear")}
-    return {"field": {**parts, **flags, "counts": field["counts"]}, "patches": patches}
+    return {"field": {**parts, **flags, "counts": field["counts"]}, "curved": None, "patches": patches}
 
 
 def _piece(piece: Mapping[str, Any]) -> dict[str, str]:

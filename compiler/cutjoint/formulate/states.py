@@ -5,16 +5,19 @@ The unknown of a step is x', with which x changes by ``damping``.  What controll
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import count
+from typing import Any
 
-from cutjoint.formulate.inputs import held_name
+from cutjoint.formulate.inputs import HELD, held_name
 from cutjoint.formulate.layout import Slot, StateLayout
 from cutjoint.formulate.quantities import reading
-from cutjoint.formulate.records import SAMPLE, Function
+from cutjoint.formulate.records import POSES, SAMPLE, Equations, Function
 from cutjoint.formulate.translate import Translator
 from cutjoint.model.records import Model, Output
 from cutjoint.program.blocks import BindingTime, Block, Builder
 from cutjoint.program.differentiate import Inputs, Variation
+from cutjoint.program.lower import reachable_blocks
 
 #: A row and a column of the tangent, and the entry there.
 Entry = tuple[int, int, Block]
@@ -91,3 +94,41 @@ def sample_function(b: Builder, translator: Translator, model: Model, quantity: 
 def sample_slots(model: Model) -> Mapping[str, Slot]:
     """The places of its results."""
     return {f"{SAMPLE}:{i}": Slot(array="held", offset=i, names=(held_name(value),)) for i, value in enumerate(model.held)}
+
+
+#: Functions that look at a motion, and by which none goes on.
+_LOOKING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
+
+
+def describe_controllers(equations: Equations) -> list[dict[str, object]]:
+    """The controllers as steps know them: name, place in the model file, times (s), and the number of values that each holds.
+
+    ``felt`` has a 1 for each of these from which accelerations, states, events or guards follow, and a 0 for others, which samples and
+    outputs alone read.  One that is ``accelerated`` reads more of a state than coordinates and speeds at its samples.
+    """
+    felt = _held_by(b for f in equations.functions if f.name not in _LOOKING for b in f.results.values())
+    sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})
+    described, number = list[dict[str, object]](), count()
+    for controller in equations.topology.model.controllers:
+        own = [next(number) for _ in controller.held]
+        reached = reachable_blocks(sample[f"{SAMPLE}:{i}"] for i in own if sample)
+        described.append({
+            "name": controller.name, "place": controller.span.place, "every": controller.every, "offset": controller.offset,
+            "held": len(own), "felt": "".join(str(int(i in felt)) for i in own),
+            "accelerated": any(
+                b.op == "symbol" and b.binding is BindingTime.ITERATION and not str(b.data).startswith(("q:", "v:")) for b in reached
+            ),
+        })  # fmt: skip
+    return described
+
+
+def _held_by(results: Iterable[Block]) -> set[int]:
+    """The places of what controllers hold that results follow from."""
+    found = set[int]()
+    for block in reachable_blocks(results):
+        if block.op == "symbol" and block.data == HELD and block.shape == (1, 1):
+            found.add(0)
+        for held in (a for a in block.args if a.op == "symbol" and a.data == HELD):
+            data: Any = block.data
+            found.update(range(*data[0]) if block.op == "take" else range(held.shape[0]))
+    return found

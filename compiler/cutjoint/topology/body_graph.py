@@ -6,12 +6,17 @@ Branches that close on themselves: their joints are eliminated at once, in joint
 
 A loop whose ends lie in a few subtrees of one body couples joints of these subtrees alone: not even the body that carries them is in its
 equation, since only motion relative to it counts.  A gear couples two joints' speeds alone, so that every gear is in a branch.
+
+Where one body that carries nothing connects several subtrees, as the rack of an axle that steers, they are branches of their own around
+this hub: they share equations with it, and none with each other.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
 
 from cutjoint.model.records import GROUND, Gear, Joint
 from cutjoint.topology.records import Branch, TreeJoint, degrees
@@ -65,12 +70,21 @@ class BodyGraph:
             self.tied.update(*outside)
         return meet
 
-    def groups(self, carrier: str) -> list[list[str]]:
-        """The bodies next to a carrier, those that cut joints and gears connect together."""
+    @cached_property
+    def branches(self) -> tuple[Branch, ...]:
+        """The largest branches of at most MOST_UNKNOWNS unknowns, those around a hub and its own, and the smallest of more unknowns that a
+        gear needs, in the order of their first bodies."""
+        order = {t.child: i for i, t in enumerate(self.tree)}
+        return tuple(sorted(_Search(self).branches(), key=lambda branch: order[branch.bodies[0]]))
+
+    def groups(self, carrier: str, without: str = "") -> list[list[str]]:
+        """The bodies next to a carrier, those that cut joints and gears connect together, one left out."""
         if carrier not in self.linked:
             return [[body] for body in self.carried[carrier]]
-        group = {body: body for body in self.carried[carrier]}
+        group = {body: body for body in self.carried[carrier] if body != without}
         for a, b in self.linked[carrier]:
+            if without in (a, b):
+                continue
             first, last = group[a], group[b]
             if first != last:
                 group = {body: first if g == last else g for body, g in group.items()}
@@ -101,13 +115,6 @@ def _turned(gear: Gear, tree: Sequence[TreeJoint]) -> tuple[str, ...]:
 
 #: The most unknowns of a branch: the cost of a dense matrix grows with their cube, that of the recursion with their number.
 MOST_UNKNOWNS = 12
-
-
-def find_branches(graph: BodyGraph) -> tuple[Branch, ...]:
-    """The largest branches of at most MOST_UNKNOWNS unknowns, and the smallest of more that a gear needs, in the order of their first
-    bodies."""
-    order = {t.child: i for i, t in enumerate(graph.tree)}
-    return tuple(sorted(_Search(graph).branches(), key=lambda branch: order[branch.bodies[0]]))
 
 
 class _Search:
@@ -143,11 +150,36 @@ class _Search:
         for carrier in carriers:
             for roots in self._graph.groups(carrier):
                 closed = sum(self._closed[root] for root in roots) + sum(a in roots for a, _ in self._graph.linked[carrier])
-                small = sum(self._unknowns[root] for root in roots) <= MOST_UNKNOWNS
-                if closed and (small or self._needed & set(roots)) and not self._graph.open & set(roots):
+                if not closed or self._graph.open & set(roots):
+                    carriers += roots
+                elif self._is_small(roots) or self._needed & set(roots):
                     yield self._branch(carrier, roots)
+                elif (found := self._around_hub(carrier, roots)) is not None:
+                    hub, parts = found
+                    branches = [replace(self._branch(carrier, part), hub=hub) for part in parts]
+                    own = self._branch(carrier, [hub])
+                    shared = {name for branch in branches for name in branch.cuts}
+                    yield replace(own, cuts=tuple(name for name in own.cuts if name not in shared))
+                    yield from branches
                 else:
                     carriers += roots
+
+    def _is_small(self, roots: Iterable[str]) -> bool:
+        return sum(self._unknowns[root] for root in roots) <= MOST_UNKNOWNS
+
+    def _around_hub(self, carrier: str, roots: Sequence[str]) -> tuple[str, list[list[str]]] | None:
+        """The body of some roots that carries nothing and connects parts of the others, each small, and these parts."""
+        beside: dict[str, set[str]] = defaultdict(set)
+        for a, b in self._graph.linked[carrier]:
+            beside[a].add(b)
+            beside[b].add(a)
+        for hub in roots:
+            if len(beside[hub] - {hub}) < 2 or self._graph.carried.get(hub):
+                continue
+            parts = [part for part in self._graph.groups(carrier, without=hub) if part[0] in roots]
+            if len(parts) > 1 and all(self._is_small(part) for part in [[hub], *parts]):
+                return hub, parts
+        return None
 
     def _branch(self, carrier: str, roots: Sequence[str]) -> Branch:
         top, inside = self._graph.top, self._graph.inside(roots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.body_graph import BodyGraph, find_branches
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_classes
 from cutjoint.topology.records import Loop, Topology, TreeJoint, eliminate
 from cutjoint.topology.search import span
@@ -23,7 +23,7 @@ def build_topology(model: Model) -> Topology:
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     return Topology(
-        model=model, tree=tree, cuts=cuts, loops=loops, branches=find_branches(BodyGraph(tree, cuts, model.gears)),
+        model=model, tree=tree, cuts=cuts, loops=loops, branches=BodyGraph(tree, cuts, model.gears).branches,
         classes=find_classes(model, BodyGraph(tree, closing, model.gears)),
         held=tuple(joint for joint in closing if joint.name in closed),
     )  # fmt: skip

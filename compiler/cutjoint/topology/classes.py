@@ -22,22 +22,29 @@ Signature: TypeAlias = tuple[Any, ...]
 def find_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
     """The classes with two or more members whose parts do not lie in larger members: independent classes first, then the largest parts.
 
-    A part is a subtree, or the subtrees of one carrier that cut joints and gears connect.  Two parts are isomorphic when their joints, cut
-    joints, gears, forces and massless bodies agree in kind and place; numbers may differ, and so may the bodies outside that they are
-    attached to.  States and signals of the instance that a part's bodies stand in belong to it, and laws agree that read the same there.
+    A part is a subtree, or the subtrees of one carrier that cut joints and gears connect, or would without their hub.  Two parts are
+    isomorphic when their joints, cut joints, gears, forces and massless bodies agree in kind and place; numbers may differ, and so may the
+    bodies outside that they are attached to.  States and signals of the instance that a part's bodies stand in belong to it, and laws agree
+    that read the same there.
     """
-    return _find(model, graph, [*_linked(graph), *([t.child] for t in graph.tree)])
+    around = _around_hubs(graph)
+    return _find(model, graph, [*_linked(graph), *around, *([t.child] for t in graph.tree if [t.child] not in around)])
 
 
 def find_independent_classes(model: Model, graph: BodyGraph) -> tuple[SubtreeClass, ...]:
     """Classes of isomorphic parts without the parts that cut joints and gears connect with others."""
     alone = [[t.child] for t in graph.tree if t.child not in graph.tied]
-    return tuple(c for c in _find(model, graph, [*_linked(graph), *alone]) if c.independent)
+    return tuple(c for c in _find(model, graph, [*_linked(graph), *_around_hubs(graph), *alone]) if c.independent)
 
 
 def _linked(graph: BodyGraph) -> Iterator[list[str]]:
     """The bodies next to one carrier whose subtrees are connected."""
     return (roots for carrier in graph.linked for roots in graph.groups(carrier) if len(roots) > 1)
+
+
+def _around_hubs(graph: BodyGraph) -> list[list[str]]:
+    """The roots of branches that meet at a hub."""
+    return [[b for b in branch.bodies if graph.carrier.get(b) == branch.carrier] for branch in graph.branches if branch.hub]
 
 
 def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tuple[SubtreeClass, ...]:
@@ -65,7 +72,7 @@ def _find(model: Model, graph: BodyGraph, parts: Sequence[Sequence[str]]) -> tup
 @dataclass(frozen=True, kw_only=True)
 class _Part:
     """A part: its bodies, its ``elements`` (bodies, tree joints, cut joints, gears, forces, states, signals) in the order of the signature,
-    and the body that carries it, if the part touches nothing else of unknown motion."""
+    and the body that carries it, if the part touches nothing else of unknown motion but its hub."""
 
     bodies: tuple[str, ...]
     elements: tuple[str, ...]
@@ -84,6 +91,7 @@ class _Attached:
         self._cuts = _by_body(graph.cuts, lambda cut: (cut.base, cut.follower))
         self._gears = _by_body(graph.gears, self._geared)
         self._ends = joint_ends(graph.tree, graph.cuts)
+        self._hubs = {b: branch.hub for branch in graph.branches for b in branch.bodies if graph.carrier.get(b) == branch.carrier}
         self._forces = _by_body(model.forces, lambda force: force_bodies(force, self._ends))
         self._named = (*(state.name for state in model.states), *(signal.name for signal in model.signals))
         self._shapes = self._numbered_shapes()
@@ -148,9 +156,9 @@ class _Attached:
         )  # fmt: skip
 
     def _carrier(self, bodies: Sequence[str], touched: Iterable[str]) -> str | None:
-        """The body of unknown motion that carries a part, if all that the part touches carries it too."""
+        """The body of unknown motion that carries a part, if all that the part touches carries it too, or is its hub."""
         carrier = self._graph.top[self._joint_of[bodies[0]].parent]
-        above = self._graph.path(carrier)
+        above = [*self._graph.path(carrier), self._hubs.get(bodies[0])]
         return carrier if all(self._graph.top[body] in above for body in touched) else None
 
 
@@ -197,14 +205,13 @@ def _force(force: Force, where: Any, ends: Mapping[str, tuple[str, ...]], instan
 
 
 def _reading(law: Scalar, instance: str) -> str:
-    """The quantities that a law reads, by their names in its instance; "" where it reads none there.
+    """The quantities of its instance that a law reads, by their names there; "" where it reads none.
 
-    How it reads them is left to the folding of blocks: mirrored instances differ in signs.
+    How it reads them is left to the folding of blocks: mirrored instances differ in signs, and those around them in what they are given.
     """
     read = [f"{element}.{quantity}" for element, quantity in quantities_read(law)]
-    if not any(instance and name.startswith(instance) for name in read):
-        return ""
-    return "reads " + ",".join(sorted(name.removeprefix(instance) for name in read))
+    own = sorted(name.removeprefix(instance) for name in read if instance and name.startswith(instance))
+    return "reads " + ",".join(own) if own else ""
 
 
 @lru_cache(maxsize=4096)

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cutjoint.model.records import GROUND, Joint, Model
-from cutjoint.topology.body_graph import BodyGraph, find_branches
+from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_independent_classes
 from cutjoint.topology.records import Branch, TreeJoint, degrees, eliminate
 
@@ -49,16 +49,15 @@ def _shares(model: Model, graph: BodyGraph) -> Counter[str]:
     moving = [t for t in tree if t.child not in still]
     turning = {t.child for t in moving} - upright
     massive = {b.name for b in model.bodies if not b.is_massless}
-    branches = find_branches(graph)
-    within = {body for branch in branches for body in branch.bodies}
-    inside = {name for branch in branches for name in branch.cuts}
+    within = {body for branch in graph.branches for body in branch.bodies}
+    inside = {name for branch in graph.branches for name in branch.cuts}
     shares = Counter(dict.fromkeys(massive & turning, BODY))
     for t in moving:
         shares[t.child] += t.joint.element.operations.placing[t.parent in turning]
         if t.child not in within:
             shares[t.child] += _condensation(t, coupled[t.child] - still, t.parent not in still)
     shares.update(_closing(tree, [cut for cut in cuts if cut.name not in inside], still))
-    shares.update({branch.bodies[0]: _branched(branch, graph, massive) for branch in branches})
+    shares.update({branch.bodies[0]: _branched(branch, graph, massive) for branch in graph.branches})
     return shares
 
 
@@ -139,6 +138,9 @@ def _branched(branch: Branch, graph: BodyGraph, massive: set[str]) -> int:
     total += sum(r * (r + 2) + 8 * r for later in below.values() for r in later)
     if branch.carrier != GROUND:
         total += sum(12 * r + 78 for j in laden for r in below[j])
+    if branch.hub:
+        shared = sum(degrees(t.joint) for t in graph.tree if t.child == branch.hub)
+        total += shared * sum(2 * r + 14 for later in below.values() for r in later)
     return total + GEAR * len(branch.gears)
 
 

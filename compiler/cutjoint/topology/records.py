@@ -46,12 +46,13 @@ class Loop:
 @dataclass(frozen=True, kw_only=True)
 class Branch:
     """Subtrees below ``carrier`` that cut joints and gears connect with each other: ``bodies``, parents first, the names of the ``cuts``
-    and of the ``gears``."""
+    and of the ``gears``.  Cut joints may connect them with one body more, their ``hub``, whose own branch is named by it."""
 
     carrier: str
     bodies: tuple[str, ...]
     cuts: tuple[str, ...]
     gears: tuple[str, ...] = ()
+    hub: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

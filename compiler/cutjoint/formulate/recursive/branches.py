@@ -10,6 +10,13 @@ all bodies that it carries, Z_P the carrier's twist, and J = A S the cut joints'
 
 The carrier's own acceleration is in none of the cut joints' equations.  A gear has J = [1, -ratio] and s' = s.  H is composed as by
 Walker and Orin (1982).
+
+Branches around a hub share cut joints with it, J zdd + J_K zdd_K + s'.  They are eliminated first, with H = L D L^T, g = L^-1 h,
+Y = L^-1 G^T and W = L^-1 J^T a J_K::
+
+    H_K += J_K^T a J_K - W^T D^-1 W             G_K^T -= W^T D^-1 Y
+    h_K -= J_K^T (lambda + a s') + W^T D^-1 g
+    zdd  = L^-T D^-1 (g - Y Zdd_P - W zdd_K)    lambda <- lambda + a (J zdd + J_K zdd_K + s')
 """
 
 from __future__ import annotations
@@ -27,9 +34,18 @@ from cutjoint.program.blocks import Block
 from cutjoint.topology.records import Branch
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Share:
+    """The part that a branch has in the equations of its hub: of H_K, of h_K and of G_K^T, None where the carrier is the ground."""
+
+    mass: Block
+    force: Block
+    row: Block | None
+
+
 @dataclass(kw_only=True)
 class BranchSystem:
-    """The equations of a branch in its joints' unknowns, leaves first."""
+    """The equations of a branch in its joints' unknowns, leaves first; those around a ``hub`` pass on to it too."""
 
     branch: Branch
     system: BodySystem
@@ -37,10 +53,13 @@ class BranchSystem:
     numbers: Numbers
     loops: Sequence[LoopClosure]
     gears: Sequence[GearClosure] = ()
+    hub: BranchSystem | None = None
     _mass: dict[str, Block] = field(default_factory=dict)
     _force: dict[str, Block] = field(default_factory=dict)
     _rows: dict[str, Block] = field(default_factory=dict)
+    _by_hub: dict[str, Block] = field(default_factory=dict)
     _drift: dict[str, Block] = field(default_factory=dict)
+    _shares: list[_Share] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._known = KnownMotions(k=self.k, carrier=self.branch.carrier)
@@ -96,6 +115,8 @@ class BranchSystem:
             self._g = b.name(b.forward(self._lower, h), "g", self.name, rows=self.rows)
             if self.branch.carrier != GROUND:
                 self._pass_on()
+            if self.hub is not None:
+                self._pass_on_to(self.hub)
 
     def _gather(self) -> None:
         """M^c, F^c and G, from the leaves on."""
@@ -119,6 +140,9 @@ class BranchSystem:
             ends = self._carriers(joint.base), self._carriers(joint.follower)
             parts = [by_joint(b, loop, step, ends, body, self.subspaces[body]) for body in self.unknowns]
             self._rows[joint.name] = b.name(b.stack([parts]), "J", joint.name, rows=loop.names, columns=self.rows)
+            if self.hub is not None and {joint.base, joint.follower} & set(self.hub.branch.bodies):
+                parts = [by_joint(b, loop, step, ends, body, self.hub.subspaces[body]) for body in self.hub.unknowns]
+                self._by_hub[joint.name] = b.name(b.stack([parts]), "J_hub", joint.name, rows=loop.names, columns=self.hub.rows)
             apart = b.sub(self._known(joint.follower), b.mul(step, self._known(joint.base)))
             self._drift[joint.name] = b.name(b.add(loop.s, b.mul(loop.A, apart)), "drift", joint.name, rows=loop.names)
 
@@ -140,7 +164,7 @@ class BranchSystem:
         H = b.mirror(b.stack(grid))
         for loop in self._closing:
             H = b.add(H, b.gram(self._rows[loop.element.name], self._weights(loop)))
-        return H
+        return b.total([H, *(share.mass for share in self._shares)])
 
     def _tree_part(self, i: str, j: str) -> Block:
         b = self.k.builder
@@ -165,16 +189,21 @@ class BranchSystem:
         h = b.stack([[part] for part in parts])
         for loop in self._closing:
             name = loop.element.name
-            pull = b.add(loop.multipliers, b.scale(self.numbers.penalties[name], self._drift[name]))
-            b.name(pull, "push", name, rows=loop.names)
+            pull = b.name(self._pull(loop), "push", name, rows=loop.names)
             h = b.sub(h, b.mul(b.transpose(self._rows[name]), pull))
-        return h
+        return b.total([h, *(share.force for share in self._shares)])
+
+    def _pull(self, loop: Closing) -> Block:
+        """Lambda + a s'."""
+        b, name = self.k.builder, loop.element.name
+        return b.add(loop.multipliers, b.scale(self.numbers.penalties[name], self._drift[name]))
 
     def _pass_on(self) -> None:
         """M_P += M^c - Y^T D^-1 Y, Q_P += F^c - Y^T e."""
         b, carrier = self.k.builder, self.branch.carrier
         roots = [body for body in self.branch.bodies if self.k.motions[body].tree_joint.parent not in self.branch.bodies]
         passed = b.stack([[b.transpose(self._rows[body])] for body in self.unknowns])
+        passed = b.total([passed, *(share.row for share in self._shares if share.row is not None)])
         self._Y = b.name(b.forward(self._lower, passed), "Y", self.name, rows=self.rows)
         self.system.source = self.branch.bodies[0]
         for body in roots:
@@ -183,6 +212,27 @@ class BranchSystem:
         self.system.add_mass(carrier, b.neg(b.gram(self._Y, self._inverse)))
         self.system.add_force(carrier, b.neg(b.mul(b.transpose(self._Y), b.weigh(self._inverse, self._g))))
 
+    def _pass_on_to(self, hub: BranchSystem) -> None:
+        """H_K += J_K^T a J_K - W^T D^-1 W, h_K -= J_K^T (lambda + a s') + W^T D^-1 g, G_K^T -= W^T D^-1 Y."""
+        b, size = self.k.builder, len(hub.rows)
+        coupled, mass, force = b.zero(len(self.rows), size), b.zero(size, size), b.zero(size)
+        for loop in self.loops:
+            if (J := self._by_hub.get(loop.joint.name)) is not None:
+                weights = self._weights(loop)
+                coupled = b.add(coupled, b.mul(b.transpose(self._rows[loop.joint.name]), b.weigh(weights, J)))
+                mass = b.add(mass, b.gram(J, weights))
+                force = b.sub(force, b.mul(b.transpose(J), self._pull(loop)))
+        self._W = b.name(b.forward(self._lower, coupled), "W", self.name, rows=self.rows, columns=hub.rows)
+        across = b.transpose(b.weigh(self._inverse, self._W))
+        hub.take_over(_Share(
+            mass=b.sub(mass, b.gram(self._W, self._inverse)), force=b.sub(force, b.mul(across, self._g)),
+            row=b.neg(b.mul(across, self._Y)) if self.branch.carrier != GROUND else None,
+        ))  # fmt: skip
+
+    def take_over(self, share: _Share) -> None:
+        """Add to the equations what a branch around this hub has left in them."""
+        self._shares.append(share)
+
     def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
         """The unknowns of its joints by body."""
         b, right = self.k.builder, self._g
@@ -190,6 +240,8 @@ class BranchSystem:
         with b.section("accelerations", first.name, "zdd = H^-1 (h - G^T Zdd_P)", first.span.place):
             if self.branch.carrier != GROUND:
                 right = b.sub(right, b.mul(self._Y, Zdd[self.branch.carrier]))
+            if self.hub is not None:
+                right = b.sub(right, b.mul(self._W, self.hub.solution))
             self._zdd = b.name(b.backward(self._lower, b.weigh(self._inverse, right)), "zdd", self.name, rows=self.rows)
             for rotor in self.k.rotors.values():
                 if (body := rotor.carrier) in self.branch.bodies and body not in Zdd:
@@ -197,6 +249,11 @@ class BranchSystem:
                     moved = [b.mul(self.subspaces[each], parts[each]) for each in self._carriers(body) if each in parts]
                     Zdd[body] = b.name(b.total([Zdd[self.branch.carrier], self._known(body), *moved]), "Zdd", body)
             return self._parted(self._zdd)
+
+    @property
+    def solution(self) -> Block:
+        """The unknowns that `solve` has found, in one column."""
+        return self._zdd
 
     def _parts(self, unknown: Block) -> Iterator[tuple[str, Block]]:
         """Each joint's own."""
@@ -223,7 +280,27 @@ class BranchSystem:
     def _error(self, loop: Closing) -> Block:
         b, name = self.k.builder, loop.element.name
         with b.section("multipliers", name, ERRORS, loop.element.span.place):
-            return b.add(b.mul(self._rows[name], self._zdd), self._drift[name])
+            moved = b.mul(self._rows[name], self._zdd)
+            if self.hub is not None and name in self._by_hub:
+                moved = b.add(moved, b.mul(self._by_hub[name], self.hub.solution))
+            return b.add(moved, self._drift[name])
+
+
+@dataclass(frozen=True, kw_only=True)
+class HubSystem:
+    """A hub and the branches around it, which it waits for."""
+
+    hub: BranchSystem
+    around: Sequence[BranchSystem]
+
+    def eliminate(self) -> None:
+        """Eliminate the branches, then the hub."""
+        for branch in (*self.around, self.hub):
+            branch.eliminate()
+
+    def solve(self, Zdd: dict[str, Block]) -> dict[str, Block]:
+        """The unknowns of all joints by body, those of the hub first."""
+        return {body: block for branch in (self.hub, *self.around) for body, block in branch.solve(Zdd).items()}
 
 
 _EQUATION = "H = S^T M^c S + J^T a J = L D L^T,  M_P += M^c - G H^-1 G^T,  Q_P += F^c - G H^-1 h"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import Numbers
 from cutjoint.formulate.recursive.assemblies import assembly_systems
-from cutjoint.formulate.recursive.branches import BranchSystem
+from cutjoint.formulate.recursive.branches import BranchSystem, HubSystem
 from cutjoint.formulate.recursive.gears import GearClosure
 from cutjoint.formulate.recursive.kinematics import Kinematics
 from cutjoint.formulate.recursive.loops import Closing, LoopClosure, add_loops, loop_errors
@@ -50,14 +50,18 @@ class Solution:
 def solve(topology: Topology, system: BodySystem, k: Kinematics, closing: ClosingElements, numbers: Numbers) -> Solution:
     """Add the cut joints and gears to the bodies' system and solve it, which uses it up."""
     inside = {name for branch in topology.branches for name in branch.cuts}
-    branches = [
-        BranchSystem(
-            branch=branch, system=system, k=k, numbers=numbers, loops=[x for x in closing.loops if x.joint.name in branch.cuts],
-            gears=[x for x in closing.gears if x.element.name in branch.gears],
-        )
-        for branch in topology.branches
-    ]  # fmt: skip
-    of_body: dict[str, Branched] = {body: branch for branch in branches for body in branch.branch.bodies}  # without rotors
+    systems: dict[str, BranchSystem] = {}
+    for of in sorted(topology.branches, key=lambda each: bool(each.hub)):
+        systems[of.bodies[0]] = BranchSystem(
+            branch=of, system=system, k=k, numbers=numbers, loops=[x for x in closing.loops if x.joint.name in of.cuts],
+            gears=[x for x in closing.gears if x.element.name in of.gears], hub=systems.get(of.hub),
+        )  # fmt: skip
+    branches = [systems[each.bodies[0]] for each in topology.branches]
+    of_body: dict[str, Branched] = {}
+    for own in (each for each in branches if each.hub is None):
+        around = [each for each in branches if each.hub is own]
+        whole = HubSystem(hub=own, around=around) if around else own
+        of_body |= {body: whole for each in (own, *around) for body in each.branch.bodies}  # without rotors
     of_body |= assembly_systems(system, k)
     coupling = tuple(x for x in closing.loops if x.joint.name not in inside)
     add_loops(system, k, coupling, numbers)

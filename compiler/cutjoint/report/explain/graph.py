@@ -39,10 +39,22 @@ _BRANCHES = (
     r"M_P \leftarrow M_P + M^c - G H^{-1} G^T, \quad Q_P \leftarrow Q_P + F^c - G H^{-1} h, \quad \ddot z = H^{-1} (h - G^T \ddot Z_P)",
 )
 
+#: And of branches around a hub K.
+_HUBS = (
+    r"H_K \leftarrow H_K + J_K^T \alpha J_K - W^T D^{-1} W, \quad h_K \leftarrow h_K - J_K^T (\lambda + \alpha s') - W^T D^{-1} g",
+    r"G_K^T \leftarrow G_K^T - W^T D^{-1} Y, \quad H = L D L^T, \quad W = L^{-1} J^T \alpha J_K, \quad Y = L^{-1} G^T, \quad g = L^{-1} h",
+    r"\ddot z = L^{-T} D^{-1} (g - Y \ddot Z_P - W \ddot z_K)",
+)
+
 _AT_ONCE = (
     "Loops that stay among subtrees of one body $P$ are eliminated at once, in joint space: their equations do not have the motion of $P$. "
     "$S_j$ is the subspace of body $j$'s joint, $M^c_j$ and $F^c_j$ are the sums of $M$ and of $Q - M a$ over body $j$ and all that it "
     "carries, $a$ what known motions add to the acceleration relative to $P$.",
+)
+
+_AROUND = (
+    "Branches that one body $K$ connects, their hub, share cut joints with it and none with each other. They go first, each by itself, and "
+    "pass on to the equations of $K$ too; $J_K$ is the Jacobian by its unknowns.",
 )
 
 
@@ -148,27 +160,34 @@ def elimination(topology: Topology, operations: dict[tuple[str, str], int]) -> E
     coupled = eliminate(topology.tree, topology.cuts)
     branch_of = {body: branch for branch in topology.branches for body in branch.bodies}
     rows: list[tuple[str, ...]] = []
+    done: set[str] = set()
     for t in reversed(topology.tree):
         if t.child not in branch_of:
             others = code(x for x in topology.order if x in coupled[t.child])
             spent = operations.get(("condensation", t.joint.name), 0)
             rows.append((code(t.child), code(t.joint.name), _speeds(t), others, code(t.parent), str(spent)))
-        elif t.child == branch_of[t.child].bodies[-1]:
-            rows.append(_branch_row(topology, branch_of[t.child], operations))
+        elif (first := branch_of[t.child].hub or branch_of[t.child].bodies[0]) not in done:
+            done.add(first)
+            together = [branch for branch in topology.branches if first in (branch.hub, branch.bodies[0])]
+            rows += [_branch_row(topology, branch, operations) for branch in sorted(together, key=lambda each: not each.hub)]
     total = sum(n for (stage, _), n in operations.items() if stage == "condensation")
     headings = ("step", "body", "joint", "unknowns", "coupled to", "passed on to", "operations")
     steps = [(str(i), *row) for i, row in enumerate(rows, 1)]
     table = make_table(headings, [*steps, ("", "**sum**", "", "", "", "", f"**{total}**")])
     notes, formulas = (_NOTES, _ELIMINATION) if len(branch_of) < len(topology.tree) else (_NOTES[:1], ())
-    at_once = bool(topology.branches)
-    return Entry(title="Order of elimination", notes=notes + _AT_ONCE * at_once, formulas=formulas + _BRANCHES * at_once, table=table)
+    at_once, around = bool(topology.branches), any(branch.hub for branch in topology.branches)
+    return Entry(
+        title="Order of elimination", notes=notes + _AT_ONCE * at_once + _AROUND * around,
+        formulas=formulas + _BRANCHES * at_once + _HUBS * around, table=table,
+    )  # fmt: skip
 
 
 def _branch_row(topology: Topology, branch: Branch, operations: dict[tuple[str, str], int]) -> tuple[str, ...]:
     joints = [topology.joint_of[body].joint for body in branch.bodies]
     count = sum(degrees(joint) for joint in joints)
     spent = sum(operations.get(("condensation", joint.name), 0) for joint in joints)
-    return code(branch.bodies), code(j.name for j in joints), f"{count} at once", "", code(branch.carrier), str(spent)
+    hub = code(branch.hub) if branch.hub else ""
+    return code(branch.bodies), code(j.name for j in joints), f"{count} at once", hub, code(branch.carrier), str(spent)
 
 
 def _speeds(t: TreeJoint) -> str:

@@ -21,11 +21,14 @@ struct SwitchPlace {
   int across = -1;
 };
 
-/// A controller takes samples at `offset` + k `every`, s, and holds so many values in between.
+/// A controller takes samples at `offset` + k `every`, s, and holds so many values in between.  `felt` has a letter for each, '0' of one that samples and
+/// outputs alone read, so that no motion follows from it.  Samples of one that is `accelerated` read accelerations or multipliers.
 struct SampleTimes {
   double every;
   double offset;
   int held;
+  const char* felt;
+  bool accelerated;
 };
 
 }  // namespace cutjoint

@@ -94,18 +94,24 @@ class Sampling {
   /// Where a function puts the next values of all.
   Real* next_values() { return next_.data(); }
 
-  /// A controller holds its next values; whether they are finite.  Unless they are, it holds what it held.
-  bool take(std::size_t i, bool& changes) {
+  /// A controller holds its next values; whether they are finite.  Unless they are, it holds what it held.  Some of them `change`, and of those some
+  /// are `felt`: motion follows from them.
+  bool take(std::size_t i, bool& changes, bool& felt) {
     const std::size_t first = first_of(i), end = first + held_by(i);
     for (std::size_t k = first; k < end; ++k)
       if (!(next_[k] - next_[k] == Real(0))) return false;
     for (std::size_t k = first; k < end; ++k) {
-      changes = changes || memory_.values[k] != next_[k];
+      const bool changed = memory_.values[k] != next_[k];
+      changes = changes || changed;
+      felt = felt || (changed && times_[i].felt[k - first] != '0');
       memory_.values[k] = next_[k];
     }
     ++memory_.numbers[i];
     return true;
   }
+
+  /// Whether its samples read accelerations or multipliers.
+  bool is_accelerated(std::size_t i) const { return times_[i].accelerated; }
 
   /// Its values among those of all.
   std::size_t first_of(std::size_t controller) const {

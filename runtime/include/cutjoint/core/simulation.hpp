@@ -730,11 +730,27 @@ class Simulation {
   Fault sample() {
     if constexpr (may_sample<Subject>) {
       if (is_system && sampling_.next() <= state_.t + rounding()) restart_at_sample();  // accelerations of a step only come near to those that outputs need
-      for (std::size_t i = 0; i < sampling_.size(); ++i)
-        if (sampling_.is_due(i, state_.t, rounding()))
-          if (const Fault fault = sample(i)) return fault;
+      bool changes = false, felt = false;  // since accelerations were found
+      Fault fault;
+      for (std::size_t i = 0; i < sampling_.size() && !fault; ++i) {
+        if (!sampling_.is_due(i, state_.t, rounding())) continue;
+        if (felt && sampling_.is_accelerated(i)) {
+          go_on_from_sample();
+          changes = felt = false;
+        }
+        fault = sample(i, changes, felt);
+      }
+      if (felt) go_on_from_sample();
+      else if (changes) subject().begin_step(state_.t, Real(1));
+      return fault;
     }
     return {};
+  }
+
+  /// What controllers have come to hold counts from now on.
+  void go_on_from_sample() {
+    restart_at_sample();
+    if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
   }
 
   /// The present state has the accelerations that forces give it.
@@ -744,20 +760,17 @@ class Simulation {
     else steps_->restart_after_input_jump(state_);
   }
 
-  /// The accelerations that a sample reads are those of the values before, and those behind it follow from what is held then.
-  Fault sample(std::size_t controller) {
-    bool changes = false;
+  /// The accelerations that a sample reads are those of the values before.
+  Fault sample(std::size_t controller, bool& changes, bool& felt) {
+    is_reported_ = false;
     const StateOf<Subject>& x = steps_->complete(state_);
     subject().begin_step(state_.t, Real(1));
     subject().sample(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), sampling_.next_values());
     if (part_watch_.sample)
       if (const Fault fault = part_watch_.sample(part_watch_.who, sampling_.first_of(controller), sampling_.held_by(controller))) return fault;
-    if (!sampling_.take(controller, changes))
+    if (!sampling_.take(controller, changes, felt))
       return {.cause = Cause::sample_not_finite, .list = FaultList::controllers, .index = static_cast<int>(controller), .t = static_cast<double>(state_.t),
               .step = number_ + 1};
-    if (!changes) return {};
-    restart_at_sample();
-    if (sample_watch_.call) sample_watch_.call(sample_watch_.who);
     return {};
   }
 

@@ -65,8 +65,12 @@ inline Description read_description(const Json& d) {
   for (const Json& s : switches)
     found.switches.push_back({.element = text(s, 0), .place = text(s, 1), .road = read_index(s.at(2), -1, found.roads.size()),
                               .across = read_index(s.at(3), -1, switches.size())});
-  for (const Json& c : d.at("controllers"))
-    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), read_index(c.at(4), 0, 1000000)}});
+  for (const Json& c : d.at("controllers")) {
+    const std::string& felt = c.at(5).get_ref<const std::string&>();
+    const int held = read_index(c.at(4), 0, 1000000);
+    if (felt.size() != static_cast<std::size_t>(held)) refuse("a controller says of other values than it holds whether they are felt");
+    found.controllers.push_back({text(c, 0), text(c, 1), {c.at(2).get<double>(), c.at(3).get<double>(), held, felt.c_str(), c.at(6).get<bool>()}});
+  }
   found.states = static_cast<std::size_t>(read_index(d.at("states"), 0, found.speeds.size() + 1));
   for (const Json& size : d.at("nominals")) found.nominals.push_back(size.get<double>());
   if (!found.nominals.empty() && found.nominals.size() != found.states) refuse("its description has a nominal for some states alone");
