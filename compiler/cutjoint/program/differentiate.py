@@ -8,8 +8,8 @@ some blocks change and finds how others do.
 Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
 shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
 
-Slopes of many results by many scalars are found by elimination: of the graph whose edges are partial derivatives one scalar after the other
-leaves, and what it has passed on becomes edges from those before it to those behind it, the one with the fewest of these first (Griewank,
+Slopes of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar after
+the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first (Griewank,
 Walther, Evaluating Derivatives, section 9.2).
 """
 
@@ -574,15 +574,15 @@ def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[i
 #: All lanes of a scalar.
 _ALL = -1
 
-#: How changes go from a scalar to another: the coefficients by the lane that they leave and the one that they reach, None of a scalar that
-#: has none.  From all lanes to all goes each to its own, from all to none their sum.  From none to -1 - n goes the sum of a coefficient's n
-#: lanes, which is taken as late as can be.
+#: The way of changes from a scalar to another: the coefficients by the lane that they leave and the one that they reach, None of a scalar
+#: that has none.  From all lanes to all goes each to its own, from all to none their sum.  From none to -1 - n goes the sum of a
+#: coefficient's n lanes, which is taken as late as can be.
 _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
 def slopes(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
-    """The slopes of each of the results, which have no lanes, by each of the ``targets`` on which it depends, with as many lanes as that
-    has.  Ways end at targets.
+    """The slopes of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it depends
+    on it.  Ways end at targets.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -740,7 +740,7 @@ class _Elimination:
         return found
 
     def _slope(self, target: int, edge: _Edge) -> int:
-        """What leads from a target to a result."""
+        """The slope that an edge from a target to a result stands for."""
         graph, lanes = self._graph, self._lanes(target)
         if not lanes:
             parts = [c if end is None else self._sum(c, -1 - end) for (_, end), c in edge.items()]
