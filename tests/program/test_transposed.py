@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cutjoint.compile.pipeline import generate
-from cutjoint.formulate.transposed import Transposed, transpose
+from cutjoint.formulate.implicit.equations import formulate_balance
+from cutjoint.formulate.lanes import schedule_recursive
+from cutjoint.formulate.transposed import Derived, linearise_balance, transpose
+from cutjoint.methods import Loops
 from cutjoint.program.blocks import FUNCTIONS, BindingTime
-from cutjoint.program.differentiate import adjoint
+from cutjoint.program.differentiate import adjoint, slopes
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
-from cutjoint.run.scenes import take_model
+from cutjoint.run.scenes import take_model, with_loops
 from tests.conftest import MODELS
 
 #: Functions by numbers at which they have derivatives.
@@ -97,7 +101,7 @@ def _drawn(program: Program, parameters: list[float]) -> dict[str, np.ndarray]:
 
 
 def _compare(
-    name: str, program: Program, transposed: Transposed, inputs: dict[str, np.ndarray], roads: dict[str, Ground], share: float
+    name: str, program: Program, transposed: Derived, inputs: dict[str, np.ndarray], roads: dict[str, Ground], share: float
 ) -> None:  # fmt: skip
     draw, results = np.random.default_rng(1), program.function(name).results
     ways = {
@@ -125,8 +129,89 @@ def _compare(
 
 
 def _slopes(
-    transposed: Transposed, inputs: dict[str, np.ndarray], roads: dict[str, Ground], function: str, **more: np.ndarray
+    transposed: Derived, inputs: dict[str, np.ndarray], roads: dict[str, Ground], function: str, **more: np.ndarray
 ) -> dict[tuple[str, int], float]:  # fmt: skip
     results = transposed.program.function(function).results
     found = interpret_scalars(transposed.program.graph, [r.scalar for r in results], {**inputs, **more}, roads)  # type: ignore[arg-type]
     return {(r.target.removeprefix("by_"), r.index): found[r.scalar] for r in results}
+
+
+def test_slopes_by_elimination_are_those_of_adjoints() -> None:
+    """Of results that numbers reach by lanes that are gathered, summed, taken and spread; a choice keeps out what has no value there."""
+    graph = Graph()
+    x = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(6)]
+    lanes, others = graph.gather(tuple(x[:3])), graph.gather((x[3], x[4], graph.const(2.0)))
+    product, root = graph.mul(lanes, x[5]), graph.call("sqrt", (graph.sub(x[4], x[3]),))
+    middle = graph.mul(graph.lane_sum(graph.mul(product, others)), graph.lane(graph.call("sin", (lanes,)), 1))
+    again = graph.mul(graph.gather((middle, x[0], graph.lane(others, 0))), graph.add(lanes, middle))
+    chosen = graph.call("where", (graph.call("lt", (x[4], x[3])), middle, graph.mul(root, root)))
+    results = [graph.lane(again, 0), graph.lane(again, 2), graph.lane_sum(again), middle, chosen, graph.const(1.0)]
+    targets = {*x, lanes}
+    found = slopes(graph, results, targets)
+    wanted = [adjoint(graph, {y: graph.const(1.0)}, targets) for y in results]
+    for x_4, place in ((1.5, range(6)), (1.1, [0, 1, 2, 3, 3])):
+        at = {"x": np.array([0.3, 0.5, -0.7, 1.3, x_4, 0.9])}
+        for mine, other in zip(found, (wanted[i] for i in place), strict=False):
+            known = interpret_scalars(graph, [*mine.values(), *other.values()], at, {})
+            for n in targets:
+                both = [np.broadcast_to(known[by[n]] if n in by else 0.0, max(graph.nodes[n].lanes, 1)) for by in (mine, other)]
+                assert both[0] == pytest.approx(both[1], rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.parametrize(("model", "scene", "loops"), [
+    ("pendulum", None, Loops.EXACT), ("press", None, Loops.COMPILED), ("iltis", "simul1", Loops.COMPILED),
+])  # fmt: skip
+def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> None:
+    """Nothing is left of it at the accelerations of the recursion, and it changes along all that it follows from as differences say."""
+    read, chosen = take_model(MODELS / f"{model}.yaml", scene, ["*.mass"])
+    generated = generate(read, with_loops(chosen, loops), chosen.outputs)
+    balance = formulate_balance(generated.equations)  # type: ignore[arg-type]
+    program = schedule_recursive(balance, lanes=True)
+    derived = linearise_balance(balance, program)
+    parameters = [p.value for p in balance.parameters]
+    inputs = _drawn(generated.program, parameters) | _drawn(program, parameters)
+    for symbol, numbers in inputs.items():
+        if symbol.startswith("q:") and len(numbers) >= 4:
+            numbers[-4:] /= np.linalg.norm(numbers[-4:])
+    roads = dict.fromkeys(balance.roads, Ground())
+    results, of_motion = program.function("balance").results, generated.program.function("evaluate").results
+
+    def left(way: float, ways: dict[str, np.ndarray]) -> np.ndarray:
+        moved = {symbol: numbers + way * ways.get(symbol, 0.0) for symbol, numbers in inputs.items()}
+        found = interpret_scalars(program.graph, [r.scalar for r in results], moved, roads)  # type: ignore[arg-type]
+        return np.array([found[r.scalar] for r in results])
+
+    still = left(0.0, {})
+    motion = interpret_scalars(generated.program.graph, [r.scalar for r in of_motion], inputs, roads)  # type: ignore[arg-type]
+    for r in of_motion:
+        inputs[r.target][r.index] = motion[r.scalar]
+    assert np.abs(left(0.0, {})).max() < 1e-10 * np.abs(still).max()
+
+    draw = np.random.default_rng(2)
+    ways = {symbol: 1e-4 * draw.normal(size=len(numbers)) for symbol, numbers in inputs.items() if symbol in ("parameters", *balance.slots)}
+    ways["parameters"] = ways["parameters"] * inputs["parameters"]
+
+    def of(function: str, way: float = 0.0) -> dict[tuple[str, int], float]:
+        moved = {**inputs, "parameters": inputs["parameters"] + way * ways["parameters"]}
+        return _slopes(derived, moved, roads, function)
+
+    loaded = _fourth_order([of("loaded_values", way) for way in (-2, -1, 1, 2)])
+    columns = {"loaded": np.array([loaded["loaded", i] for i in range(derived.loaded)])}
+    sizes = {"q": balance.coordinates, "v": len(still), "vdot": len(still), "input": 3 * len(balance.inputs)}
+    columns |= {name: np.zeros(size) for name, size in sizes.items()}
+    for symbol, slot in balance.slots.items():
+        if slot.array in sizes and symbol in ways:
+            columns[slot.array][slot.offset : slot.offset + len(ways[symbol])] = ways[symbol]
+    along, rows = np.zeros(len(still)), {r.target: balance.slots[r.target].offset for r in results}
+    for (array, index), slope in of("balance_slopes").items():
+        if array in columns:
+            along[index // len(columns[array])] += slope * columns[array][index % len(columns[array])]
+    differences = _fourth_order([dict(enumerate(left(way, ways))) for way in (-2, -1, 1, 2)])
+    wanted = np.array([differences[i] for i in range(len(still))])
+    places = [rows[r.target] + r.index for r in results]
+    assert along[places] == pytest.approx(wanted, abs=1e-8 * np.abs(wanted).max())
+
+
+def _fourth_order(ends: list[dict[Any, float]]) -> dict[Any, float]:
+    """The slopes of numbers at -2, -1, 1 and 2."""
+    return {place: (ends[0][place] - 8 * ends[1][place] + 8 * ends[2][place] - ends[3][place]) / 12 for place in ends[0]}

@@ -161,6 +161,18 @@ def test_a_chain() -> None:
     compare(sim, None, list(sim.outputs)[:3], {"g": 1e-2, "load": 1e-3, "knee": 1e-3}, 1e-9)
 
 
+@pytest.mark.parametrize("integrator", ["trapezoidal", "rk4", "dormand-prince"])
+def test_a_slope_that_is_no_number_beside_others(integrator: str) -> None:
+    """A mass at rest, whose friction is infinitely steep by the square of its speed, changes nothing of the motion beside it."""
+    still = OSCILLATOR.replace("bodies: {", "bodies: {block: {mass: 1, centre_of_mass: [0, 1, 0]}, ").replace(
+        "joints: {", "joints: {rest: {kind: prismatic, bodies: [ground, block], at: [0, 1, 0], axis: [1, 0, 0]}, "
+    ).replace("forces: {", "forces: {rub: {kind: joint_force, joint: rest, law: -sqrt(rate*rate)}, ")
+    sims = [loaded(text, "oscillator", integrator=integrator).reset(dt=H, **_TO_THE_END[integrator]) for text in (OSCILLATOR, still)]
+    runs = [sim.play_derivative(50, ["mass.x"], ["stiffness"]) for sim in sims]
+    assert np.abs(runs[0].slopes).max() > 0
+    assert runs[1].slopes == pytest.approx(runs[0].slopes, rel=1e-12, abs=1e-15)
+
+
 def test_a_pendulum_by_gravity() -> None:
     """An angle that starts at rest is a function of t sqrt(g), so that its derivative by g is t angle'/(2 g)."""
     sim = loaded(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-3)

@@ -19,11 +19,12 @@ from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
 from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import STEPS, Steps, direction_rows, emit_standalone, mark_of, record_length, simulation_size
+from cutjoint.formulate.implicit.equations import formulate_balance
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.formulate.transposed import Transposed, transpose
+from cutjoint.formulate.transposed import Derived, linearise_balance, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
@@ -54,6 +55,9 @@ from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_
 
 #: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
 _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
+
+#: Evaluations that one over numbers with derivatives along eight directions takes: docs/gradients.md.
+_EVALUATIONS = 14
 
 #: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
 _SAVED = 30e-9
@@ -228,12 +232,13 @@ def module_script() -> str:
 
 def make_standalone(
     generated: Generated, *, integrator: str | None = None, equal_steps: bool = False, lanes: bool = True, linearise: bool = False,
-    adjoint: bool = False, side_by_side: bool = False,
+    derives_steps: bool = True, adjoint: bool = False, side_by_side: bool = False,
 ) -> Standalone:  # fmt: skip
     """The folder of a model in a scene, from the results of `pipeline.generate`, with the settings, parameters and start of the scene.
 
     The integrator follows from ``integrator`` and ``equal_steps`` (`choose_steps`).  ``lanes`` computes isomorphic parts side by
-    side.  With ``linearise`` it has minimal coordinates and derivatives too, with ``adjoint`` also derivatives from the end of a run.
+    side.  With ``linearise`` it has minimal coordinates and derivatives too, also those of steps if it ``derives_steps``, with ``adjoint``
+    those from the end of a run.
     With ``side_by_side`` it also has the class of several instances, if its steps can be taken in lanes.
 
     Raises:
@@ -249,11 +254,13 @@ def make_standalone(
     if any(f.name == POSES for f in equations.mechanism.functions):
         _require_relative(equations, POSES, "which do not say how all bodies stand")
     freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
-    parts = replace(_parts(equations, program, lanes), freedoms=freedoms)
+    parts = replace(_parts(equations, program, lanes), freedoms=freedoms, derives_steps=derives_steps)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts, chosen))
+    if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
+        parts = replace(parts, balance=_balance(parts))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -320,7 +327,7 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
 
 
-def _transposed(parts: SimulationCode, integrator: str) -> Transposed:
+def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     """The transposed functions of a mechanism.
 
     Raises:
@@ -336,6 +343,17 @@ def _transposed(parts: SimulationCode, integrator: str) -> Transposed:
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
     mechanism = formulate_recursive(start.topology, start.scene, outputs)
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
+
+
+def _balance(parts: SimulationCode) -> Derived | None:
+    """The slopes of the balance of forces of a mechanism whose loops have no equations; None where evaluations over numbers with
+    derivatives take fewer operations."""
+    if parts.mechanism.equation_names:
+        return None
+    balance = formulate_balance(parts.mechanism)
+    derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
+    most = _EVALUATIONS * parts.program.instructions("evaluate")
+    return derived if derived.program.instructions("balance_slopes") <= most else None
 
 
 # Files of compile --out

@@ -3,21 +3,30 @@ their simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from textwrap import wrap
 from typing import Any
 
 from cutjoint.emit.factorisation import STRAIGHT_LINE, emit_factorisation
 from cutjoint.emit.names import road_names
-from cutjoint.emit.source import FACTORISATION, Page, Piece, name_of_system, name_of_transposed, nominals_of, switches_of
+from cutjoint.emit.source import (
+    FACTORISATION,
+    Page,
+    Piece,
+    name_of_balance,
+    name_of_system,
+    name_of_transposed,
+    nominals_of,
+    switches_of,
+)
 from cutjoint.emit.view import LINE, FunctionView, Viewer
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import posed_elements
 from cutjoint.formulate.states import describe_controllers
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.formulate.transposed import Transposed
+from cutjoint.formulate.transposed import Derived
 from cutjoint.methods import START
 from cutjoint.model.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
@@ -54,6 +63,8 @@ _ABOUT = {
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
+    "balance_slopes": "What is left of the balance of forces, and its slopes; those that are always zero are not written.",
+    "loaded_values": "Values that depend on parameters alone, by which the balance has slopes.",
 }
 
 #: Comments of transposed functions, by their endings.
@@ -82,8 +93,9 @@ class SimulationCode:
 
     With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
     that is stepped itself values that change their sign where its formulas change; derivatives of steps if it ``derives_steps`` and they
-    have some.  With a program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of
-    the mechanism, in a namespace of that name.
+    have some, by ``transposed`` functions also from the end of a run, by slopes of the ``balance`` of forces in fewer operations.  With a
+    program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a
+    namespace of that name.
     """
 
     mechanism: RecursiveEquations
@@ -92,7 +104,8 @@ class SimulationCode:
     freedoms: int | None = None
     derives_steps: bool = True
     side_by_side: Program | None = None
-    transposed: Transposed | None = None
+    transposed: Derived | None = None
+    balance: Derived | None = None
 
     @property
     def method(self) -> str:
@@ -211,12 +224,15 @@ def mechanism_class(
     return _class(page, program, equations, conditions, formulation="recursive", unused=unused, headers=[f"{header}.hpp"])
 
 
-def transposed_class(page: Page, transposed: Transposed, *, header: str = "") -> CppClass:
-    """The class of the mechanism's transposed functions."""
-    page = replace(page, class_name=name_of_transposed(page.class_name))
-    return _class(
-        page, transposed.program, transposed.equations, "bool", formulation="recursive", unused=frozenset(), headers=[f"{header}.hpp"]
-    )  # fmt: skip
+def derived_classes(parts: SimulationCode, *, header: str = "{}") -> Iterator[tuple[str, CppClass]]:
+    """The classes of the mechanism's derivatives, by names; ``header`` makes the names of their files of these, without the ending."""
+    page = parts.page
+    for name, named, derived in (("transposed", name_of_transposed, parts.transposed), ("balance", name_of_balance, parts.balance)):
+        if derived is not None:
+            yield name, _class(
+                replace(page, class_name=named(page.class_name)), derived.program, derived.equations, "bool", formulation="recursive",
+                unused=frozenset(), headers=[f"{header.format(name)}.hpp"],
+            )  # fmt: skip
 
 
 def sized_system_class(parts: SimulationCode, system: System, *, header: str = "") -> CppClass:

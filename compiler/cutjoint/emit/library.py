@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, sized_mechanism_class, sized_system_class, transposed_class
+from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
 from cutjoint.formulate.records import CLOSE
@@ -44,6 +44,11 @@ _OF_DERIVATIVES = _Number(
 _OF_SYSTEM_DERIVATIVES = _Number(
     unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
     functions=_STAGES | {"report", "sample"},
+)  # fmt: skip
+
+_OF_LOADED = _Number(
+    unity="balance_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
+    functions=frozenset({"load", "load_values", "loaded_values"}),
 )  # fmt: skip
 
 
@@ -108,10 +113,9 @@ def _classes(parts: SimulationCode) -> Iterator[_Placed]:
         header = f"{_SIDE}/{name}"
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)
         yield _Placed(made=instances, header=header, prefix=f"{_SIDE}/", space=_SIDE, numbers=[_OF_INSTANCES])
-    if parts.transposed is not None:
-        header = f"{name}_transposed"
-        made = transposed_class(parts.page, parts.transposed, header=header)
-        yield _Placed(made=made, header=header, prefix="transposed_", numbers=[_Number(unity="transposed")])
+    for derived, made in derived_classes(parts, header=f"{name}_{{}}"):
+        numbers = [_Number(unity=derived), *([_OF_LOADED] if derived == "balance" else [])]
+        yield _Placed(made=made, header=f"{name}_{derived}", prefix=f"{derived}_", numbers=numbers)
     if parts.system is not None:
         header, more = f"{name}_system", [_OF_SYSTEM_DERIVATIVES] if has_derivatives else []
         system = sized_system_class(parts, parts.system, header=header)

@@ -228,6 +228,11 @@ def name_of_transposed(name: str) -> str:
     return f"{name}Transposed"
 
 
+def name_of_balance(name: str) -> str:
+    """The class of the slopes of a mechanism's balance of forces, by that of the mechanism."""
+    return f"{name}Balance"
+
+
 def _digest(files: Mapping[str, str]) -> str:
     content = "\0".join(f"{name}\0{without_mark(text)}" for name, text in sorted(files.items()))
     return hashlib.sha256(content.encode()).hexdigest()

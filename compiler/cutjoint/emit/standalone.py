@@ -14,13 +14,23 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import Beginning, SimulationCode, System, sized_mechanism_class, sized_system_class, sizes_of, transposed_class
-from cutjoint.emit.source import SPACE, Page, amalgamate, code_file, name_of_system, name_of_transposed, quotable, switches_of
+from cutjoint.emit.classes import Beginning, SimulationCode, System, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
+from cutjoint.emit.source import (
+    SPACE,
+    Page,
+    amalgamate,
+    code_file,
+    name_of_balance,
+    name_of_system,
+    name_of_transposed,
+    quotable,
+    switches_of,
+)
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import digest_of_poses
-from cutjoint.formulate.transposed import Transposed
+from cutjoint.formulate.transposed import Derived
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
@@ -190,8 +200,8 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
         before, behind = ("", "") if view.get("libm") else _GATHERED  # GCC forgets -ffp-contract=off where it is told of optimisations
         code += [system.factorisation.text, header, before, *functions, behind]
         sized.append(system.sized(page))
-    if parts.transposed is not None:
-        code += transposed_class(page, parts.transposed).code
+    for _, derived in derived_classes(parts):
+        code += derived.code
     has_lanes = any("Lanes<Real, " in text for text in code)
     if parts.side_by_side is not None:
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask")
@@ -240,6 +250,8 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
         "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
+        "balance": parts.balance and name_of_balance(Page.of(equations, parts.method).class_name),
+        "loaded_of_balance": parts.balance and parts.balance.loaded,
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
@@ -489,19 +501,30 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
+        stored += 0 if parts.balance is None else _size_of_balance(parts, parts.balance)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
     return 8 * (stored + assembly + masses + others + 512)
 
 
-def _size_of_adjoint(parts: SimulationCode, transposed: Transposed) -> int:
+def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     """Numbers that derivatives from the end of a run hold."""
     n, m, _, state = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
     return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
+
+
+def _size_of_balance(parts: SimulationCode, balance: Derived) -> int:
+    """Numbers that the slopes of the balance of forces hold, over doubles and of parameters along directions."""
+    n, _, q, _ = _lengths(parts.mechanism)
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
+    fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
+    at_state = n * (q + 3 * n + given + balance.loaded) + q + 4 * n + given + 8
+    return classes + fitted + 2 * at_state + 8 * balance.loaded + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

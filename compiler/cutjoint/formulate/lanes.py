@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from cutjoint.formulate.records import CHECKS, POSES, Function, RecursiveEquations
+from cutjoint.formulate.records import BALANCE, CHECKS, POSES, Function, RecursiveEquations
 from cutjoint.program.blocks import Block, Quantity
 from cutjoint.program.fold import Family, fold
 from cutjoint.program.lower import reachable_blocks
@@ -14,7 +14,7 @@ from cutjoint.program.schedule import schedule
 from cutjoint.topology.records import Topology
 
 #: Functions of the recursive equations that are called several times a step, and that lanes are worth while for.
-_OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events"})
+_OFTEN = frozenset({"evaluate", "constraint_residual", "project", "guard", "events", BALANCE})
 
 #: Functions that find the multipliers of loops that functions close, which takes long without lanes.
 _WITH_MULTIPLIERS = frozenset({"report", "energy"})

@@ -273,6 +273,9 @@ POSES = "poses"
 #: The function of controllers.
 SAMPLE = "sample"
 
+#: The function of what is left of the balance of forces at given accelerations.
+BALANCE = "balance"
+
 #: Functions that only check a run.
 CHECKS = ("energy",)
 #: The results of the function.

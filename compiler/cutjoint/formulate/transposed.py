@@ -1,4 +1,6 @@
-"""The transposed functions of the recursive method: from how something changes with their results to how it changes with their arguments.
+"""Derivatives of functions of the recursive method: transposed functions, and the slopes of the balance of forces.
+
+Transposed functions go from how something changes with results to how it changes with arguments.
 
 ``by_x`` is an array beside x, the change of an objective with each of its numbers.  Slopes by values of parameters' time are summed over a
 run in ``by_loaded``; ``load_transposed`` goes on from there to the parameters, once.
@@ -11,9 +13,9 @@ from dataclasses import dataclass, replace
 
 from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.layout import Slot
-from cutjoint.formulate.records import CLOSE, SAMPLE, Function, RecursiveEquations
+from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
-from cutjoint.program.differentiate import adjoint
+from cutjoint.program.differentiate import adjoint, slopes
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
@@ -38,15 +40,15 @@ _KEPT = ("scene_inputs", CLOSE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Transposed:
-    """The equations and the program of the transposed functions; ``loaded`` is the length of ``by_loaded``."""
+class Derived:
+    """The equations and the program of derivatives of functions; so many numbers are ``loaded`` by which there are slopes of them."""
 
     equations: RecursiveEquations
     program: Program
     loaded: int
 
 
-def transpose(equations: RecursiveEquations, program: Program) -> Transposed:
+def transpose(equations: RecursiveEquations, program: Program) -> Derived:
     """The transposed functions of a program of the equations.
 
     ``evaluate_transposed`` has the slopes by coordinates, speeds and multipliers, ``evaluate_summed`` those by all else.
@@ -78,7 +80,7 @@ def transpose(equations: RecursiveEquations, program: Program) -> Transposed:
         "by_loaded": Slot(array="by_loaded", offset=0, names=("",) * length),
         "by_parameters": Slot(array="by_parameters", offset=0, names=tuple(p.name for p in equations.parameters)),
     }
-    return Transposed(
+    return Derived(
         equations=replace(equations, functions=tuple(made), slots={**equations.slots, **slots}),
         program=with_functions(work, lowered), loaded=length,
     )  # fmt: skip
@@ -133,11 +135,7 @@ def _slopes(graph: Graph, equations: RecursiveEquations, function: LoweredFuncti
     for r in function.results:
         weight = graph.symbol(f"by_{r.target}", r.index, BindingTime.ITERATION)
         weights[r.scalar] = graph.add(weights[r.scalar], weight) if r.scalar in weights else weight
-    symbols = {
-        n: (name, index) for n in graph.reachable([r.scalar for r in function.results])
-        if (name := _symbol(graph, n)[0]) and (name in (INPUTS, HELD) or graph.nodes[n].binding is BindingTime.ITERATION)
-        for index in (_symbol(graph, n)[1],)
-    }  # fmt: skip
+    symbols = _arguments(graph, [r.scalar for r in function.results])
     found = adjoint(graph, weights, {*symbols, *loaded})
     by_place = {place: found[n] for n, place in symbols.items() if n in found}
     zero = graph.const(0.0)
@@ -150,6 +148,15 @@ def _slopes(graph: Graph, equations: RecursiveEquations, function: LoweredFuncti
     lanes = (Result(target="by_loaded", index=i, scalar=graph.lane(found[n], k) if n in found else zero)
              for n, places in loaded.items() for k, i in enumerate(places))  # fmt: skip
     return [*results, *lanes]
+
+
+def _arguments(graph: Graph, scalars: Sequence[int]) -> dict[int, tuple[str, int]]:
+    """The symbols of iteration time, of inputs and of what controllers hold that scalars follow from, with name and element."""
+    places = {n: _symbol(graph, n) for n in graph.reachable(list(scalars))}
+    return {
+        n: (name, index) for n, (name, index) in places.items()
+        if name and (name in (INPUTS, HELD) or graph.nodes[n].binding is BindingTime.ITERATION)
+    }  # fmt: skip
 
 
 def _array(equations: RecursiveEquations, target: str) -> str:
@@ -172,3 +179,48 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
         for symbol, count in lengths.items()
         for i in range(count)
     ]
+
+
+def linearise_balance(equations: RecursiveEquations, program: Program) -> Derived:
+    """The slopes of the balance of forces (`implicit.equations.formulate_balance`), by its program.
+
+    ``balance_slopes`` has the n forces that are left, and matrices (n, ...) by rows: ``by_q``, ``by_v``, ``by_vdot``, ``by_input`` of
+    inputs and what controllers hold, ``by_loaded`` of values of parameters' time; entries that are always zero are not written.
+    ``loaded_values`` has these values.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    work = replace(program, graph=program.graph.copy())
+    graph, function = work.graph, program.function(BALANCE)
+    loaded, symbols = _loaded(work, [function]), _arguments(graph, [r.scalar for r in function.results])
+    columns = {n: [(slot.array, slot.offset + index)] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))}
+    columns |= {n: [("loaded", place) for place in places] for n, places in loaded.items()}
+    forces, length = len(equations.speed_names), sum(map(len, loaded.values()))
+    widths = {
+        "q": equations.coordinates, "v": forces, "vdot": forces, "input": 3 * len(equations.inputs) + equations.held, "loaded": length
+    }  # fmt: skip
+    results = list(function.results)
+    found = slopes(graph, [r.scalar for r in function.results], columns)
+    for result, by in zip(function.results, found, strict=True):
+        row = equations.slots[result.target].offset + result.index
+        for n, slope in by.items():
+            entries = ((place, graph.lane(slope, k)) for k, place in enumerate(columns[n]))
+            results += [
+                Result(target=f"by_{array}", index=row * widths[array] + column, scalar=entry)
+                for (array, column), entry in entries if graph.value(entry) != 0.0
+            ]  # fmt: skip
+    values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, places in loaded.items() for k, i in enumerate(places)]
+    kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
+    lowered = [(f.name, program.function(f.name).results) for f in kept]
+    matrices = {f"by_{name}": Slot(array=f"by_{name}", offset=0, names=("",) * (forces * width)) for name, width in widths.items()}
+    arguments = (*equations.function(BALANCE).arguments, *(f"Real* by_{name}" for name in widths))
+    made = (
+        *kept, Function(name="balance_slopes", arguments=arguments, results={}),
+        Function(name="loaded_values", arguments=("Real* loaded",), results={}),
+    )  # fmt: skip
+    slots = matrices | {"loaded": Slot(array="loaded", offset=0, names=("",) * length)}
+    return Derived(
+        equations=replace(equations, functions=made, slots={**equations.slots, **slots}),
+        program=with_functions(work, [*lowered, ("balance_slopes", results), ("loaded_values", values)]), loaded=length,
+    )  # fmt: skip

@@ -7,14 +7,20 @@ some blocks change and finds how others do.
 
 Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
 shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
+
+Slopes of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar after
+the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first (Griewank,
+Walther, Evaluating Derivatives, section 9.2).
 """
 
 from __future__ import annotations
 
+import heapq
 from collections import defaultdict
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial, reduce
+from itertools import product
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from cutjoint.package.errors import MissingPartialsError
@@ -590,3 +596,201 @@ def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[i
             by_above = graph.div(slope, node.args[1])
             return by_above, graph.neg(graph.mul(by_above, n))
     return [graph.mul(slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
+
+
+#: All lanes of a scalar.
+_ALL = -1
+
+#: The way of changes from a scalar to another: the coefficients by the lane that they leave and the one that they reach, None of a scalar
+#: that has none.  From all lanes to all goes each to its own, from all to none their sum.  From none to -1 - n goes the sum of a
+#: coefficient's n lanes, which is taken as late as can be.
+_Edge: TypeAlias = dict[tuple[int | None, int | None], int]
+
+
+def slopes(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
+    """The slopes of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it depends
+    on it.  Ways end at targets.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    section, elimination = graph.section, _Elimination(graph, set(targets))
+    found = elimination.run(results)
+    graph.section = section
+    return found
+
+
+class _Elimination:
+    """The linearised graph of some results: of each scalar the edges that lead to it, and the scalars to which some lead from it.  Results
+    have numbers below 0."""
+
+    def __init__(self, graph: Graph, targets: set[int]) -> None:
+        self._graph = graph
+        self._targets = targets
+        self._gathered: list[int] = []  # targets side by side, by which slopes have lanes until the end
+        self._before: dict[int, dict[int, _Edge]] = {}
+        self._behind: defaultdict[int, set[int]] = defaultdict(set)
+
+    def run(self, results: Sequence[int]) -> list[dict[int, int]]:
+        """The slopes of results by targets."""
+        self._linearise(results)
+        inner = [n for n in self._before if n >= 0]
+        heap = [(self._cost(n), n) for n in inner]
+        heapq.heapify(heap)
+        left = set(inner)
+        while heap:
+            cost, n = heapq.heappop(heap)
+            if n not in left:
+                continue
+            if (now := self._cost(n)) > cost:
+                heapq.heappush(heap, (now, n))
+                continue
+            left.remove(n)
+            for other in self._eliminate(n):
+                if other in left:
+                    heapq.heappush(heap, (self._cost(other), other))
+        return [self._slopes(self._before[-1 - i]) for i in range(len(results))]
+
+    def _linearise(self, results: Sequence[int]) -> None:
+        graph, scalars, depends = self._graph, _Scalars(self._graph), set(self._targets)
+        for n in graph.reachable(list(results)):
+            node = graph.nodes[n]
+            if n in self._targets or depends.isdisjoint(node.args):
+                continue
+            depends.add(n)
+            if node.op == "gather" and all(a in self._targets or graph.value(a) is not None for a in node.args):
+                self._gathered.append(n)
+                continue
+            graph.section = node.section
+            edges: dict[int, _Edge] = {}
+            for a, key, coefficient in _edges(graph, scalars, n):
+                if a in depends and graph.value(coefficient) != 0.0:
+                    self._add(edges.setdefault(a, {}), key, coefficient)
+            self._enter(n, edges)
+        for i, n in enumerate(results):
+            self._enter(-1 - i, {n: {(None, None): graph.const(1.0)}} if n in depends else {})
+
+    def _enter(self, n: int, edges: dict[int, _Edge]) -> None:
+        self._before[n] = edges
+        for a in edges:
+            self._behind[a].add(n)
+
+    def _cost(self, n: int) -> int:
+        return len(self._before[n]) * len(self._behind[n])
+
+    def _eliminate(self, n: int) -> set[int]:
+        """Take a scalar out; returns its neighbours."""
+        before, behind = self._before.pop(n), self._behind.pop(n, set())
+        self._graph.section = self._graph.nodes[n].section
+        for a in before:
+            self._behind[a].discard(n)
+        for c in sorted(behind, reverse=True):
+            last = self._before[c].pop(n)
+            for a, first in before.items():
+                edge = self._before[c].get(a, {})
+                self._join(edge, self._lanes(a), first, self._lanes(n), last, self._lanes(c))
+                if edge:
+                    self._before[c][a] = edge
+                    self._behind[a].add(c)
+        return before.keys() | behind
+
+    def _lanes(self, n: int) -> int:
+        return 0 if n < 0 else self._graph.nodes[n].lanes
+
+    def _join(self, edge: _Edge, lanes: int, first: _Edge, between: int, last: _Edge, behind: int) -> None:
+        """Add the way by two edges; scalars before, between and behind them have so many lanes."""
+        graph = self._graph
+        for ((start, reached), c), ((left, end), d) in product(first.items(), last.items()):
+            if reached is not None and reached < _ALL:
+                if end is None:
+                    reached, end = None, reached
+                else:
+                    c = self._sum(c, -1 - reached)
+                    reached = None
+            if end is not None and end < _ALL and start is not None:
+                d = self._sum(d, -1 - end)
+                end = None
+            if reached == left:
+                if start == _ALL and end is not None and reached is None:  # each lane to each
+                    ends = range(behind) if end == _ALL else (end,)
+                    for j, k in product(range(lanes), ends):
+                        self._add(edge, (j, k), self._times(graph.lane(c, j), graph.lane(d, k)))
+                elif start is not None and end == _ALL and reached is None:
+                    for k in range(behind):
+                        self._add(edge, (start, k), self._times(c, graph.lane(d, k)))
+                elif reached == _ALL and start is None and end is None:
+                    self._add(edge, (None, -1 - between), self._times(c, d))
+                else:
+                    self._add(edge, (start, end), self._times(c, d))
+            elif reached == _ALL:
+                assert left is not None
+                self._add(edge, (left if start == _ALL else start, end), self._times(graph.lane(c, left), d))
+            elif left == _ALL:
+                assert reached is not None
+                self._add(edge, (start, reached if end == _ALL else end), self._times(c, graph.lane(d, reached)))
+
+    def _sum(self, n: int, lanes: int) -> int:
+        graph = self._graph
+        return graph.lane_sum(n) if graph.nodes[n].lanes else graph.mul(graph.const(float(lanes)), n)
+
+    def _add(self, edge: _Edge, key: tuple[int | None, int | None], coefficient: int) -> None:
+        graph, end = self._graph, key[1]
+        total = graph.add(edge.pop(key), coefficient) if key in edge else coefficient
+        if end is not None and end < _ALL and not graph.nodes[total].lanes:
+            self._add(edge, (None, None), self._sum(total, -1 - end))
+        else:
+            edge[key] = total
+
+    def _times(self, a: int, b: int) -> int:
+        """A product; what a choice leaves out stays out, where it may have no value."""
+        graph = self._graph
+        for one, other in ((a, b), (b, a)):
+            node = graph.nodes[graph.signless(one)]
+            if node.op == "where" and 0.0 in (graph.value(node.args[1]), graph.value(node.args[2])):
+                condition, yes, no = node.args
+                if graph.nodes[condition].lanes == max(graph.nodes[one].lanes, graph.nodes[other].lanes):
+                    zero = graph.const(0.0)
+                    parts = (self._times(x, other) if graph.value(x) != 0.0 else zero for x in (yes, no))
+                    chosen = graph.call("where", (condition, *parts))
+                    return chosen if graph.signless(one) == one else graph.neg(chosen)
+        return graph.mul(a, b)
+
+    def _slopes(self, edges: dict[int, _Edge]) -> dict[int, int]:
+        """The slopes by targets of a result to which edges lead."""
+        graph, found = self._graph, {a: self._slope(a, edge) for a, edge in edges.items()}
+        for n in self._gathered:
+            if n in found:
+                slope = found.pop(n)
+                for k, a in enumerate(graph.nodes[n].args):
+                    if a in self._targets:
+                        found[a] = graph.add(found[a], graph.lane(slope, k)) if a in found else graph.lane(slope, k)
+        return found
+
+    def _slope(self, target: int, edge: _Edge) -> int:
+        """The slope that an edge from a target to a result stands for."""
+        graph, lanes = self._graph, self._lanes(target)
+        if not lanes:
+            parts = [c if end is None else self._sum(c, -1 - end) for (_, end), c in edge.items()]
+            return reduce(graph.add, parts)
+        zero = graph.const(0.0)
+        apart = graph.gather(tuple(edge.get((k, None), zero) for k in range(lanes)))
+        return graph.add(edge[_ALL, None], apart) if (_ALL, None) in edge else apart
+
+
+def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple[int | None, int | None], int]]:
+    """The edges to a scalar from its arguments."""
+    node, one = graph.nodes[n], graph.const(1.0)
+    end = _ALL if node.lanes else None
+    match node.op:
+        case "gather":
+            yield from ((a, (None, k), one) for k, a in enumerate(node.args))
+            return
+        case "lane":
+            assert isinstance(node.data, int)
+            yield node.args[0], (node.data, None), one
+            return
+        case "lane_sum":
+            yield node.args[0], (_ALL, None), one
+            return
+    for a, share in zip(node.args, _products(graph, scalars, n, one), strict=True):
+        yield a, (_ALL if graph.nodes[a].lanes else None, end), share

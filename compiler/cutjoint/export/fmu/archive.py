@@ -119,8 +119,7 @@ def make_fmu(
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
-    standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1])
-    standalone = replace(standalone, parts=replace(standalone.parts, derives_steps=False))
+    standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1], derives_steps=False)
     interface = make_interface(described, standalone.run_file, standalone.freedoms, standalone.poses)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)

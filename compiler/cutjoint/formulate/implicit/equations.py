@@ -46,9 +46,11 @@ from cutjoint.formulate.inputs import (
 )
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import (
+    BALANCE,
     EQUATION_ARRAYS,
     LOAD_ARGUMENTS,
     Column,
+    Function,
     RecursiveEquations,
     SystemEquations,
     energy_slots,
@@ -133,6 +135,33 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
         start=start, state=start.state, load_arguments=LOAD_ARGUMENTS,
         switches=describe_switches(b, switches), domains=describe_domains(b, domains), inputs=laws.inputs, input_values=laws.length,
         fits=fits,
+    )  # fmt: skip
+
+
+def formulate_balance(start: RecursiveEquations) -> RecursiveEquations:
+    """The function ``balance`` of a mechanism whose loops have no equations: q, v, vdot -> what is left of the balance of forces, in the
+    axes of its recursive equations ``start``."""
+    topology, scene = start.topology, start.scene
+    model, b = topology.model, Builder()
+    k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)
+    system = SharedForces(builder=b)
+    add_bodies(system, k, model)
+    masses, weights_of_masses = dict(system.M), dict(system.Q)
+    add_forces(system, k, model, scene)
+    Zdd = given_accelerations(k)
+    if rubs := rubbed(model, system):
+        rub(rubs, system, k, Forces(), Reactions(kinematics=k, loops=(), M=masses, Q=dict(system.Q), Zdd=Zdd, acting={}))
+    residual = _System(
+        b=b, k=k, start=start, system=system, loops=(), closed=(), gears=(), pushes=(), Zdd=Zdd, M=masses, Q=weights_of_masses
+    ).dynamic_residual()  # fmt: skip
+    laws, fits = derive_scene_inputs(b, model, scene, list(residual.values())), loop_fits(b, topology)
+    slots = start.state.chart_slots({"q": "q"}, {name: name for name in ("v", "vdot", "force_residual")})
+    arguments = ("const Real* q", "const Real* v", "const Real* vdot", "Real* force_residual")
+    function = Function(name=BALANCE, arguments=arguments, results=residual)
+    return replace(
+        start, builder=b, outputs=(), columns=(), functions=(function, *laws.functions, *(fit.function for fit in fits)),
+        slots={**slots, **laws.slots, **fit_slots(fits)}, load_arguments=LOAD_ARGUMENTS, domains=(), switches=(), left_out=(),
+        inputs=laws.inputs, input_values=laws.length, fits=fits,
     )  # fmt: skip
 
 

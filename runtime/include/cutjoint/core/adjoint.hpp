@@ -36,10 +36,10 @@ struct FitsWithSlopes<NoFits> {
 ///
 /// A run is recorded part by part.  From its end on, the slopes of an objective by all at the end of a part become those by all at its beginning.  The
 /// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class T, std::size_t loaded, class Fits = NoFits>
-class Adjoint : public StepDerivatives<Simulation, D, S, freedoms> {
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class T, std::size_t loaded, class Fits = NoFits, class Balance = NoBalance>
+class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
  public:
-  using Base = StepDerivatives<Simulation, D, S, freedoms>;
+  using Base = StepDerivatives<Simulation, D, S, freedoms, Balance>;
   using typename Base::Course, typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::parameters, Base::states;
 

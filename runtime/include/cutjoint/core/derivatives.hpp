@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/balance_slopes.hpp"
 #include "cutjoint/core/dual_road.hpp"
 #include "cutjoint/core/fault.hpp"
 #include "cutjoint/core/inputs.hpp"
@@ -26,8 +27,9 @@ namespace cutjoint {
 ///
 /// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
 /// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
-/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives.  What controllers hold stays.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms>
+/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives, without equations of loops from the
+/// balance of forces `Balance` where there is one.  What controllers hold stays.
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
 class Derivatives {
  public:
   using M = typename Simulation::Mechanism;
@@ -119,10 +121,12 @@ class Derivatives {
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     dheld_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
+    if constexpr (Balance::is_there) balance_.load(simulation.parameters().data(), simulation.roads());
     load_parameters(simulation);
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
       if constexpr (has_system) system_.drive_by({&fill, this});
+      if constexpr (Balance::is_there) balance_.drive_by({&fill_plain, this});
     }
     std::copy(minimal.choice().reference.begin(), minimal.choice().reference.end(), reference_.begin());
   }
@@ -130,6 +134,7 @@ class Derivatives {
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
+    if constexpr (Balance::is_there) balance_.load_changes(parameters_.data(), roads_.data());
   }
 
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
@@ -146,6 +151,11 @@ class Derivatives {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
     for (std::size_t i = 0; i < x.du_.size(); ++i) input[i] = {x.u_[i], x.du_[i]};
     for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
+  }
+
+  static void fill_plain(void* self, double, double* input) {
+    const Derivatives& x = *static_cast<const Derivatives*>(self);
+    std::copy(x.u_.begin(), x.u_.end(), input);
   }
 
   /// Along the directions that are given, the first `number` of a row.
@@ -220,6 +230,8 @@ class Derivatives {
   /// Their derivatives; false where one is no number.  The update is affine in multipliers: behind one evaluation along all directions the plain
   /// equations say what these change.
   bool find_accelerations(M& mechanism, std::size_t number) {
+    if constexpr (Balance::is_there)
+      if (solve_balance()) return true;
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
     mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
     for (std::size_t k = 0; k < number; ++k) {
@@ -239,6 +251,15 @@ class Derivatives {
         if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
       if (!progress.is_finite()) return false;
     }
+    return true;
+  }
+
+  /// The same by the balance of forces; false where that has a slope that is no number, or masses are singular.
+  bool solve_balance() {
+    typename Balance::Changes change;
+    balance_.find(state_->t, state_->q, state_->v, still_, u_);
+    if (!balance_.solve(q_, v_, du_, dheld_, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].slope};
     return true;
   }
 
@@ -315,6 +336,7 @@ class Derivatives {
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
   D mechanism_;
+  [[no_unique_address]] Balance balance_;
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;

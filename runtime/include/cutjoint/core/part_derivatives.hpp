@@ -16,10 +16,10 @@ namespace cutjoint {
 ///
 /// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms>
-class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
+class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balance> {
  public:
-  using Base = RuleDerivatives<Simulation, D, S, freedoms>;
+  using Base = RuleDerivatives<Simulation, D, S, freedoms, Balance>;
   using typename Base::M;
 
  protected:
@@ -41,7 +41,7 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     if constexpr (is_explicit) return true;
     else if constexpr (seeks_multipliers) return this->find_rule(simulation, from, end, h);
-    else return (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
+    else return starts_by_balance() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
   }
 
   /// From the beginning of the part to its end along directions; false where that has no derivative.
@@ -49,7 +49,11 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
     M& mechanism = simulation.mechanism();
     if constexpr (is_explicit) return go_by_slopes(mechanism, from, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, h, number);
-    else return this->go_by_fixed_point(mechanism, from, end, h);
+    else {
+      if constexpr (Base::has_balance)
+        if (this->by_balance_) return !(this->has_no_slope_ = !this->go_by_balance(mechanism, from, end, h));
+      return this->go_by_fixed_point(mechanism, from, end, h);
+    }
   }
 
   /// Parts that follow get ready anew, not as one before.
@@ -63,6 +67,13 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms> {
   }
 
  private:
+  /// Begin a part by the balance of forces, where there is one and it has not just failed.
+  bool starts_by_balance() {
+    this->by_balance_ = Base::has_balance && !this->has_no_slope_;
+    this->has_no_slope_ = this->is_settled_ = false;
+    return this->by_balance_;
+  }
+
   /// An explicit method, whose last stage begins the next step.
   bool go_by_slopes(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;

@@ -16,10 +16,10 @@ namespace cutjoint {
 ///
 /// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It closes the rates of loops at the smallest cost in the
 /// norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms>
-class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
+class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> {
  public:
-  using Base = Derivatives<Simulation, D, S, freedoms>;
+  using Base = Derivatives<Simulation, D, S, freedoms, Balance>;
   using typename Base::M;
 
  protected:
@@ -31,6 +31,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   static constexpr bool seeks_multipliers = Base::has_system && m > 0;
   static constexpr std::size_t sought = seeks_multipliers ? m : 0;
   static constexpr int most_iterations = 30;
+  static constexpr bool has_balance = Balance::is_there;
 
   /// What multipliers move, by columns, and the pull that closes gaps; where equations depend on each other some pull in vain.
   struct Pulls {
@@ -143,6 +144,55 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     lead(h);
     vdot_ = found_;
     return true;
+  }
+
+  /// The end of a step by the rule's fixed point along directions, by the balance of forces there; false where that has a slope that is no number.
+  bool go_by_balance(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    leave_start(from, h);
+    mechanism.begin_step(end.t, 1.0);
+    take_inputs(mechanism);
+    if (!is_settled_ && !settle(mechanism, from, end, h)) return false;
+    is_settled_ = true;
+    lead_stage(h);
+    for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
+    lead(h);
+    if (!linearise_end(end.t, h)) return false;
+    typename Balance::Changes change;
+    if (!this->balance_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = change[i].slope;
+    lead(h);
+    vdot_ = found_;
+    return true;
+  }
+
+  /// The fixed point of plain accelerations from those of the end; slopes of an earlier step correct these as long as errors fall, then those of the
+  /// present ones.
+  bool settle(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    from_values_ = from.q;
+    stage_ = end;
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; iteration < most_iterations; ++iteration) {
+      lead_stage(h);
+      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->gap_.data());
+      for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
+      const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
+      if (!(share <= std::numeric_limits<double>::max())) return false;
+      if (share == 0.0 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      if (!this->balance_.knows(h) && !this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
+      if (share > before / 2 && !linearise_end(end.t, h)) return false;
+      if (iteration > 0) share_left_ = std::min(1.0, share / before);
+      before = share;
+      this->balance_.correct(values_);
+      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += values_[i];
+      if (share * share_left_ <= 1e-12) return true;
+    }
+    return false;
+  }
+
+  /// Slopes of the balance at the stage, and their matrix; false where that is singular.
+  bool linearise_end(double t, double h) {
+    this->balance_.find(t, stage_.q, stage_.v, stage_.vdot, this->u_);
+    return this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data());
   }
 
   /// Accelerations and multipliers of the fixed point, numbers and slopes, from near ones: what f(a) differs from a by goes through the inverse.  The first two
@@ -310,14 +360,13 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
     return true;
   }
 
-  /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers.
+  /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers; `place_` is the way to these.
   void lead_stage(double h) {
-    Fixed<double, n> way;
     for (std::size_t i = 0; i < n; ++i) {
       stage_.v[i] = speeds_[i].value + h / 2 * stage_.vdot[i];
-      way[i] = way_[i].value + h * h / 4 * stage_.vdot[i];
+      place_[i] = way_[i].value + h * h / 4 * stage_.vdot[i];
     }
-    retract<double>(charts(), from_values_.data(), way.data(), stage_.q.data());
+    retract<double>(charts(), from_values_.data(), place_.data(), stage_.q.data());
   }
 
   void lead(double h) {
@@ -368,6 +417,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms> {
   Fixed<double, n * n> matrix_, inverse_;
   double inverse_of_ = 0.0, inverse_at_ = 0.0;  ///< the length of step that the inverse is of, and where that ends
   bool is_stale_ = true;                        ///< whether another inverse is sought next
+  bool by_balance_ = false, is_settled_ = false;  ///< whether the balance of forces has the slopes of a part, and its end is found
+  bool has_no_slope_ = false;                     ///< it has none for this one
+  double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
   std::optional<dense::LeastSquares<double>> squares_;

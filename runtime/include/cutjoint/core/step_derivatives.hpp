@@ -13,10 +13,10 @@ namespace cutjoint {
 /// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule or by an explicit method, of an adaptive one with the lengths that it has chosen.
 ///
 /// The step is made, and differentiated as it was, part by part.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms>
-class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
+template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
+class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balance> {
  public:
-  using Base = PartDerivatives<Simulation, D, S, freedoms>;
+  using Base = PartDerivatives<Simulation, D, S, freedoms, Balance>;
   using typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::states;
 
