@@ -487,6 +487,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
+        if steps.stages and equations.switches:  # at events
+            stored += 2 * len(equations.switches) + q + n + 64
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
