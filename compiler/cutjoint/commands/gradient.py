@@ -15,11 +15,8 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import take_model
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import OBJECTIVES, Array, find_eigenvalues, weigh
-
-#: The status of a run in whose steps events lie, which no derivative goes back over.
-_STEP_DIVIDED = 33
 
 #: The step of a difference, as a share of the number, or in its unit where that is smaller than 1e-3.
 _SHARE = 1e-3
@@ -112,16 +109,9 @@ class _Run:
         return _Found(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, slopes)
 
     def _objective(self, names: Sequence[str], begin: Array | None) -> tuple[Array, Array]:
-        start = self.sim.snapshot()
         if self.sim.library.record:
-            try:
-                back = self.sim.play_adjoint(self.steps, self.outputs, names, self.objective, every=self.every, begin=begin)
-            except SimulationError as error:
-                if error.status != _STEP_DIVIDED:
-                    raise
-                self.sim.restore(start)
-            else:
-                return back.objectives, back.slopes
+            back = self.sim.play_adjoint(self.steps, self.outputs, names, self.objective, every=self.every, begin=begin)
+            return back.objectives, back.slopes
         run = self.sim.play_derivative(self.steps, self.outputs, names, every=self.every, begin=begin)
         values, slopes = getattr(run, self.objective)
         return values, slopes

@@ -45,7 +45,7 @@ _TOO_MANY_STEPS, _MOST_RECORDS = 14, 1 << 24
 #: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
 _AT_REST, _SINGULAR = 1e-3, 1e-11
 
-#: How far coordinates (SI units) of a start may be from those of another one of the same numbers.
+#: A distance of coordinates (SI units) of two starts by the same numbers.
 _AT_START = 1e-9
 
 #: The step of a difference, as a share of the number, and in its unit of nought.

@@ -164,7 +164,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; try: a smaller dt, or another limit";
-    case Cause::step_divided: return "take this step without its derivative, or go along directions of a run";
+    case Cause::step_divided: return "take this step without its derivative, or differentiate a run";
     case Cause::events_part: return "derivatives are one-sided there; move one of both, or let steps go over events by the integrator trapezoidal";
     case Cause::speeds_jump: return "make the course of the guide smooth";
     case Cause::event_at_end: return "derivatives are one-sided there; try: another dt";

@@ -347,8 +347,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms> {
 
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
-    if (cut_.left > 0 && !(carried_ && !recorder_.part)) return cut_.fault(Cause::step_divided, from.t);
-    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, cut_.is_made ? end.t - from.t : h) : follow_rows(from, end, h); };
+    if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_divided, from.t);
+    const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
       begins_at_event_ = cut_.left > 0;
