@@ -1,4 +1,4 @@
-"""Derivatives of runs whose steps end at events, which move: beside closed forms along a complex step, and beside differences of runs."""
+"""Derivatives of runs over events that move: beside closed forms along a complex step, and beside differences of runs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def thrown(t: float, height: complex, g: complex, k: complex, floor: complex) ->
 
 
 def sprung(t: float, height: complex, g: complex, k: complex, floor: complex) -> tuple[complex, ...]:
-    """The same of the spring: a harmonic motion about -g/k from contact to leaving."""
+    """Place, speed and times with the spring: a harmonic motion about -g/k from contact to leaving."""
     begun, w = np.sqrt(2 * (height - floor) / g), np.sqrt(k)
     speed = g * begun
     left = begun + 2 * (np.pi - np.arctan(speed * w / g)) / w

@@ -100,7 +100,7 @@ scenes: {rest: {end: 1, pose: equilibrium}}
 
 
 def eigenvalues(g: complex, length: complex, c: complex, k: complex, hard: complex, load: complex) -> list[complex]:
-    """Those of the pendulum, s^2 + c/(m l^2) s + g/l = 0, and of the mass where it hangs."""
+    """Eigenvalues of the pendulum, s^2 + c/(m l^2) s + g/l = 0, and of the mass where it hangs."""
     sag = -load * g / k
     for _ in range(60):
         sag = sag - (k * sag + hard * sag**3 + load * g) / (k + 3 * hard * sag**2)

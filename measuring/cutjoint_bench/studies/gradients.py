@@ -37,7 +37,7 @@ outputs: [crank.angle]
 scenes: {{fall: {{end: 1}}}}
 """
 
-#: The same mechanism, whose loop an equation `connect` closes.
+#: The mechanism in MJCF, with its loop closed by an equation `connect`.
 MJCF = f"""
 <mujoco>
   <option timestep="{DT}" gravity="0 0 -9.81" solver="Newton" iterations="ITERATIONS" ls_iterations="ITERATIONS"
