@@ -29,7 +29,15 @@ if TYPE_CHECKING:
     from cutjoint.stepping.load import load
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
-    from cutjoint.stepping.values import RestDerivative, RunAdjoint, RunDerivative, StateSpace, StepDerivative
+    from cutjoint.stepping.values import (
+        EventDerivative,
+        ModeDerivative,
+        RestDerivative,
+        RunAdjoint,
+        RunDerivative,
+        StateSpace,
+        StepDerivative,
+    )
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate, simulate_batch
     from cutjoint.tasks.inverse import find_drives
@@ -42,12 +50,12 @@ if TYPE_CHECKING:
     from cutjoint.view.views import write_view
 
 __all__ = [
-    "ConstantError", "CutjointError", "EquationsError", "FailedBatchError", "FailedRealTimeError", "FailedRunError", "GuideError",
-    "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError",
-    "OutputError", "RestDerivative", "RunAdjoint", "RunDerivative", "RunError", "Simulation", "SimulationError", "SimulatorError",
-    "StateSpace", "StepDerivative", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch", "compile_model",
-    "find_compliance", "find_drives", "find_equilibrium", "find_initial_state", "find_kinematics", "find_modes", "load", "read_model",
-    "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
+    "ConstantError", "CutjointError", "EquationsError", "EventDerivative", "FailedBatchError", "FailedRealTimeError", "FailedRunError",
+    "GuideError", "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModeDerivative", "ModelError", "NoEquilibriumError",
+    "NoInertiaError", "OutputError", "RestDerivative", "RunAdjoint", "RunDerivative", "RunError", "Simulation", "SimulationError",
+    "SimulatorError", "StateSpace", "StepDerivative", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch",
+    "compile_model", "find_compliance", "find_drives", "find_equilibrium", "find_initial_state", "find_kinematics", "find_modes", "load",
+    "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -70,7 +78,9 @@ _HOMES = {
     "cutjoint.stepping.load": ("load",),
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
-    "cutjoint.stepping.values": ("RestDerivative", "RunAdjoint", "RunDerivative", "StateSpace", "StepDerivative"),
+    "cutjoint.stepping.values": (
+        "EventDerivative", "ModeDerivative", "RestDerivative", "RunAdjoint", "RunDerivative", "StateSpace", "StepDerivative",
+    ),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.topology.build": ("build_topology",),
     "cutjoint.topology.reading": ("read_model", "read_model_text"),

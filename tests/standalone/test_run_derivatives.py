@@ -18,7 +18,6 @@ from cutjoint.methods import Loops
 from cutjoint.run.scenes import take_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
-from tests.mechanisms.switching import TABLE
 from tests.standalone.test_step_derivatives import MASS, OSCILLATOR, PUSHER, SHARP, STIFFNESS, H, by_rk4, by_trapezoids, loaded, oscillator
 
 pytestmark = needs_cpp
@@ -292,10 +291,6 @@ def test_what_has_none_is_told() -> None:
         sim.play_derivative(7, ["mass.x"], ["stiffness"], every=2)
     with pytest.raises(ValueError, match="a run of no step has no mean"):
         _ = sim.play_derivative(0, ["mass.x"], ["stiffness"]).mean
-    over = loaded(TABLE, "knots", integrator="rk4").reset(dt=0.02)
-    with pytest.raises(cutjoint.SimulationError, match="no derivative: it ended at an event"):
-        over.play_derivative(100, ["mass.x"], list(over.states))
-    assert 0 < over.time < 2.0
     run = cutjoint.RunDerivative(
         times=np.array([0.0, 1.0, 2.0]), values=np.array([[1.0, 0.0], [0.5, 0.0], [1.0, 0.0]]),
         slopes=np.array([[[1.0], [0.0]], [[3.0], [0.0]], [[2.0], [0.0]]]),

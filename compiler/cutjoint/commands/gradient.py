@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +16,13 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import take_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
-from cutjoint.stepping.values import Array, RunAdjoint, RunDerivative, weigh
-
-#: The objective that is the pose at rest where a scene begins.
-REST = "rest"
+from cutjoint.stepping.values import OBJECTIVES, Array, find_eigenvalues, weigh
 
 #: The step of a difference, as a share of the number, or in its unit where that is smaller than 1e-3.
 _SHARE = 1e-3
+
+#: The share of an objective by which it has to change over that step, so that an error is one of the change and not of rounding.
+_LEAST = 1e-9
 
 
 @table.command("gradient")
@@ -38,40 +38,97 @@ def command(
     read, chosen = take_model(model, scene, opened)
     given = options.read_parameters(changes)
     with options.progress_bar(f"compiling {model.name}"):
-        backwards = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
-        sim = load_scene(read, chosen, integrator=integrator, linearise=True, adjoint=backwards)
+        many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
+        sim = load_scene(read, chosen, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES)
     sim.parameters.update({name: value for name, value in parameter_values(read, given).items() if name in sim.parameters})
     for name in given:
         if name in sim.inputs:
             sim.inputs[name] = float(given[name])
     sim.reset(dt=dt)
     sim.choose()
-    names = list(by) or [*sim.parameters, *sim.inputs]
-    steps, every = _count_steps(sim, chosen.end if end is None else end, chosen.output_step)
-    start = sim.snapshot()
+    run = _Run(sim, objective, list(asked) or list(sim.outputs), *_count_steps(sim, chosen.end if end is None else end, chosen.output_step))
+    names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
     try:
-        outputs, begin = list(asked) or list(sim.outputs), None
-        if from_rest or objective == REST:
-            rest = sim.rest_derivative(outputs, names)
-            begin = rest.states
-        run: RunAdjoint | RunDerivative
-        if objective == REST:
-            run = RunDerivative(times=np.zeros(1), values=rest.values[None], slopes=rest.slopes[None], outputs=rest.outputs, by=rest.by)
-            steps, (value, slope) = 0, run.end
-        elif backwards:
-            run = back = sim.play_adjoint(steps, outputs, names, objective, every=every, begin=begin)
-            value, slope = back.objectives, back.slopes
-        else:
-            run = sim.play_derivative(steps, outputs, names, every=every, begin=begin)
-            value, slope = getattr(run, objective)
+        found = run.derive(names, from_rest)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(str(error.args[0])) from None
-    options.out.print(_tabled(sim, run, objective, value, slope))
+    options.out.print(_tabled(found, names))
     if check:
-        ends = partial(_course, sim, None if begin is not None else start, run, steps, every, "end" if objective == REST else objective)
         sim.restore(start)
-        share = _error(sim, ends, run, slope)
+        begins_anew = from_rest or objective in ("rest", "start") or (objective == "modes" and chosen.pose == "equilibrium")
+        share = _error(sim, lambda name, value: _course(run, None if begins_anew else start, name, value), names, found.slopes)
         options.out.print(f"off differences of runs by {share:.1e} of the largest", markup=False)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A table: its title, the names and units of columns, their values and slopes (columns, by)."""
+
+    title: str
+    columns: Sequence[str]
+    units: Sequence[str]
+    values: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class _Run:
+    """An objective of outputs of a run of so many steps, with a row behind each ``every``."""
+
+    sim: Simulation
+    objective: str
+    outputs: list[str]
+    steps: int
+    every: int
+
+    @property
+    def end(self) -> float:
+        """The time at the end of the run from now on (s)."""
+        return self.sim.time + self.steps * self.sim.settings.step
+
+    def derive(self, names: Sequence[str], from_rest: bool) -> _Found:
+        """The objective with its derivatives by numbers."""
+        sim, outputs = self.sim, self.outputs
+        units = [(sim.outputs.units or {})[name] for name in outputs]
+        at = f"{sim.time:g}"
+        if self.objective == "modes":
+            modes = sim.mode_derivative(names)
+            columns = [f"mode {i}" for i in range(len(modes.values))]
+            return _Found(f"eigenvalues at {at} s", columns, ["1/s"] * len(columns), modes.values, modes.slopes)  # type: ignore[arg-type]
+        if self.objective in ("rest", "start"):
+            found = (sim.rest_derivative if self.objective == "rest" else sim.start_derivative)(outputs, names)
+            return _Found(f"outputs at {self.objective}", outputs, units, found.values, found.slopes)
+        begin = sim.rest_derivative(outputs, names).states if from_rest else None
+        if self.objective == "event":
+            events = sim.play_derivative(self.steps, outputs, names, every=self.every, begin=begin, events=1).events
+            if events is None or not events.names:
+                raise ValueError(f"no force, guide or drive changes its formula until {sim.time:g} s")
+            values, slopes = np.append(events.times, events.values[0]), np.vstack([events.time_slopes, events.slopes[0]])
+            return _Found(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, slopes)
+        values, slopes = self._objective(names, begin)
+        return _Found(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, slopes)
+
+    def _objective(self, names: Sequence[str], begin: Array | None) -> tuple[Array, Array]:
+        if self.sim.library.record:
+            back = self.sim.play_adjoint(self.steps, self.outputs, names, self.objective, every=self.every, begin=begin)
+            return back.objectives, back.slopes
+        run = self.sim.play_derivative(self.steps, self.outputs, names, every=self.every, begin=begin)
+        values, slopes = getattr(run, self.objective)
+        return values, slopes
+
+    def values(self) -> Array:
+        """The objective alone, from the present state on."""
+        sim, places = self.sim, [self.sim.outputs.place(output) for output in self.outputs]
+        if self.objective == "modes":
+            return find_eigenvalues(sim.linearise().A, [], None)[0]  # type: ignore[return-value]
+        if self.objective == "event":
+            sim.advance_to_event(self.end)
+            return np.append(sim.time, sim.outputs.array[places])
+        if self.objective in ("rest", "start"):
+            return sim.outputs.array[places]
+        times = np.linspace(sim.time, self.end, self.steps // self.every + 1)
+        rows = np.vstack([sim.outputs.array, sim.play(self.steps)[self.every - 1 :: self.every]])[:, places]
+        return weigh(self.objective, times, rows, self.outputs)[0]
 
 
 def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, int]:
@@ -80,36 +137,34 @@ def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, 
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
-def _tabled(sim: Simulation, run: RunAdjoint | RunDerivative, objective: str, value: Array, slope: Array) -> Table:
-    made = Table(title=f"{objective} of outputs, {run.times[0]:g} to {run.times[-1]:g} s", title_justify="left", box=None)
-    for heading in ("by", *run.outputs):
+def _tabled(found: _Found, names: Sequence[str]) -> Table:
+    made = Table(title=found.title, title_justify="left", box=None)
+    for heading in ("by", *found.columns):
         made.add_column(heading, justify="left" if heading == "by" else "right")
-    units = sim.outputs.units or {}
-    made.add_row("", *(f"{x + 0.0:.6g} {units[name]}" for name, x in zip(run.outputs, value, strict=True)))
-    for name, row in zip(run.by, slope.T, strict=True):
+    made.add_row("", *(f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True)))
+    for name, row in zip(names, found.slopes.T, strict=True):
         made.add_row(name, *(f"{x + 0.0:.6g}" for x in row))
     return made
 
 
-def _error(sim: Simulation, course: Callable[[str, float], Array], run: RunAdjoint | RunDerivative, slope: Array) -> float:
+def _error(sim: Simulation, course: Callable[[str, float], Array], names: Sequence[str], slopes: Array) -> float:
     """The largest error of slopes beside central differences of fourth order, as a share of the largest slope by the same number."""
     errors, start = [], sim.snapshot()
-    for name, row in zip(run.by, slope.T, strict=True):
+    for name, row in zip(names, slopes.T, strict=True):
         sim.restore(start)
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
         value = sim.present_input(name) if numbers is None else numbers[name]
         h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
         ends = [course(name, value + way * h) for way in (-2, -1, 1, 2)]
         found = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
-        size = np.abs(found).max()
+        size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
         errors.append(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())
     return float(max(errors, default=0.0))
 
 
-def _course(
-    sim: Simulation, start: bytes | None, run: RunAdjoint | RunDerivative, steps: int, every: int, objective: str, name: str, value: float
-) -> Array:  # fmt: skip
-    """The objective of a run with another number from the same states, a snapshot, or from the scene's start."""
+def _course(run: _Run, start: bytes | None, name: str, value: float) -> Array:
+    """The objective with another number from the same states, a snapshot, or from the scene's start."""
+    sim = run.sim
     if start is not None:
         sim.restore(start)
     states, before = {**sim.states}, (dict(sim.parameters), sim.inputs.array.copy())
@@ -118,9 +173,7 @@ def _course(
         sim.reset()
     else:
         sim.set_states(np.array([*states.values()]))
-    places = [sim.outputs.place(output) for output in run.outputs]
-    rows = np.vstack([sim.outputs.array, sim.play(steps)[every - 1 :: every]])[:, places]
+    found = run.values()
     sim.parameters.update(before[0])
     sim.inputs.array[:] = before[1]
-    found, _ = weigh(objective, run.times, rows, run.outputs)
     return found

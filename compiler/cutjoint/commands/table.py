@@ -229,9 +229,10 @@ OPTIONS: Mapping[str, Row] = {
         "otherwise."),
     "by": click.option("--by", metavar="NAME", multiple=True, help="A parameter, an input, which is shifted all the time, or a state "
         "at the beginning; all parameters and inputs otherwise."),
-    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "largest", "smallest", "rest"]),
-        default="end", show_default=True, help="What the table has of each output over the rows; rest: in the pose at rest where the scene "
-        "begins."),
+    "objective": click.option("--objective", type=click.Choice(["end", "integral", "mean", "rms", "largest", "smallest", "start", "rest",
+        "event", "modes"]), default="end", show_default=True, help="What the table has of each output over the rows; start, rest: where "
+        "the scene begins, by the start that is found, or in its pose at rest; event: where a force, guide or drive first changes "
+        "its formula, with the time of that; modes: no outputs, but eigenvalues of the motion near the beginning."),
     "from_rest": click.option("--from-rest", is_flag=True, help="Let the pose at rest where the scene begins change with the numbers."),
     "check": click.option("--check", is_flag=True, help="Compare with differences of runs, four for each number."),
     "fmi": click.option("--fmi", type=click.Choice(["2", "3"]), help="Version of an FMU's standard; 2 otherwise."),

@@ -7,11 +7,11 @@ other function.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
-from cutjoint.emit.standalone import OF_INTERFACE, STEPS, headers_of, prepare, render_header
+from cutjoint.emit.standalone import OF_INTERFACE, STEPS, Steps, headers_of, prepare, render_header
 from cutjoint.formulate.records import CLOSE
 
 #: The namespace of instances side by side.
@@ -40,6 +40,8 @@ _OF_DERIVATIVES = _Number(
     unity="dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
     functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
+
+_OF_DERIVATIVES_AT_EVENTS = replace(_OF_DERIVATIVES, functions=_OF_DERIVATIVES.functions | {"events"})
 
 _OF_SYSTEM_DERIVATIVES = _Number(
     unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
@@ -88,7 +90,7 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
     """The files of a library and of the project that builds it; ``begin`` and ``digest`` as of `emit_standalone`, ``code`` is what it
     has behind its interface."""
     parts, view = prepare(parts, begin, digest)
-    page, classes = parts.page, list(_classes(parts))
+    page, classes = parts.page, list(_classes(parts, STEPS[parts.method][begin.integrator]))
     files = {f"{view['header']}.h": render_header(page, view), "interface.cpp": _interface(parts, classes, begin, view) + code}
     sources: dict[str, list[str]] = {"mechanism": [], "system": []}
     for each in classes:
@@ -104,11 +106,12 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
     return page.source({**files, "CMakeLists.txt": project}, driver=LIBRARY)
 
 
-def _classes(parts: SimulationCode) -> Iterator[_Placed]:
+def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
     """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.freedoms is not None
     mechanism = sized_mechanism_class(parts, parts.program, header=name)
-    yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([_OF_DERIVATIVES] if has_derivatives else [])])
+    with_slopes = _OF_DERIVATIVES_AT_EVENTS if steps.finds_events and parts.system is None else _OF_DERIVATIVES
+    yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([with_slopes] if has_derivatives else [])])
     if parts.side_by_side is not None:
         header = f"{_SIDE}/{name}"
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)

@@ -154,6 +154,10 @@ class Library:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
             lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
             self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
+            self.tells_events = hasattr(self._library, f"{model}_tell_events")
+            if self.tells_events:
+                places = (ctypes.POINTER(index), *[ctypes.c_void_p] * 5)
+                self.tell_events = self._function("tell_events", index, sim, index, *places)
         if record:
             rows, three = (index, ctypes.c_void_p, ctypes.c_long), (ctypes.c_void_p,) * 3
             self.play_adjoint = self._function(

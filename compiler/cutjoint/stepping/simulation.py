@@ -18,6 +18,8 @@ from cutjoint.stepping.library import LIMITED, EffortRecord, Library
 from cutjoint.stepping.values import (
     Array,
     Effort,
+    EventDerivative,
+    ModeDerivative,
     Outputs,
     Poses,
     RestDerivative,
@@ -26,6 +28,7 @@ from cutjoint.stepping.values import (
     StateSpace,
     StepDerivative,
     Values,
+    find_eigenvalues,
     find_place,
     weigh_each,
 )
@@ -41,6 +44,12 @@ _TOO_MANY_STEPS, _MOST_RECORDS = 14, 1 << 24
 
 #: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
 _AT_REST, _SINGULAR = 1e-3, 1e-11
+
+#: A distance of coordinates (SI units) of two starts by the same numbers.
+_AT_START = 1e-9
+
+#: The step of a difference, as a share of the number, and in its unit of nought.
+_SHARE, _SHARE_OF_NOUGHT = 1e-3, 1e-4
 
 #: Characters of what a library says of a failure.
 _TEXT = 600
@@ -464,6 +473,79 @@ class Simulation:
         values = self.outputs.array[chosen]
         return RestDerivative(values=values, slopes=slopes, states=states, outputs=tuple(outputs), by=tuple(by))
 
+    def start_derivative(self, outputs: Sequence[str], by: Sequence[str]) -> RestDerivative:
+        """The change of the scene's start with the numbers named ``by``, parameters and inputs, and that of ``outputs`` there, in the
+        present state, which has to be that start.
+
+        Of coordinates that the scene leaves open it is that of those which the start finds.  States are by differences of fourth order of
+        starts, outputs exact beside these.
+
+        Raises:
+            TypeError: the model was loaded without derivatives, or its steps have none.
+            KeyError: there is no such output, parameter or input.
+            ValueError: the present state is not the start.
+            SimulationError: no start was found, or the pose is singular.
+        """
+        here, q = self.snapshot(), self.coordinates.array.copy()
+        found = self.reset().coordinates.array.copy()
+        self.restore(here)
+        if np.abs(found - q).max(initial=0.0) > _AT_START:
+            raise ValueError("the present state is not the scene's start; reset the simulation, without coordinates of your own")
+
+        def begun(_: float) -> Array:
+            start = self.reset()
+            time, q, v = start.time, start.coordinates.array.copy(), start.speeds.array.copy()
+            self.restore(here)
+            self.set_state(time, q, v)
+            return self.states.array.copy()
+
+        states = np.zeros((len(self.states), len(by)))
+        for i, name in enumerate(by):
+            states[:, i] = self._differentiate(name, begun)
+        values, slopes = self.play_derivative(0, outputs, by, begin=states).end
+        return RestDerivative(values=values, slopes=slopes, states=states, outputs=tuple(outputs), by=tuple(by))
+
+    def mode_derivative(self, by: Sequence[str], modes: Sequence[int] | None = None) -> ModeDerivative:
+        """Eigenvalues of the motion near the present state, and how they change with the numbers named ``by``, parameters and inputs.
+
+        Of a pose at rest they are those of the pose that moves as `rest_derivative` says, of a motion those of the same states.
+        ``modes`` are the numbers of some, by the size of their eigenvalues; all but those that are nought by default.  The change of the
+        matrix, which left and right eigenvectors take to that of eigenvalues, is by differences of fourth order of exact ones.
+
+        Raises:
+            TypeError: the model was loaded without derivatives.
+            KeyError: there is no such parameter, input or mode.
+            ValueError: an eigenvalue repeats, so that it has no derivative; or as of `rest_derivative`.
+            SimulationError: the pose is singular, or there was no `reset`.
+        """
+        near = self.linearise()
+        rates = np.zeros(len(near.states))
+        self._call(self.library.derive_minimal, rates.ctypes.data)
+        is_at_rest = np.abs(rates).max(initial=0.0) <= _AT_REST
+        ways = self.rest_derivative([], by).states if is_at_rest else np.zeros((len(near.states), len(by)))
+
+        def matrix(way: Array, change: float) -> Array:
+            self.set_states(near.x + change * way)
+            return self.linearise().A
+
+        changes = [self._differentiate(name, partial(matrix, way)) for name, way in zip(by, ways.T, strict=True)]
+        values, slopes = find_eigenvalues(near.A, changes, modes)
+        return ModeDerivative(values=values, slopes=slopes, by=tuple(by))
+
+    def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
+        """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays."""
+        here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
+        value = self.parameters[name] if name in self.parameters else self.present_input(name)
+        h = _SHARE * abs(value) or _SHARE_OF_NOUGHT
+        found = []
+        for steps in (-2, -1, 1, 2):
+            try:
+                numbers[name] = value + steps * h
+                found.append(find(steps * h))
+            finally:
+                self.restore(here)
+        return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
+
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
 
@@ -484,22 +566,27 @@ class Simulation:
         )  # fmt: skip
 
     def play_derivative(
-        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None
+        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None, events: int = 0
     ) -> RunDerivative:  # fmt: skip
         """Take so many steps, with the derivatives of ``outputs``, at the beginning and behind each ``every`` steps, by the numbers named
         ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
 
         Parameters leave the states at the beginning as they are, unless ``begin`` says how these change, (states, by), as
-        `rest_derivative` does.  Each step is differentiated as by `step_derivative`.
+        `rest_derivative` does.  Each step is differentiated as by `step_derivative`, and steps of explicit methods that end at an event
+        with its moving time.  So many ``events`` from the first on are told, where forces, guides or drives change their formulas.
 
         Raises:
-            TypeError: the model was loaded without derivatives, or its steps have none.
+            TypeError: the model was loaded without derivatives, its steps have none, or go over events that are asked for.
             KeyError: there is no such output, parameter, input or state.
-            ValueError: ``every`` does not divide the steps, or there are fewer than none.
-            SimulationError: a step failed, ended at an event or was taken in parts, and the state before it stays; or there was no `reset`.
+            ValueError: ``every`` does not divide the steps, there are fewer than none, or events are asked for by nothing.
+            SimulationError: a step failed, an event has no derivative, or there was no `reset`; the state before the step stays.
         """
         states = self.states
         self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
+        if events:
+            self._require(self.library.steps.finds_events, _OVER_EVENTS)
+            if not by:
+                raise ValueError("events are told with their derivatives: name numbers by which they change")
         chosen = self._chosen(steps, outputs, every)
         places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
         numbers = np.array([find_place(places, name) for name in by], dtype=np.intc)
@@ -511,12 +598,29 @@ class Simulation:
             matrix[: len(states)] += self._begun(begin, states, by)
         start, rows = self.time, steps // every + 1
         values, slopes = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
+        tell = self._tell_events(events, len(by), len(chosen))
         self._call(
             self.library.play_derivative, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen), chosen.ctypes.data,
             every, values.ctypes.data, slopes.ctypes.data,
         )  # fmt: skip
+        at = tell() if events else None
         times = np.linspace(start, self.time, rows)
-        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=tuple(by))
+        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=tuple(by), events=at)
+
+    def _tell_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventDerivative]:
+        """Let the next run tell its events, ``most`` at most; returns the maker of their record behind it."""
+        found, which = ctypes.c_int(0), np.empty(most, dtype=np.intc)
+        told = [np.empty(shape) for shape in ((most,), (most, directions), (most, outputs), (most, outputs, directions))]
+        if most and self.library.tells_events:
+            self._call(self.library.tell_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in told))
+
+        def make() -> EventDerivative:
+            number = min(found.value, most)
+            times, time_slopes, values, slopes = (each[:number] for each in told)
+            names = tuple(self.library.event_names[i] for i in which[:number])
+            return EventDerivative(names=names, times=times, time_slopes=time_slopes, values=values, slopes=slopes)
+
+        return make
 
     def play_adjoint(
         self, steps: int, outputs: Sequence[str], by: Sequence[str], weights: Array | str | Callable[[Array, Array], Array], *,

@@ -173,8 +173,8 @@ class StepDerivative:
 
 @dataclass(frozen=True, kw_only=True)
 class RestDerivative:
-    """A pose at rest and how it changes with ``by``, in SI units: ``values`` (outputs) with their ``slopes`` (outputs, by), and the changes
-    of ``states`` (states, by)."""
+    """A pose at rest, or a start, and how it changes with ``by``, in SI units: ``values`` (outputs) with their ``slopes`` (outputs, by),
+    and the changes of ``states`` (states, by)."""
 
     values: Array
     slopes: Array
@@ -187,9 +187,44 @@ class RestDerivative:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ModeDerivative:
+    """Eigenvalues of the motion near a state, of which each pair has the one that turns forwards, and how they change: ``values`` (1/s,
+    modes), by their size, and ``slopes`` (modes, by), complex numbers in SI units."""
+
+    values: NDArray[np.complex128]
+    slopes: NDArray[np.complex128]
+    by: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<ModeDerivative: {len(self.values)} modes by {', '.join(self.by)}>"
+
+    @property
+    def frequencies(self) -> tuple[Array, Array]:
+        """Frequencies (Hz, modes) of motions that decay, 0 of those that do not turn, with their derivatives (modes, by)."""
+        return self.values.imag / (2 * np.pi), self.slopes.imag / (2 * np.pi)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventDerivative:
+    """Events of a run, where forces, guides or drives change their formulas, in SI units: ``names`` of these elements, ``times`` (s,
+    events) with ``time_slopes`` (events, by), and outputs right behind, ``values`` (events, outputs), with ``slopes`` (events, outputs,
+    by), each at the time of its event, which moves."""
+
+    names: tuple[str, ...]
+    times: Array
+    time_slopes: Array
+    values: Array
+    slopes: Array
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name} at {t:.6g} s" for name, t in zip(self.names[:4], self.times, strict=False))
+        return f"<EventDerivative: {shown or 'no event'}{', ...' if len(self.names) > 4 else ''}>"
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunDerivative:
     """Outputs of a run and their derivatives by ``by``, numbers where it began, in SI units: ``values`` (rows, outputs) and ``slopes``
-    (rows, outputs, by) at ``times`` (s, rows), the first of which is the beginning.
+    (rows, outputs, by) at ``times`` (s, rows), the first of which is the beginning; ``events`` that were asked for.
 
     Methods give a value for each output, (outputs), with its derivatives, (outputs, by).
     """
@@ -199,6 +234,7 @@ class RunDerivative:
     slopes: Array
     outputs: tuple[str, ...]
     by: tuple[str, ...]
+    events: EventDerivative | None = None
 
     def __repr__(self) -> str:
         return f"<RunDerivative: {', '.join(self.outputs)} by {', '.join(self.by)}, {len(self.times)} rows>"
@@ -256,6 +292,40 @@ class RunDerivative:
             if not np.array_equal(slopes, np.broadcast_to(slopes[0], slopes.shape)):
                 raise ValueError(told_tie(self.times[rows], self.outputs[i], found[i]))
         return found, np.einsum("ro,rop->op", weights, self.slopes)
+
+
+#: Eigenvalues that count as nought, and those that count as the same, as shares of the largest.
+_NOUGHT, _REPEATED = 1e-7, 1e-7
+
+
+def find_eigenvalues(
+    A: Array, changes: Sequence[Array], modes: Sequence[int] | None
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:  # fmt: skip
+    """Eigenvalues of a matrix by their size, of each pair one, and how they change with it, (modes) and (modes, changes): w dA v / (w v)
+    of left and right eigenvectors.  ``modes`` are the numbers of some; all but those that are nought by default.
+
+    Raises:
+        ValueError: one of them repeats.
+        KeyError: there is no such mode.
+    """
+    all_values, right = np.linalg.eig(A)
+    left_values, left = np.linalg.eig(A.T)
+    upper = np.flatnonzero(all_values.imag >= 0.0)
+    ordered = upper[np.lexsort((all_values[upper].real, np.abs(all_values[upper])))]
+    size = np.abs(all_values).max(initial=0.0)
+    chosen = [i for i in ordered if abs(all_values[i]) > _NOUGHT * size] if modes is None else []
+    for number in modes or ():
+        if not 0 <= number < len(ordered):
+            raise KeyError(f"no mode {number}: there are {len(ordered)}")
+        chosen.append(ordered[number])
+    slopes = np.zeros((len(chosen), len(changes)), dtype=np.complex128)
+    for row, i in zip(slopes, chosen, strict=True):
+        value, away = all_values[i], np.abs(all_values - all_values[i])
+        v, w = right[:, i], left[:, np.argmin(np.abs(left_values - value))]
+        if np.sum(away <= _REPEATED * size) > 1 or abs(w @ v) <= _REPEATED:
+            raise ValueError(f"the eigenvalue {value:.6g} 1/s repeats: it has no derivative; name other modes")
+        row[:] = [w @ change @ v / (w @ v) for change in changes]
+    return all_values[chosen].astype(np.complex128), slopes
 
 
 #: Objectives of each output of a run.

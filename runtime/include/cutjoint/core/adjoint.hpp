@@ -44,7 +44,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::is_explicit, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
   static constexpr std::size_t coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
@@ -90,7 +90,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
  private:
   static constexpr std::size_t most_moves = m > 0 ? 8 : 1;  ///< of a projection
 
-  enum class Kind : int { part, sample, row };
+  enum class Kind : int { part, sample, row, cut };  ///< the last: where the part before is cut
   using Numbers = Fixed<double, n>;
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
@@ -180,7 +180,20 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
       std::copy_n(x.first_slope_.begin() + coordinates, n, x.record_.end.vdot.begin());
     }
-    return x.write(Kind::part, from.t, h);
+    if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
+    return x.cut_.is_made ? x.write_cut(end) : Fault{};
+  }
+
+  /// Where the last part is cut: at a share of its length, in a state, where switches leave their formulas.
+  Fault write_cut(const StateOf<M>& end) {
+    const auto& cut = this->cut_;
+    if (cut.left > length) return cut.fault(Cause::step_divided, end.t);
+    record_.from.take(end);
+    record_.number = static_cast<int>(cut.left);
+    if (const Fault fault = write(Kind::cut, end.t, cut.share)) return fault;
+    double* const which = tape_.numbers + (records_ - 1) * record + 4 + length;
+    for (std::size_t j = 0; j < cut.left; ++j) which[j] = static_cast<double>(cut.which[j]);
+    return {};
   }
 
   static Fault write_sample(void* who, std::size_t first, std::size_t number) {
@@ -243,14 +256,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
     by_.clear();
-    by_loaded_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
+    by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
     solved_ = 0;
     owes_slope_ = false;
     read(records_ - 1);
     for (std::size_t place = records_; place-- > 0;) {
       if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
       else if (record_.kind == Kind::sample) go_over_sample();
-      else if (!go_over_part()) return no_end();
+      else if (is_at_event(place)) {
+        if (const Fault fault = go_over_events(place)) return fault;
+      } else if (!go_over_part()) return no_end();
       if (place == 0) break;
       const Record behind = record_;
       read(place - 1);
@@ -323,6 +338,94 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     if constexpr (is_explicit) return go_over_slopes<typename Simulation::Steps::Method>();
     else if constexpr (seeks_multipliers) return false;
     else return go_over_rule();
+  }
+
+  // Parts up to events, and those behind them
+
+  Kind kind_at(std::size_t place) const { return static_cast<Kind>(static_cast<int>(tape_.numbers[place * record])); }
+  bool ends_at_event(std::size_t place) const { return kind_at(place) == Kind::cut && tape_.numbers[place * record + 3] > 0.0; }
+
+  /// Whether a part is cut, or begins at an event.
+  bool is_at_event(std::size_t place) const { return switches > 0 && (record_.kind == Kind::cut || (place > 0 && ends_at_event(place - 1))); }
+
+  /// From slopes at the end of parts with events between, or where the last one is cut, to those at the beginning of the first, the place of which is returned: by
+  /// how the end changes along all that the beginning has.
+  Fault go_over_events(std::size_t& place) {
+    const std::size_t last = place;
+    place -= kind_at(place) == Kind::cut ? 1 : 0;
+    while (place > 0 && ends_at_event(place - 1)) place -= 2;
+    constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : 0), all = moving + held + inputs + parameters;
+    Fixed<double, all> found;
+    std::array<int, directions> by{};
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      matrix_.fill(0.0);
+      blocks_ = {};
+      blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
+      this->carried_ = matrix_.data() + (states + held) * number;
+      this->loaded_ = Base::no_row;
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        by[k] = which < moving + held ? -1 : static_cast<int>(which - moving - held);
+        if (which < moving) this->carried_[which * number + k] = 1.0;
+        else if (which < moving + held) matrix_[(states + which - moving) * number + k] = 1.0;
+      }
+      if (const Fault fault = follow_parts(place, last, number)) return fault;
+      for (std::size_t k = 0; k < number; ++k) {
+        const double* row = this->carried_ + k;
+        const auto add_rows = [&](const auto& slopes) {
+          for (const double slope : slopes) found[first + k] += slope * *row, row += number;
+        };
+        add_rows(by_.q), add_rows(by_.v);
+        if constexpr (carries_slope)
+          if (owes_slope_) add_rows(by_slope_), add_rows(by_turn_);
+      }
+    }
+    read(place);
+    const double* x = found.data();
+    const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
+    by_.clear();
+    take(by_.q), take(by_.v);
+    if constexpr (carries_slope) take(by_slope_), take(by_turn_);
+    owes_slope_ = carries_slope && record_.number == 1;
+    for (double& slope : by_held_) slope += *x++;
+    for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
+    for (double& slope : by_parameter_) slope += *x++;
+    return {};
+  }
+
+  /// The same parts along directions.
+  Fault follow_parts(std::size_t place, std::size_t last, std::size_t number) {
+    this->begins_at_event_ = false;
+    for (; place <= last; ++place) {
+      read(place);
+      put(record_.from, record_.t);
+      const StateOf<M> from = stage_;
+      StateOf<M> end = from;
+      const double h = record_.h;
+      end.t = from.t + h;
+      is_slope_known_ = carries_slope && record_.number == 1;
+      if constexpr (carries_slope) {
+        std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_slope_.begin());
+        std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_slope_.begin() + coordinates);
+      }
+      if constexpr (held > 0) simulation_->hold(record_.values);
+      this->cut_ = {};
+      this->wants_slope_ = owes_slope_ && place == last;
+      if (place < last && kind_at(place + 1) == Kind::cut) {
+        read(++place);
+        put(record_.from, record_.t);
+        end = stage_;
+        this->cut_ = {true, record_.h, static_cast<std::size_t>(record_.number), {}};
+        for (std::size_t j = 0; j < this->cut_.left; ++j) this->cut_.which[j] = static_cast<std::size_t>(tape_.numbers[place * record + 4 + length + j]);
+      }
+      const Fault fault = this->follow_row(from, end, h, 0, number);
+      is_slope_known_ = false;
+      this->begins_at_event_ = this->cut_.left > 0;
+      Base::last_.t = end.t;
+      if (fault) return fault;
+    }
+    return this->end_at_event();
   }
 
   // The trapezoidal rule
@@ -642,7 +745,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         const std::size_t which = first + k;
         if (which < states) by_state[which] = sum;
         else if (which < states + inputs) by_input[which - states] += sum;
-        else by_parameter[which - states - inputs] += sum;
+        else by_parameter[which - states - inputs] += sum + by_parameter_[which - states - inputs];
       }
     }
     return {};
@@ -664,6 +767,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   Numbers by_slope_;
   bool owes_slope_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
+  Fixed<double, parameters> by_parameter_;  ///< by events
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

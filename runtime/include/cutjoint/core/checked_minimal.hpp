@@ -128,6 +128,14 @@ class CheckedMinimal : public CheckedSimulation<Model> {
                                                   {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
   }
 
+  static int tell_events(CheckedMinimal* s, int most, int* found, int* events, double* times, double* time_slopes, double* values, double* slopes) {
+    if (!Base::holds_one(s)) return no_simulation;
+    if (most < 0) return no_such_index;
+    if (!found || (most > 0 && (!events || !times || !time_slopes || !values || !slopes))) return no_array;
+    s->derivatives.tell_events({most, found, events, times, time_slopes, values, slopes});
+    return call_ok;
+  }
+
   static int play_adjoint(CheckedMinimal* s, long steps, int reported, const int* outputs, long every, int objectives, const double* weights, double* values,
                           double* tape, std::size_t records, double* by_state, double* by_input, double* by_parameter) {
     if (const int status = ask(s)) return status;

@@ -147,9 +147,15 @@ class Derivatives {
 
   Fault not_finite() const { return {.cause = Cause::accelerations_not_finite, .t = state_->t}; }
 
-  static void fill(void* self, Dual, Dual* input) {
+  static void fill(void* self, Dual t, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
-    for (std::size_t i = 0; i < x.du_.size(); ++i) input[i] = {x.u_[i], x.du_[i]};
+    for (std::size_t i = 0; i < x.du_.size(); ++i) {
+      Slopes by_time{};
+      if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.slope;
+      else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others stay
+        for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.slope[k] == 0.0 ? 0.0 : input[i].slope[k];
+      input[i] = {x.u_[i], x.du_[i].slope + by_time};
+    }
     for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
   }
 
@@ -231,7 +237,7 @@ class Derivatives {
   /// equations say what these change.
   bool find_accelerations(M& mechanism, std::size_t number) {
     if constexpr (Balance::is_there)
-      if (solve_balance()) return true;
+      if (!is_time_moving_ && solve_balance()) return true;
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i];
     mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
     for (std::size_t k = 0; k < number; ++k) {
@@ -285,7 +291,7 @@ class Derivatives {
     explicit Progress(double& factor) : factor_(factor) {}
 
     void add(double change, double size) {
-      const double share = change > 0.0 ? change / size : change;
+      const double share = change > 0.0 && size > 0.0 ? change / size : change;  // all may come to rest
       if (before_ > 0.0 && share < before_) factor_ = factor_ < 1.0 ? std::max(factor_, share / before_) : share / before_;
       is_over_ = share == 0.0 || share * factor_ <= std::numeric_limits<double>::epsilon() || !(share <= most);
       stalled_ = share < least_ ? 0 : stalled_ + 1;
@@ -337,6 +343,7 @@ class Derivatives {
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
   D mechanism_;
   [[no_unique_address]] Balance balance_;
+  bool is_time_moving_ = false;  ///< the present time changes along directions, which the balance has no slope for
   [[no_unique_address]] std::conditional_t<has_system, S, None> system_;
   Fixed<Dual, M::sizes.parameters> parameters_;
   Fixed<Dual, M::sizes.cuts> penalties_;

@@ -39,6 +39,9 @@ enum class Cause : int {
   sample_not_finite = 31,         ///< a controller computes a value that is not finite
   limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
   step_divided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
+  events_part = 34,               ///< switches that leave their formulas together would not with other numbers, so that the run has no derivative
+  speeds_jump = 35,               ///< speeds jump at an event, so that the run has no derivative
+  event_at_end = 36,              ///< an event that moves lies where a step ends or a sample is taken, so that the run has no derivative
 };
 
 /// The list in which what failed most has its place.
@@ -105,6 +108,9 @@ constexpr const char* text_of(Cause cause) {
     case Cause::sample_not_finite: return "a controller computes a value that is not finite";
     case Cause::limit_exceeded: return "a step exceeds a limit";
     case Cause::step_divided: return "the step has no derivative: it ended at an event, or was taken in parts";
+    case Cause::events_part: return "the run has no derivative: forces that change their formulas together would not with other numbers, and change the accelerations";
+    case Cause::speeds_jump: return "the run has no derivative: speeds jump where a guide changes its formula";
+    case Cause::event_at_end: return "the run has no derivative: a force changes its formula just where a step ends or a controller takes a sample, and would do so elsewhere with other numbers";
     case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
@@ -158,7 +164,10 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; try: a smaller dt, or another limit";
-    case Cause::step_divided: return "take this step without its derivative";
+    case Cause::step_divided: return "take this step without its derivative, or differentiate a run";
+    case Cause::events_part: return "derivatives are one-sided there; move one of both, or let steps go over events by the integrator trapezoidal";
+    case Cause::speeds_jump: return "make the course of the guide smooth";
+    case Cause::event_at_end: return "derivatives are one-sided there; try: another dt";
     case Cause::stands_still:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
              "a pose in which a motion moves no mass, as of massless links in line; try: a larger tolerance";

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "cutjoint/core/coefficients.hpp"
-#include "cutjoint/core/rule_derivatives.hpp"
+#include "cutjoint/core/event_derivatives.hpp"
 
 namespace cutjoint {
 
@@ -17,16 +17,15 @@ namespace cutjoint {
 /// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
-class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balance> {
+class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Balance> {
  public:
-  using Base = RuleDerivatives<Simulation, D, S, freedoms, Balance>;
+  using Base = EventDerivatives<Simulation, D, S, freedoms, Balance>;
   using typename Base::M;
 
  protected:
-  using Base::m, Base::n, Base::seeks_multipliers;
-  using Base::charts, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
-  using Steps = typename Simulation::Steps;
-  static constexpr bool is_explicit = requires { typename Steps::Scheme; };
+  using typename Base::Steps;
+  using Base::m, Base::n, Base::is_explicit, Base::seeks_multipliers, Base::switches;
+  using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
   static constexpr bool goes_on = !is_explicit && !Base::has_system;
@@ -47,7 +46,7 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balan
   /// From the beginning of the part to its end along directions; false where that has no derivative.
   bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     M& mechanism = simulation.mechanism();
-    if constexpr (is_explicit) return go_by_slopes(mechanism, from, h, number);
+    if constexpr (is_explicit) return go_by_slopes(mechanism, from, end, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, h, number);
     else {
       if constexpr (Base::has_balance)
@@ -75,43 +74,69 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balan
   }
 
   /// An explicit method, whose last stage begins the next step.
-  bool go_by_slopes(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+  bool go_by_slopes(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
-    else return go_by_table<typename Steps::Method>(mechanism, from, h, number);
+    else return go_by_table<typename Steps::Method>(mechanism, from, end, h, number);
   }
 
   template <class Table>
-  bool go_by_table(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
-    constexpr std::size_t stages = Table::stages - 1;
-    std::array<Fixed<Dual, M::sizes.coordinates>, stages> place_slopes;
-    std::array<Fixed<Dual, n>, stages> speed_slopes;
+  bool go_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    constexpr std::size_t last = Table::stages - 1, all = switches > 0 ? Table::all : Table::stages;
+    std::array<Fixed<Dual, M::sizes.coordinates>, all> place_slopes;
+    std::array<Fixed<Dual, n>, all> speed_slopes;
+    const Dual length(h, -begun_);
     from_ = q_;
     speeds_ = v_;
     stage_ = from;
-    for (std::size_t stage = 0;;) {
-      if (stage > 0 || !is_slope_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
-      place_slopes[stage] = turn_;
-      speed_slopes[stage] = vdot_;
+    Dual now;
+    const auto lead = [&](std::size_t stage) {
       q_ = from_;
       v_ = speeds_;
-      std::array<typename Table::Row::value_type, stages> weights;
-      std::copy_n(Table::weights[++stage].begin(), stages, weights.begin());
-      add_slopes(Dual(h), weights, place_slopes, q_);
-      add_slopes(Dual(h), weights, speed_slopes, v_);
-      stage_.t = from.t + Table::nodes[stage].template as<double>() * h;
+      std::array<typename Table::Row::value_type, all> weights;
+      std::copy_n(Table::weights[stage].begin(), all, weights.begin());
+      add_slopes(length, weights, place_slopes, q_);
+      add_slopes(length, weights, speed_slopes, v_);
+      const double node = Table::nodes[stage].template as<double>();
+      now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
       mechanism.begin_step(stage_.t, 1.0);
-      if (stage == stages && !wants_slope_) break;
+    };
+    const auto derive = [&] {
       for (std::size_t i = 0; i < q_.size(); ++i) stage_.q[i] = q_[i].value;
       for (std::size_t i = 0; i < n; ++i) stage_.v[i] = v_[i].value;
       if (!this->enter(mechanism, stage_)) return false;
-      mechanism_.begin_step(stage_.t, 1.0);
+      mechanism_.begin_step(now, 1.0);
       if (!this->find_accelerations(mechanism, number)) return false;
-      if (stage < stages) continue;
       coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
-      break;
+      return true;
+    };
+    const auto keep = [&](std::size_t stage) { place_slopes[stage] = turn_, speed_slopes[stage] = vdot_; };
+    if (!is_slope_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+    for (std::size_t stage = 0; stage < last;) {
+      keep(stage);
+      lead(++stage);
+      if ((stage < last || wants_slope_ || cut_.is_made) && !derive()) return false;
     }
+    ended_ = Slopes{};
+    if constexpr (switches > 0)
+      if (cut_.is_made) {
+        keep(last);
+        const auto places = q_;
+        const auto speeds = v_;
+        for (std::size_t stage = Table::stages; stage < all; ++stage) {
+          lead(stage);
+          if (!derive()) return false;
+          keep(stage);
+        }
+        q_ = places;
+        v_ = speeds;
+        this->template interpolate<Table>(length, from_, place_slopes, q_, this->turning_);
+        this->template interpolate<Table>(length, speeds_, speed_slopes, v_, this->bending_);
+        mechanism.begin_step(stage_.t = end.t, 1.0);
+        this->take_inputs(mechanism);
+        if (!this->meet_event(mechanism, end, number)) return false;
+      }
     this->take_inputs(mechanism);
-    mechanism_.begin_step(stage_.t, 1.0);
+    mechanism_.begin_step(Dual(stage_.t, ended_), 1.0);
     normalise<Dual>(charts(), q_.data());
     return true;
   }
@@ -126,6 +151,15 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balan
     return true;
   }
 
+  /// Whether numbers and their derivatives are so small, as those of a gap that numbers hardly change for are by the rounding of parameters.
+  template <class Numbers>
+  static bool is_at_most(const Numbers& numbers, double most) {
+    const Dual found = Base::largest(numbers);
+    for (std::size_t k = 0; k < directions; ++k)
+      if (!(found.slope[k] <= most)) return false;
+    return found.value <= most;
+  }
+
   /// Moves until a gap and its derivatives are rounding, or the next one leaves no more.
   template <class Numbers, class Measure, class Move>
   bool close(const Fixed<Dual, m>& gap, Numbers& numbers, Measure measure, Move move, Numbers& before) {
@@ -136,7 +170,7 @@ class PartDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balan
       const double left = this->largest_share(gap, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
       if (iteration > 0) factor = left / last;
-      if (left <= rounding || (factor > 0.5 && left <= 1e-9)) return true;
+      if (left <= rounding || (factor > 0.5 && (left <= 1e-9 || is_at_most(gap, rounding)))) return true;
       before = numbers;
       mechanism_.project(q_.data(), gap.data(), step_.data());
       move();

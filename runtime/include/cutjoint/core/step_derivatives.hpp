@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 #include "cutjoint/core/part_derivatives.hpp"
 
@@ -55,20 +56,34 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     double *values, *slopes;
   };
 
+  /// Events of a run, of which a host wants so many, and the number that has been found: of each the switch, the time (most) and how it changes along
+  /// directions (most, number), outputs behind it (most, reported) and how these change, the time being that of the event (most, reported, number).
+  struct Events {
+    int most = 0;
+    int* found = nullptr;
+    int* which = nullptr;
+    double *times = nullptr, *time_slopes = nullptr, *values = nullptr, *slopes = nullptr;
+  };
+
+  /// The next run that is followed along directions tells its events.
+  void tell_events(const Events& events) { events_ = events; }
+
   /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
   Fault play(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Course course) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
     open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
-    if (const Fault fault = find_carried()) return fault;
-    const Fault fault = go_on(steps, course), left = find_states();
+    course_ = &course;
+    if (events_.found) *events_.found = 0;
+    const Fault lacks = find_carried();
+    const Fault fault = lacks ? lacks : go_on(steps, course), left = lacks ? lacks : find_states();
+    events_ = {};
     return fault ? fault : left;
   }
 
  protected:
   using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_slope, Base::no_row, Base::loaded_, Base::is_slope_known_, Base::turn_;
-  using Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
+  using Base::switches, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
-  static constexpr bool is_adaptive = Steps::adaptive;
 
   /// What takes down parts and samples in place of following them.
   struct Recorder {
@@ -93,6 +108,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     minimal_ = &minimal;
     carried_ = carried;
     this->wants_slope_ = carries_slope && carried;
+    begins_at_event_ = false;
     last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
     simulation.complete_state();
     load_all();
@@ -127,16 +143,17 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto before = simulation.memory();
     const auto sample = blocks_[0].held > 0 ? &follow_sample : nullptr;
     Fault fault;
-    if constexpr (is_adaptive) {
+    if constexpr (is_explicit) {
+      auto& stepper = simulation.steps().stepper();
       last_ = simulation.state();
-      followed_ = {};
-      const long events = simulation.steps().events();
-      simulation.steps().stepper().watch({&follow_length, this});
+      followed_ = this->refused_ = {};
+      count_switches(stepper);
+      stepper.watch({&follow_length, this});
       simulation.watch_parts({nullptr, sample, this});
       fault = simulation.step();
-      simulation.steps().stepper().watch({});
+      stepper.watch({});
       if (!fault || has_made_step(fault)) {
-        if (simulation.steps().events() != events) followed_ = {.cause = Cause::step_divided, .t = before.state.t};
+        if (!followed_) followed_ = end_at_event();
         if (followed_) fault = followed_;
       }
     } else {
@@ -244,8 +261,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
 
   /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
   long parts_taken(const Steps& steps) const {
-    if constexpr (is_explicit) return steps.iterations();
-    else if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
+    if constexpr (requires { steps.newton(); }) return parts_ + 1 + steps.newton().substeps();
     else return parts_ + 1;
   }
 
@@ -259,6 +275,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
 
   /// A controller comes to hold the values of a sample, which change as the present state does.
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
+    if constexpr (switches > 0)
+      if (const Fault fault = end_at_event()) return fault;
     if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
     if constexpr (M::sizes.held > 0) {
       const auto& state = simulation_->complete_state();
@@ -286,7 +304,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     return {};
   }
 
-  /// An adaptive method has made one of its steps.
+  /// An explicit method has made one of its steps, or the part of it before an event.
   template <class Scheme>
   static void follow_length(void* who, Scheme& scheme) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
@@ -295,25 +313,85 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     std::copy_n(scheme.pose(), end.q.size(), end.q.begin());
     std::copy_n(scheme.pose() + end.q.size(), n, end.v.begin());
     end.t = scheme.time();
-    self->followed_ = self->follow(self->last_, end, end.t - self->last_.t);
+    self->count_switches(self->simulation_->steps().stepper());
+    double h = end.t - self->last_.t;
+    if constexpr (switches > 0) {
+      const auto [begin, length] = scheme.last_step();
+      if (end.t != begin + length || self->cut_.left > 0) self->cut_.is_made = true, self->cut_.share = (end.t - begin) / length, h = length;
+    }
+    self->followed_ = self->follow(self->last_, end, h);
     self->last_ = end;
   }
 
+  /// The switches that have left their formulas since they were counted last.
+  template <class Stepper>
+  void count_switches(const Stepper& stepper) {
+    cut_ = {};
+    for (std::size_t i = 0; i < switches; ++i) {
+      const long number = stepper.counts().by_switch[i];
+      if (number != counted_[i]) cut_.which[cut_.left++] = i;
+      counted_[i] = number;
+    }
+  }
+
+  /// A part has ended at an event whose time changes along directions: nothing else may lie there.
+  Fault end_at_event() {
+    if (!std::exchange(begins_at_event_, false)) return {};
+    for (std::size_t k = 0; k < count_columns(); ++k)
+      if (time_row()[k] != 0.0) return cut_.fault(Cause::event_at_end, last_.t);
+    return {};
+  }
+
+  /// In place of accelerations, which are found anew behind an event, how its time changes.
+  double* time_row() { return carried_ + M::sizes.coordinates * blocks_[0].width + n * blocks_[0].width; }
+
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
+    if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_divided, from.t);
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
+    const auto goes_on_to_event = [&] {
+      const Fault fault = go();
+      begins_at_event_ = cut_.left > 0;
+      if (begins_at_event_ && events_.found) ++*events_.found;
+      return fault;
+    };
     if constexpr (!carries_slope) {
-      return go();
+      return goes_on_to_event();
     } else {
       const auto& formula = simulation_->steps().stepper().scheme().formula();
       const auto &first = formula.first_slope(), &last = formula.last_slope();
       is_slope_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_slope_.begin());
       std::copy(first.begin(), first.end(), first_slope_.begin());
-      const Fault fault = go();
+      const Fault fault = goes_on_to_event();
       is_slope_known_ = false;
-      std::copy(last.begin(), last.end(), last_slope_.begin());
+      if (cut_.is_made) last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
+      else std::copy(last.begin(), last.end(), last_slope_.begin());
       return fault;
     }
+  }
+
+  /// What an event leaves: how its time changes, and outputs there for the host.
+  Fault keep_event(const StateOf<M>& end, std::size_t first, std::size_t number) {
+    for (std::size_t k = 0; k < number; ++k) time_row()[first + k] = ended_[k];
+    if (!events_.found || *events_.found >= events_.most) return {};
+    const auto at = static_cast<std::size_t>(*events_.found);
+    const std::size_t columns = count_columns();
+    events_.which[at] = static_cast<int>(cut_.which[0]);
+    events_.times[at] = end.t;
+    for (std::size_t k = 0; k < number; ++k) events_.time_slopes[at * columns + first + k] = ended_[k];
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
+    for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
+    if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
+    mechanism_.begin_step(Dual(end.t, ended_), 1.0);
+    this->is_time_moving_ = true;
+    if (!this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
+    mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
+    for (std::size_t i = 0; i < course_->number; ++i) {
+      const Dual& x = this->columns_[static_cast<std::size_t>(course_->outputs[i])];
+      events_.values[at * course_->number + i] = x.value;
+      for (std::size_t k = 0; k < number; ++k) events_.slopes[(at * course_->number + i) * columns + first + k] = x.slope[k];
+    }
+    return {};
   }
 
   Fault follow_rows(const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -330,13 +408,17 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     for (;;) {
       if (const Fault fault = enter_row(from, first, number)) return fault;
       if (this->go(*simulation_, from, end, h, number)) break;
+      if (this->refused_) return this->refused_;
       if (!this->can_get_ready_anew(end)) return no_end(end);
       this->forget_part();
       if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
     }
     if (!this->close_end(*simulation_)) return {.cause = Cause::pose_singular, .t = end.t};
+    if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
     if (carried_) keep_row(first, number);
     else end_row(first, number);
+    if constexpr (switches > 0)
+      if (cut_.left > 0) return keep_event(end, first, number);
     return {};
   }
 
@@ -347,6 +429,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     M& mechanism = simulation_->mechanism();
     mechanism.begin_step(state.t, 1.0);
     begin_row(first, number);
+    begun_ = Slopes{};
+    for (std::size_t k = 0; k < number && begins_at_event_; ++k) begun_[k] = time_row()[first + k];
+    this->is_time_moving_ = begins_at_event_;
     if (!carried_ || !is_known(state))
       if (!this->enter(mechanism, state)) return this->not_finite();
     if (!carried_) {
@@ -365,7 +450,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   bool take_row(M& mechanism, const StateOf<M>& state, std::size_t first, std::size_t number) {
     this->state_ = &state;
     this->take_inputs(mechanism);
-    mechanism_.begin_step(state.t, 1.0);
+    mechanism_.begin_step(Dual(state.t, begun_), 1.0);
     std::copy(state.q.begin(), state.q.end(), q_.begin());
     std::copy(state.v.begin(), state.v.end(), v_.begin());
     const bool is_carried = is_known(state);
@@ -438,6 +523,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
   Fault followed_;                                     ///< why one of its steps has no derivative
+  Fixed<long, switches> counted_;                      ///< how often switches have left their formulas
+  bool begins_at_event_ = false;                       ///< the next part does, whose time changes
+  Events events_;
+  const Course* course_ = nullptr;
 };
 
 }  // namespace cutjoint
