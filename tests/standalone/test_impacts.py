@@ -14,7 +14,7 @@ import pytest
 import cutjoint
 from cutjoint.compile.folders import make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.classes import LANES
+from cutjoint.emit.classes import MOST_LANES
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
@@ -253,7 +253,7 @@ def test_a_batch_and_a_rollout_have_the_ends_of_single_runs() -> None:
         assert many[i, -1, list(sim.outputs).index("weight.vx")] == pytest.approx(run["weight.vx"][-1], rel=1e-9)
 
 
-@pytest.mark.parametrize(("text", "lanes"), [(CART, 0), (CART.replace("where(t < BEGIN, 0, 2*(t - BEGIN))", "sin(t)"), LANES)])
+@pytest.mark.parametrize(("text", "lanes"), [(CART, 0), (CART.replace("where(t < BEGIN, 0, 2*(t - BEGIN))", "sin(t)"), MOST_LANES)])
 def test_only_guides_that_may_jump_keep_runs_out_of_lanes(text: str, lanes: int) -> None:
     model = read_model(_file(text, BETWEEN))
     scene = find_scene(model, None)

@@ -34,8 +34,10 @@ from cutjoint.program.records import Program
 from cutjoint.sparse.pattern import Pattern
 from cutjoint.sparse.plan import Plan
 
-#: Simulations side by side: the doubles of an AVX-512 register; narrower machines take several registers.
-LANES = 8
+#: Simulations side by side: as many as a register has doubles.
+LANES = "cutjoint::Lanes<double, cutjoint::doubles_of_register>"
+#: At most, and a multiple of their number on any machine.
+MOST_LANES = 8
 
 #: Comments of the functions that store values of a stage.
 _STAGES = {
@@ -119,8 +121,8 @@ class SimulationCode:
 
     @property
     def lanes(self) -> int:
-        """The number of simulations side by side, 0 if there is no such class."""
-        return 0 if self.side_by_side is None else LANES
+        """The largest number of simulations side by side, 0 if there is no such class."""
+        return 0 if self.side_by_side is None else MOST_LANES
 
     @property
     def poses(self) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ class _Number:
 
 
 _OF_INSTANCES = _Number(
-    unity=_SIDE, real=f"cutjoint::Lanes<double, {LANES}>", headers=("cutjoint/core/instances.hpp", "cutjoint/core/lane_road.hpp")
+    unity=_SIDE, real=LANES, headers=("cutjoint/core/instances.hpp", "cutjoint/core/lane_road.hpp")
 )  # fmt: skip
 
 #: Functions of the earlier stages; what closes loops belongs to that of parameters.

@@ -14,7 +14,7 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import Beginning, SimulationCode, System, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
+from cutjoint.emit.classes import LANES, Beginning, SimulationCode, System, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
 from cutjoint.emit.source import (
     SPACE,
     Page,
@@ -258,7 +258,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
         "supplied": [SUPPLIED_FILE] if model.functions else [], "hosted": hosted,
         "p": model.name, "P": model.name.upper(), "scene": equations.scene.name, "inputs": equations.inputs,
-        "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes, "bytes": simulation_size(parts, steps),
+        "class_name": Page.of(equations, parts.method).class_name, "lanes": parts.lanes and LANES, "bytes": simulation_size(parts, steps),
         "system_name": "" if parts.system is None else name_of_system(Page.of(equations, parts.method).class_name),
         "causes": _causes(), "mark": mark_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutjoint.emit.classes import LANES
+from cutjoint.emit.classes import MOST_LANES
 from cutjoint.stepping.library import Lanes
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import Array
@@ -24,7 +24,7 @@ def rollout(
     ``parameters`` have a value for each simulation.  ``inputs`` have one that is held, or one for each step, (simulations, steps), held
     during it.  ``snapshots`` have a state for each; where there are none all start as ``simulation`` stands, which itself stays.
     They run in ``threads`` (as many as there are processors), whose number changes nothing.  Where a step fails, the rows from there on are
-    NaN.  So many steps by the trapezoidal rule of method recursive that it pays to compile for it go eight at a time in lanes, which have
+    NaN.  So many steps by the trapezoidal rule of method recursive that it pays to compile for it go side by side in lanes, which have
     the same numbers up to rounding; those with inputs for each step go one by one.
 
     Raises:
@@ -51,7 +51,7 @@ def rollout(
     if courses or lanes is None or not lanes.pay(steps * number):
         perform, at_once = _alone(simulation, begins, columns, courses, rows), 1
     else:
-        perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), LANES
+        perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), MOST_LANES
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(perform, range(0, number, at_once)))
     return rows
@@ -105,7 +105,7 @@ def _alone(
 def _in_lanes(
     simulation: Simulation, lanes: Lanes, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array
 ) -> Callable[[int], None]:
-    """A function that plays as many of the simulations as there are lanes, from a number on."""
+    """A function that plays as many of the simulations as there are lanes at most, from a number on."""
     parameters, inputs = (
         ([values.place(name) for name in given], np.column_stack([*given.values()]) if given else np.empty((len(begins), 0)))
         for values, given in zip((simulation.parameters, simulation.inputs), columns, strict=True)
@@ -113,7 +113,7 @@ def _in_lanes(
     lanes.compile()
 
     def run(first: int) -> None:
-        part = slice(first, first + LANES)
+        part = slice(first, first + MOST_LANES)
         lanes.play(begins[part], (parameters[0], parameters[1][part]), (inputs[0], inputs[1][part]), rows[part])
 
     return run

@@ -12,7 +12,7 @@ import sympy
 from cutjoint.compile.folders import Standalone, lanes_break_even, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joint import ATTITUDE
-from cutjoint.emit.classes import LANES
+from cutjoint.emit.classes import MOST_LANES
 from cutjoint.emit.source import environment
 from cutjoint.export.laws import expression
 from cutjoint.formulate.inputs import input_parameters
@@ -140,7 +140,7 @@ def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
     generated = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(generated, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)
-    may = alone.fits_lanes and rows * LANES <= _MOST_ROWS
+    may = alone.fits_lanes and rows * MOST_LANES <= _MOST_ROWS
     if may and (_pays(study, generated.program, alone) if lanes is None else lanes):
         alone = make_standalone(generated, integrator=study.integrator, side_by_side=True)
     equations = generated.equations

@@ -289,4 +289,4 @@ def steps_of(manifest: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _together(lanes: int) -> str:
-    return "one by one" if lanes == 1 else f"{lanes} side by side"
+    return "one by one" if lanes == 1 else "side by side"

@@ -69,7 +69,7 @@ def compare(name: str, model: Model, scene: Scene, throughput: Table, limit: Tab
     for kind, seconds in single.items():
         ratios = (f"{mine / theirs:.2f}" for mine, theirs in zip(seconds, together, strict=True))
         throughput.add_row(name, kind, *(f"{x * 1e3:.2f}" for x in seconds), *ratios)
-    for width, taken in ((1, steps(scalar)), (4, steps(lanes)), (8, together[0])):
+    for width, taken in ((1, steps(scalar)), (4, steps(lanes)), (max(at_most), together[0])):
         rate = operations * evaluations / taken
         share = f"{100 * rate / (2 * at_most[width]):.0f} %" if width in at_most else ""
         limit.add_row(name, str(width), f"{rate / 1e9:.1f}", f"{2 * at_most.get(width, 0.0) / 1e9:.1f}", share)
@@ -82,7 +82,7 @@ def seek_millimetre(full: Artifact, model: Model, scene: Scene, table: Table) ->
     sparse = replace(single, scene=replace(scene, output_step=SPARSE_ROWS))
     for dt, tolerance in STEPS:
         run = simulate(single, dt=dt, tolerance=tolerance, check=False)
-        seconds = steps(single, dt=dt, tolerance=tolerance), steps_of_batch(batch, dt=dt, tolerance=tolerance)[0]
+        seconds = steps(single, dt=dt, tolerance=tolerance), steps_of_batch(batch, dt=dt, solver_tolerance=tolerance)[0]
         times = (text for x in seconds for text in (f"{x * 1e3:.2f}", f"{scene.end / x:.0f}"))
         table.add_row(f"{dt * 1e3:g}", f"{tolerance:g}", str(run.evaluations), f"{distance(run, truth):.1e}", *times)
     for tolerance in TOLERANCES:

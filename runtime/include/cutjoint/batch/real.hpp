@@ -12,8 +12,8 @@
 
 namespace cutjoint::batch {
 
-/// The number of instances side by side: the doubles of an AVX-512 register; narrower machines take several registers.
-inline constexpr int width = 8;
+/// The number of instances side by side.
+inline constexpr int width = doubles_of_register;
 
 using Real = Lanes<double, width>;
 

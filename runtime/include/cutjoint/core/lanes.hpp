@@ -50,6 +50,15 @@ struct Register<float, N> {
   typedef float type __attribute__((vector_size(N * sizeof(float))));
 };
 
+/// The doubles of a vector register: how many instances go side by side.  Compilers take wider vectors through memory.
+#if defined(__AVX512F__)
+inline constexpr int doubles_of_register = 8;
+#elif defined(__AVX__)
+inline constexpr int doubles_of_register = 4;
+#else
+inline constexpr int doubles_of_register = 2;
+#endif
+
 /// N reals with lane-wise arithmetic; a plain real counts for all lanes.
 template <class Real, int N>
 struct Lanes {

@@ -384,7 +384,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
     mechanism_.begin_step(Dual(end.t, ended_), 1.0);
     this->is_time_moving_ = true;
-    if (!this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
+    const bool is_found = this->find_accelerations(simulation_->mechanism(), number);
+    this->is_time_moving_ = false;
+    if (!is_found) return this->not_finite();
     mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
     for (std::size_t i = 0; i < course_->number; ++i) {
       const Dual& x = this->columns_[static_cast<std::size_t>(course_->outputs[i])];
