@@ -14,7 +14,16 @@ from typing import Any
 import sympy
 
 from cutjoint.elements.joints import JOINTS
-from cutjoint.emit.classes import LANES, Beginning, SimulationCode, System, derived_classes, sized_mechanism_class, sized_system_class, sizes_of
+from cutjoint.emit.classes import (
+    LANES,
+    Beginning,
+    SimulationCode,
+    System,
+    derived_classes,
+    sized_mechanism_class,
+    sized_system_class,
+    sizes_of,
+)
 from cutjoint.emit.source import (
     SPACE,
     Page,

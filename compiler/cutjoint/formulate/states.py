@@ -103,8 +103,8 @@ _LOOKING = frozenset({SAMPLE, "report", "energy", "domains", POSES})
 def describe_controllers(equations: Equations) -> list[dict[str, object]]:
     """The controllers as steps know them: name, place in the model file, times (s), and the number of values that each holds.
 
-    ``felt`` has a 1 for each of these from which accelerations, states, events or guards follow, and a 0 for others, which samples and
-    outputs alone read.  One that is ``accelerated`` reads more of a state than coordinates and speeds at its samples.
+    ``felt`` has a 1 for each of these that accelerations, states, events or guards read, and a 0 for others.  One that is ``accelerated``
+    reads more of a state than coordinates and speeds at its samples.
     """
     felt = _held_by(b for f in equations.functions if f.name not in _LOOKING for b in f.results.values())
     sample = next((f.results for f in equations.functions if f.name == SAMPLE), {})

@@ -101,7 +101,8 @@ class Left:
 class Kernel:
     """The runs of a study in one scene as a library.
 
-    ``content`` is the library, in which so many ``lanes`` at most go side by side (1: one by one), or a part of that number.  A run has ``rows`` rows, ``row_step`` (s)
+    ``content`` is the library, in which so many ``lanes`` at most go side by side (1: one by one), or a part of that number.
+    A run has ``rows`` rows, ``row_step`` (s)
     apart, and takes the ``steps`` of an integrator.
     """
 

@@ -1,4 +1,4 @@
-"""Steps against the wall clock, what a fixed number of iterations leaves out, and what wheels that turn cost: `make realtime`."""
+"""Steps against the wall clock, the error of a fixed number of iterations, and the cost of wheels that turn: `make realtime`."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ def formulate_balance(start: RecursiveEquations) -> RecursiveEquations:
     system = SharedForces(builder=b)
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
-    add_forces(system, k, model, scene)
+    add_forces(system, k, model, scene, ())
     Zdd = given_accelerations(k)
     if rubs := rubbed(model, system):
         rub(rubs, system, k, Forces(), Reactions(kinematics=k, loops=(), M=masses, Q=dict(system.Q), Zdd=Zdd, acting={}))
