@@ -14,11 +14,11 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.transposed import Derived, linearise_balance, transpose
 from cutjoint.methods import Loops
 from cutjoint.program.blocks import FUNCTIONS, BindingTime
-from cutjoint.program.differentiate import adjoint, slopes
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
+from cutjoint.program.slopes import adjoint, slopes
 from cutjoint.run.scenes import take_model, with_loops
 from tests.conftest import MODELS
 

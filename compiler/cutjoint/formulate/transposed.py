@@ -15,10 +15,10 @@ from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
-from cutjoint.program.differentiate import adjoint, slopes
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
+from cutjoint.program.slopes import adjoint, slopes
 
 #: Of each function its arguments, its results, and what else the change of these depends on.
 _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

@@ -33,9 +33,19 @@ from cutjoint.formulate.implicit.balance import (
     weights,
     wrench_tangent,
 )
-from cutjoint.formulate.implicit.gears import change, gear_tangent, push_joints, speed_inputs, weighted_push
-from cutjoint.formulate.implicit.gears import weights as gear_weights
-from cutjoint.formulate.implicit.motions import Motion, Motions, StepWeights, derive_motions, times
+from cutjoint.formulate.implicit.motions import (
+    Motion,
+    Motions,
+    StepWeights,
+    change,
+    derive_motions,
+    gear_tangent,
+    gear_weights,
+    push_joints,
+    speed_inputs,
+    times,
+    weighted_push,
+)
 from cutjoint.formulate.inputs import (
     Numbers,
     column_slots,

@@ -1,0 +1,375 @@
+"""Derivatives in the IR of scalars: adjoints, and slopes of many results by many scalars.
+
+Adjoints go through a program's scalars from its results to what these follow from.  They are scalars of the same graph, which are lowered,
+shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
+
+Slopes of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar after
+the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first (Griewank,
+Walther, Evaluating Derivatives, section 9.2).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from itertools import product
+from typing import TypeAlias
+
+from cutjoint.program.differentiate import partial_derivatives
+from cutjoint.program.lower import call_scalar
+from cutjoint.program.scalars import Graph
+
+
+@dataclass(frozen=True, eq=False)
+class _Scalar:
+    """A node of the graph as partial derivatives see it."""
+
+    number: int
+    op: str
+    args: tuple[_Scalar, ...]
+    data: tuple[str, object]
+
+
+class _Scalars:
+    """The algebra of a graph's nodes."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._known: dict[int, _Scalar] = {}
+
+    def of(self, n: int, depth: int = 1) -> _Scalar:
+        """A node, with its arguments where they are asked for."""
+        node = self._graph.nodes[n]
+        if depth:
+            return _Scalar(n, node.op, tuple(self.of(a, 0) for a in node.args), (node.op, node.data))
+        if n not in self._known:
+            self._known[n] = _Scalar(n, node.op, (), (node.op, node.data))
+        return self._known[n]
+
+    def number(self, value: float) -> _Scalar:
+        """A constant."""
+        return self.of(self._graph.const(value), 0)
+
+    def zero(self, n: int) -> _Scalar:
+        """Nought."""
+        assert n == 1
+        return self.number(0.0)
+
+    def add(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a + b."""
+        return self.of(self._graph.add(a.number, b.number), 0)
+
+    def sub(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a - b."""
+        return self.of(self._graph.sub(a.number, b.number), 0)
+
+    def neg(self, a: _Scalar) -> _Scalar:
+        """-a."""
+        return self.of(self._graph.neg(a.number), 0)
+
+    def mul(self, a: _Scalar, b: _Scalar) -> _Scalar:
+        """a b."""
+        return self.of(self._graph.mul(a.number, b.number), 0)
+
+    def call(self, function: str, *args: _Scalar, table: str | None = None) -> _Scalar:
+        """A function's value."""
+        return self.of(call_scalar(self._graph, function, tuple(a.number for a in args), table), 0)
+
+
+@dataclass
+class _Sums:
+    """Slopes that have come together at a node: a sum for all lanes, and one for each lane by itself."""
+
+    all: int | None = None
+    lanes: dict[int, int] = field(default_factory=dict)
+
+
+def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) -> dict[int, int]:
+    """The slopes of a sum of nodes, each by the node of its weight, by each of the ``targets`` on which it depends, with as many lanes as
+    that has.  Ways end at targets.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    order = graph.reachable(list(weights))
+    depends = set(targets)
+    for n in order:
+        if any(a in depends for a in graph.nodes[n].args):
+            depends.add(n)
+    sums: defaultdict[int, _Sums] = defaultdict(_Sums)
+    scalars, section = _Scalars(graph), graph.section
+    for n, weight in weights.items():
+        _gather(graph, sums[n], weight)
+    found: dict[int, int] = {}
+    for n in reversed(order):
+        if n not in depends or n not in sums:
+            continue
+        graph.section = graph.nodes[n].section
+        slope = _joined(graph, sums.pop(n), graph.nodes[n].lanes)
+        if n in targets:
+            found[n] = slope
+        elif graph.value(slope) != 0.0:
+            for a, share, lane in _shares(graph, scalars, n, slope):
+                if a in depends and graph.value(share) != 0.0:
+                    _gather(graph, sums[a], share, lane)
+    graph.section = section
+    return found
+
+
+def _gather(graph: Graph, sums: _Sums, share: int, lane: int | None = None) -> None:
+    if lane is None:
+        sums.all = share if sums.all is None else graph.add(sums.all, share)
+    else:
+        sums.lanes[lane] = share if lane not in sums.lanes else graph.add(sums.lanes[lane], share)
+
+
+def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
+    """The sum of all that has come to a node; that of one with lanes may be the same in all of them."""
+    if not sums.lanes:
+        assert sums.all is not None
+        return sums.all
+    apart = graph.gather(tuple(sums.lanes.get(k, graph.const(0.0)) for k in range(lanes)))
+    return apart if sums.all is None else graph.add(sums.all, apart)
+
+
+def _shares(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Iterator[tuple[int, int, int | None]]:
+    """The share of each argument in a node's slope, and its lane, None for all."""
+    node = graph.nodes[n]
+    match node.op:
+        case "gather":
+            yield from ((a, graph.lane(slope, k), None) for k, a in enumerate(node.args))
+        case "lane":
+            assert isinstance(node.data, int)
+            yield node.args[0], slope, node.data
+        case "lane_sum":
+            yield node.args[0], slope, None
+        case _:
+            for a, share in zip(node.args, _products(graph, scalars, n, slope), strict=True):
+                yield a, share if graph.nodes[a].lanes else _over_lanes(graph, share, node.lanes), None
+
+
+def _over_lanes(graph: Graph, share: int, lanes: int) -> int:
+    """The share of an argument without lanes."""
+    if graph.nodes[share].lanes:
+        return graph.lane_sum(share)
+    return graph.mul(graph.const(float(lanes)), share) if lanes else share
+
+
+def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[int]:
+    """A node's slope times its derivative by each argument."""
+    node = graph.nodes[n]
+    match node.op:
+        case "add":
+            return slope, slope
+        case "sub":
+            return slope, graph.neg(slope)
+        case "neg":
+            return (graph.neg(slope),)
+        case "where":
+            zero = graph.const(0.0)
+            return zero, graph.call("where", (node.args[0], slope, zero)), graph.call("where", (node.args[0], zero, slope))
+        case "div":
+            by_above = graph.div(slope, node.args[1])
+            return by_above, graph.neg(graph.mul(by_above, n))
+    return [graph.mul(slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
+
+
+#: All lanes of a scalar.
+_ALL = -1
+
+#: The way of changes from a scalar to another: the coefficients by the lane that they leave and the one that they reach, None of a scalar
+#: that has none.  From all lanes to all goes each to its own, from all to none their sum.  From none to -1 - n goes the sum of a
+#: coefficient's n lanes, which is taken as late as can be.
+_Edge: TypeAlias = dict[tuple[int | None, int | None], int]
+
+
+def slopes(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
+    """The slopes of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it depends
+    on it.  Ways end at targets.
+
+    Raises:
+        ValueError: an operation has no derivative.
+    """
+    section, elimination = graph.section, _Elimination(graph, set(targets))
+    found = elimination.run(results)
+    graph.section = section
+    return found
+
+
+class _Elimination:
+    """The linearised graph of some results: of each scalar the edges that lead to it, and the scalars to which some lead from it.  Results
+    have numbers below 0."""
+
+    def __init__(self, graph: Graph, targets: set[int]) -> None:
+        self._graph = graph
+        self._targets = targets
+        self._gathered: list[int] = []  # targets side by side, by which slopes have lanes until the end
+        self._before: dict[int, dict[int, _Edge]] = {}
+        self._behind: defaultdict[int, set[int]] = defaultdict(set)
+
+    def run(self, results: Sequence[int]) -> list[dict[int, int]]:
+        """The slopes of results by targets."""
+        self._linearise(results)
+        inner = [n for n in self._before if n >= 0]
+        heap = [(self._cost(n), n) for n in inner]
+        heapq.heapify(heap)
+        left = set(inner)
+        while heap:
+            cost, n = heapq.heappop(heap)
+            if n not in left:
+                continue
+            if (now := self._cost(n)) > cost:
+                heapq.heappush(heap, (now, n))
+                continue
+            left.remove(n)
+            for other in self._eliminate(n):
+                if other in left:
+                    heapq.heappush(heap, (self._cost(other), other))
+        return [self._slopes(self._before[-1 - i]) for i in range(len(results))]
+
+    def _linearise(self, results: Sequence[int]) -> None:
+        graph, scalars, depends = self._graph, _Scalars(self._graph), set(self._targets)
+        for n in graph.reachable(list(results)):
+            node = graph.nodes[n]
+            if n in self._targets or depends.isdisjoint(node.args):
+                continue
+            depends.add(n)
+            if node.op == "gather" and all(a in self._targets or graph.value(a) is not None for a in node.args):
+                self._gathered.append(n)
+                continue
+            graph.section = node.section
+            edges: dict[int, _Edge] = {}
+            for a, key, coefficient in _edges(graph, scalars, n):
+                if a in depends and graph.value(coefficient) != 0.0:
+                    self._add(edges.setdefault(a, {}), key, coefficient)
+            self._enter(n, edges)
+        for i, n in enumerate(results):
+            self._enter(-1 - i, {n: {(None, None): graph.const(1.0)}} if n in depends else {})
+
+    def _enter(self, n: int, edges: dict[int, _Edge]) -> None:
+        self._before[n] = edges
+        for a in edges:
+            self._behind[a].add(n)
+
+    def _cost(self, n: int) -> int:
+        return len(self._before[n]) * len(self._behind[n])
+
+    def _eliminate(self, n: int) -> set[int]:
+        """Take a scalar out; returns its neighbours."""
+        before, behind = self._before.pop(n), self._behind.pop(n, set())
+        self._graph.section = self._graph.nodes[n].section
+        for a in before:
+            self._behind[a].discard(n)
+        for c in sorted(behind, reverse=True):
+            last = self._before[c].pop(n)
+            for a, first in before.items():
+                edge = self._before[c].get(a, {})
+                self._join(edge, self._lanes(a), first, self._lanes(n), last, self._lanes(c))
+                if edge:
+                    self._before[c][a] = edge
+                    self._behind[a].add(c)
+        return before.keys() | behind
+
+    def _lanes(self, n: int) -> int:
+        return 0 if n < 0 else self._graph.nodes[n].lanes
+
+    def _join(self, edge: _Edge, lanes: int, first: _Edge, between: int, last: _Edge, behind: int) -> None:
+        """Add the way by two edges; scalars before, between and behind them have so many lanes."""
+        graph = self._graph
+        for ((start, reached), c), ((left, end), d) in product(first.items(), last.items()):
+            if reached is not None and reached < _ALL:
+                if end is None:
+                    reached, end = None, reached
+                else:
+                    c = self._sum(c, -1 - reached)
+                    reached = None
+            if end is not None and end < _ALL and start is not None:
+                d = self._sum(d, -1 - end)
+                end = None
+            if reached == left:
+                if start == _ALL and end is not None and reached is None:  # each lane to each
+                    ends = range(behind) if end == _ALL else (end,)
+                    for j, k in product(range(lanes), ends):
+                        self._add(edge, (j, k), self._times(graph.lane(c, j), graph.lane(d, k)))
+                elif start is not None and end == _ALL and reached is None:
+                    for k in range(behind):
+                        self._add(edge, (start, k), self._times(c, graph.lane(d, k)))
+                elif reached == _ALL and start is None and end is None:
+                    self._add(edge, (None, -1 - between), self._times(c, d))
+                else:
+                    self._add(edge, (start, end), self._times(c, d))
+            elif reached == _ALL:
+                assert left is not None
+                self._add(edge, (left if start == _ALL else start, end), self._times(graph.lane(c, left), d))
+            elif left == _ALL:
+                assert reached is not None
+                self._add(edge, (start, reached if end == _ALL else end), self._times(c, graph.lane(d, reached)))
+
+    def _sum(self, n: int, lanes: int) -> int:
+        graph = self._graph
+        return graph.lane_sum(n) if graph.nodes[n].lanes else graph.mul(graph.const(float(lanes)), n)
+
+    def _add(self, edge: _Edge, key: tuple[int | None, int | None], coefficient: int) -> None:
+        graph, end = self._graph, key[1]
+        total = graph.add(edge.pop(key), coefficient) if key in edge else coefficient
+        if end is not None and end < _ALL and not graph.nodes[total].lanes:
+            self._add(edge, (None, None), self._sum(total, -1 - end))
+        else:
+            edge[key] = total
+
+    def _times(self, a: int, b: int) -> int:
+        """A product; what a choice leaves out stays out, where it may have no value."""
+        graph = self._graph
+        for one, other in ((a, b), (b, a)):
+            node = graph.nodes[graph.signless(one)]
+            if node.op == "where" and 0.0 in (graph.value(node.args[1]), graph.value(node.args[2])):
+                condition, yes, no = node.args
+                if graph.nodes[condition].lanes == max(graph.nodes[one].lanes, graph.nodes[other].lanes):
+                    zero = graph.const(0.0)
+                    parts = (self._times(x, other) if graph.value(x) != 0.0 else zero for x in (yes, no))
+                    chosen = graph.call("where", (condition, *parts))
+                    return chosen if graph.signless(one) == one else graph.neg(chosen)
+        return graph.mul(a, b)
+
+    def _slopes(self, edges: dict[int, _Edge]) -> dict[int, int]:
+        """The slopes by targets of a result to which edges lead."""
+        graph, found = self._graph, {a: self._slope(a, edge) for a, edge in edges.items()}
+        for n in self._gathered:
+            if n in found:
+                slope = found.pop(n)
+                for k, a in enumerate(graph.nodes[n].args):
+                    if a in self._targets:
+                        found[a] = graph.add(found[a], graph.lane(slope, k)) if a in found else graph.lane(slope, k)
+        return found
+
+    def _slope(self, target: int, edge: _Edge) -> int:
+        """The slope that an edge from a target to a result stands for."""
+        graph, lanes = self._graph, self._lanes(target)
+        if not lanes:
+            parts = [c if end is None else self._sum(c, -1 - end) for (_, end), c in edge.items()]
+            return reduce(graph.add, parts)
+        zero = graph.const(0.0)
+        apart = graph.gather(tuple(edge.get((k, None), zero) for k in range(lanes)))
+        return graph.add(edge[_ALL, None], apart) if (_ALL, None) in edge else apart
+
+
+def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple[int | None, int | None], int]]:
+    """The edges to a scalar from its arguments."""
+    node, one = graph.nodes[n], graph.const(1.0)
+    end = _ALL if node.lanes else None
+    match node.op:
+        case "gather":
+            yield from ((a, (None, k), one) for k, a in enumerate(node.args))
+            return
+        case "lane":
+            assert isinstance(node.data, int)
+            yield node.args[0], (node.data, None), one
+            return
+        case "lane_sum":
+            yield node.args[0], (_ALL, None), one
+            return
+    for a, share in zip(node.args, _products(graph, scalars, n, one), strict=True):
+        yield a, (_ALL if graph.nodes[a].lanes else None, end), share
