@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
+#include "cutjoint/core/dense.hpp"
 #include "cutjoint/core/dual.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/retraction.hpp"
@@ -97,7 +98,7 @@ class BalanceSlopes {
 
   /// The same where they move the state, the end of a trapezoidal step that `decompose_end` has decomposed.
   template <class Numbers, class Speeds, class Inputs, class Held>
-  bool solve_end(const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) const {
+  bool solve_end(const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) {
     return back(at_[now_], q, v, du, held, change);
   }
 
@@ -131,8 +132,8 @@ class BalanceSlopes {
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
 
   /// Accelerations that are off by this from those to which they lead: the correction takes its place.
-  void correct(Fixed<double, n>& left) const {
-    const At& x = at_[now_];
+  void correct(Fixed<double, n>& left) {
+    At& x = at_[now_];
     Fixed<double, n> force;
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t j = 0; j < n; ++j) force[i] += x.by_vdot[i * n + j] * left[j];
@@ -143,7 +144,7 @@ class BalanceSlopes {
  private:
   static constexpr double none = -1.0;
 
-  /// A state, the slopes there, and a matrix L U with pivots: of the length of step, or 0, that it is decomposed for.
+  /// A state, the slopes there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
   struct At {
     bool is_found = false;
     double t = 0.0, decomposed_for = none;
@@ -154,49 +155,30 @@ class BalanceSlopes {
     Fixed<double, n * n> by_v, by_vdot;
     Fixed<double, n * given> by_u;
     Fixed<double, n * loaded> by_loaded;
-    Fixed<double, n * n> factors;
-    Fixed<double, n> inverses;
-    Fixed<std::size_t, n> pivots;
+    Fixed<double, n * n> factors;  ///< by columns
+    Fixed<std::size_t, n> order;
 
+    dense::Triangles<double> triangles() { return {{factors.data(), n, n}, order.data()}; }
+
+    /// Decompose a matrix, which stands by rows.
     bool decompose(double h, const Fixed<double, n * n>& matrix) {
-      factors = matrix;
-      decomposed_for = none;
-      for (std::size_t k = 0; k < n; ++k) {
-        std::size_t most = k;
-        for (std::size_t i = k + 1; i < n; ++i)
-          if (std::abs(factors[i * n + k]) > std::abs(factors[most * n + k])) most = i;
-        pivots[k] = most;
-        double* const row = factors.data() + k * n;
-        if (most != k) std::swap_ranges(row, row + n, factors.data() + most * n);
-        if (!(std::abs(row[k]) > 0.0)) return false;
-        inverses[k] = 1.0 / row[k];
-        for (std::size_t i = k + 1; i < n; ++i) {
-          double* const other = factors.data() + i * n;
-          if (other[k] == 0.0) continue;
-          const double share = other[k] *= inverses[k];
-          for (std::size_t j = k + 1; j < n; ++j) other[j] -= share * row[j];
-        }
-      }
-      decomposed_for = h;
-      return true;
+      for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = 0; j < n; ++j) factors[j * n + i] = matrix[i * n + j];
+      const bool is_regular = triangles().decompose();
+      decomposed_for = is_regular ? h : none;
+      return is_regular;
     }
 
     template <class Number>
-    void solve(Fixed<Number, n>& x) const {
-      for (std::size_t k = 0; k < n; ++k) {
-        if (pivots[k] != k) std::swap(x[k], x[pivots[k]]);
-        for (std::size_t j = 0; j < k; ++j) x[k] -= factors[k * n + j] * x[j];
-      }
-      for (std::size_t k = n; k-- > 0;) {
-        for (std::size_t j = k + 1; j < n; ++j) x[k] -= factors[k * n + j] * x[j];
-        x[k] *= inverses[k];
-      }
+    void solve(Fixed<Number, n>& x) {
+      Fixed<Number, n> room;
+      triangles().solve(x.data(), room.data());
     }
   };
 
   /// The solution for the balance's changes by all but accelerations; false where one is no number.
   template <class Numbers, class Speeds, class Inputs, class Held>
-  bool back(const At& x, const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) const {
+  bool back(At& x, const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) const {
     for (std::size_t i = 0; i < n; ++i) {
       Slopes sum{};
       const auto take = [&sum](const double* row, const auto& numbers) {

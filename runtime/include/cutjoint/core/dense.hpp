@@ -1,4 +1,4 @@
-// Small dense kernels: least squares of least norm, and the eigenvalues of symmetric matrices.  Columns stand one after another; all memory is the
+// Small dense kernels: L U, least squares of least norm, and the eigenvalues of symmetric matrices.  Columns stand one after another; all memory is the
 // caller's.
 #pragma once
 
@@ -17,6 +17,61 @@ struct Matrix {
 
   Real& operator()(std::size_t i, std::size_t j) const { return x[j * rows + i]; }
   Real* column(std::size_t j) const { return x + j * rows; }
+};
+
+/// L U of a square matrix A, rows exchanged for the largest entry of each column (Golub, Van Loan, Matrix Computations, section 3.4).  `order` has an
+/// element for each row.
+template <class Real>
+class Triangles {
+ public:
+  Triangles(Matrix<Real> A, std::size_t* order) : A_(A), order_(order) {}
+
+  /// Decompose A, which is overwritten; false where a pivot is zero or no number.
+  bool decompose() {
+    for (std::size_t i = 0; i < A_.rows; ++i) order_[i] = i;
+    for (std::size_t k = 0; k < A_.rows; ++k) {
+      bring_largest(k);
+      const Real pivot = A_(k, k);
+      if (!(pivot - pivot == Real(0)) || pivot == Real(0)) return false;
+      for (std::size_t i = k + 1; i < A_.rows; ++i) A_(i, k) /= pivot;
+      for (std::size_t j = k + 1; j < A_.rows; ++j) subtract(k, A_(k, j), A_.column(j));
+    }
+    return true;
+  }
+
+  /// x with A x = b, which it takes the place of; `room` has as many elements.  A number is real, or several that are solved for side by side.
+  template <class Number>
+  void solve(Number* b, Number* room) const {
+    for (std::size_t i = 0; i < A_.rows; ++i) room[i] = b[order_[i]];
+    for (std::size_t k = 0; k < A_.rows; ++k) subtract(k, room[k], room);
+    for (std::size_t k = A_.rows; k-- > 0;) {
+      room[k] /= A_(k, k);
+      for (std::size_t i = 0; i < k; ++i) room[i] -= A_(i, k) * room[k];
+    }
+    for (std::size_t i = 0; i < A_.rows; ++i) b[i] = room[i];
+  }
+
+ private:
+  /// The row of the largest entry below comes to the next place; one that is no number counts as largest.
+  void bring_largest(std::size_t k) {
+    using std::abs;
+    std::size_t largest = k;
+    for (std::size_t i = k + 1; i < A_.rows; ++i)
+      if (abs(A_(i, k)) > abs(A_(largest, k)) || A_(i, k) != A_(i, k)) largest = i;
+    if (largest == k) return;
+    std::swap(order_[k], order_[largest]);
+    for (std::size_t j = 0; j < A_.rows; ++j) std::swap(A_(k, j), A_(largest, j));
+  }
+
+  /// Take from the rest of a column the share of column k of L.
+  template <class Number>
+  void subtract(std::size_t k, const Number& factor, Number* column) const {
+    const Number share = factor;
+    for (std::size_t i = k + 1; i < A_.rows; ++i) column[i] -= A_(i, k) * share;
+  }
+
+  Matrix<Real> A_;
+  std::size_t* order_;
 };
 
 /// A reflection 1 - tau u u^T, u = (1, tail), that takes (head, tail) to (head', 0): head becomes head', the tail u's.  Returns tau.
