@@ -174,14 +174,22 @@ scenes: {run: {end: 2, output_step: 0.1, rates: {rail.displacement_rate: 50}}}
     assert run["air.lifts_rear.Fz"] == pytest.approx(-0.6 * 0.5 * run["hull.vx"] ** 2, rel=1e-9)
 
 
-def test_the_driver_beside_scipy() -> None:
-    """A body that turns as it is steered and slides little: a circle of 40 m at 8 m/s, with a steering that gives half of what is asked."""
-    text = """
+def free_run(body: str, parts: str) -> Trajectory:
+    """The run of a body that moves freely, and other parts of its model."""
+    text = f"""
 cutjoint: 1
 name: dot
 gravity: [0, 0, 0]
-bodies: {chassis: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
-joints: {moves: {kind: free, bodies: [ground, chassis], at: [0, 0, 0]}}
+bodies: {{{body}: {{mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}}}
+joints: {{moves: {{kind: free, bodies: [ground, {body}], at: [0, 0, 0]}}}}
+{parts}"""
+    model = read_model_text(text, "dot.yaml")
+    return completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+
+
+def test_the_driver_beside_scipy() -> None:
+    """A body that turns as it is steered and slides little: a circle of 40 m at 8 m/s, with a steering that gives half of what is asked."""
+    parts = """
 submodels: {driver: {include: library/driver}}
 instances:
   driver: {use: driver, connect: {chassis: chassis}, with: {wanted: 8, beside: "40 - sqrt(driver.px**2 + (driver.py - 40)**2)"}}
@@ -191,8 +199,7 @@ forces:
 outputs: [chassis.x, chassis.y, driver.motion.speed.value, driver.steer.value]
 scenes: {run: {end: 40, output_step: 0.5, rates: {moves.vx: 2}}}
 """
-    model = read_model_text(text, "dot.yaml")
-    found = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+    found = free_run("chassis", parts)
 
     def rates(_: float, y: np.ndarray) -> list[float]:
         x, side, yaw, vx, vy, turn, steer, trim = y
@@ -216,12 +223,7 @@ scenes: {run: {end: 40, output_step: 0.5, rates: {moves.vx: 2}}}
 
 def test_the_motion_of_a_body_and_the_path_of_a_lane_change() -> None:
     """A body that drives east with its nose to the north-east, on a circle; the lanes of ISO 3888-1 begin 50, 95 and 145 m on."""
-    text = """
-cutjoint: 1
-name: dot
-gravity: [0, 0, 0]
-bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
-joints: {moves: {kind: free, bodies: [ground, dot], at: [0, 0, 0]}}
+    parts = """
 submodels: {motion: {include: library/motion}, path: {include: library/lane_change}}
 instances: {motion: {use: motion, connect: {body: dot}}, path: {use: path, with: {x: moves.x}}}
 forces: {pulls: {kind: load, body: dot, at: [0, 0, 0], force: [0, 2, 0]}}
@@ -229,8 +231,7 @@ outputs: [dot.x, motion.speed.value, motion.drift.value, motion.side_slip.value,
 scenes:
   run: {end: 4, output_step: 0.5, rates: {moves.vx: 50, moves.wz: 0.3}, positions: {moves.attitude: {euler: [0.5, 0, 0], order: zyx}}}
 """
-    model = read_model_text(text, "dot.yaml")
-    run = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+    run = free_run("dot", parts)
     yaw = 0.5 + 0.3 * run.t
     along, across = 50 * np.cos(yaw) + 2 * run.t * np.sin(yaw), 2 * run.t * np.cos(yaw) - 50 * np.sin(yaw)
     assert run["motion.speed.value"] == pytest.approx(along, rel=1e-7)
@@ -245,20 +246,14 @@ scenes:
 
 def test_a_path_is_by_its_heading() -> None:
     """A circle, beside which a point goes straight on: by the angle at its centre, apart from how far its place lags."""
-    text = """
-cutjoint: 1
-name: dot
-gravity: [0, 0, 0]
-bodies: {dot: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
-joints: {moves: {kind: free, bodies: [ground, dot], at: [0, 0, 0]}}
+    parts = """
 submodels: {path: {include: library/path}}
 instances: {path: {use: path, with: {heading: path.along/40, px: moves.x, py: moves.y, speed: moves.vx, reach: 0.02}}}
 outputs: [dot.x, path.along.value, path.at_x.value, path.at_y.value, path.beside.value]
 scenes:
   run: {end: 4, output_step: 0.25, rates: {moves.vx: 10}, positions: {moves.x: 3, moves.y: 5}}
 """
-    model = read_model_text(text, "dot.yaml")
-    run = completed(simulate(compile_scene(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, error=False))
+    run = free_run("dot", parts)
     x, behind = run["dot.x"][1:], 35
     assert run["path.beside.value"][1:] == pytest.approx(40 - np.hypot(x, behind), abs=5e-6)  # (0.02 m)^2 over the diameter
     assert run["path.along.value"][1:] == pytest.approx(40 * np.arctan2(x, behind), abs=0.02)

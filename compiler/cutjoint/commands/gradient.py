@@ -16,7 +16,7 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.run.scenes import take_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
-from cutjoint.stepping.values import OBJECTIVES, Array, find_eigenvalues, weigh
+from cutjoint.stepping.values import OBJECTIVES, STEPS_BESIDE, Array, difference, find_eigenvalues, weigh
 
 #: The step of a difference, as a share of the number, or in its unit where that is smaller than 1e-3.
 _SHARE = 1e-3
@@ -155,8 +155,8 @@ def _error(sim: Simulation, course: Callable[[str, float], Array], names: Sequen
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
         value = sim.present_input(name) if numbers is None else numbers[name]
         h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
-        ends = [course(name, value + way * h) for way in (-2, -1, 1, 2)]
-        found = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
+        ends = [course(name, value + steps * h) for steps in STEPS_BESIDE]
+        found = difference(ends, h)
         size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
         errors.append(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())
     return float(max(errors, default=0.0))

@@ -16,6 +16,7 @@ from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.library import LIMITED, EffortRecord, Library
 from cutjoint.stepping.values import (
+    STEPS_BESIDE,
     Array,
     Effort,
     EventDerivative,
@@ -28,6 +29,7 @@ from cutjoint.stepping.values import (
     StateSpace,
     StepDerivative,
     Values,
+    difference,
     find_eigenvalues,
     find_place,
     weigh_each,
@@ -538,13 +540,13 @@ class Simulation:
         value = self.parameters[name] if name in self.parameters else self.present_input(name)
         h = _SHARE * abs(value) or _SHARE_OF_NOUGHT
         found = []
-        for steps in (-2, -1, 1, 2):
+        for steps in STEPS_BESIDE:
             try:
                 numbers[name] = value + steps * h
                 found.append(find(steps * h))
             finally:
                 self.restore(here)
-        return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
+        return difference(found, h)
 
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.

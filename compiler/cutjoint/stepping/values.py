@@ -294,6 +294,15 @@ class RunDerivative:
         return found, np.einsum("ro,rop->op", weights, self.slopes)
 
 
+#: The steps of a difference of fourth order.
+STEPS_BESIDE = (-2, -1, 1, 2)
+
+
+def difference(found: Sequence[Array], h: float) -> Array:
+    """The slope of what is found so many steps h (`STEPS_BESIDE`) from a number, to fourth order."""
+    return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
+
+
 #: Eigenvalues that count as nought, and those that count as the same, as shares of the largest.
 _NOUGHT, _REPEATED = 1e-7, 1e-7
 
