@@ -110,7 +110,10 @@ def _stack(data: Any, args: list[Array]) -> Array:
 
 def _over_one_batch(args: Sequence[Array]) -> list[Array]:
     """The matrices with equal axes before their rows; in a solution, NumPy would else take a matrix for a row of vectors."""
-    batch = np.broadcast_shapes(*(a.shape[:-2] for a in args))
+    batches = {a.shape[:-2] for a in args}
+    if len(batches) == 1:
+        return list(args)
+    batch = np.broadcast_shapes(*batches)
     return [np.broadcast_to(a, (*batch, *a.shape[-2:])) for a in args] if batch else list(args)
 
 
