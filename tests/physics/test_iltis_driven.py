@@ -137,7 +137,7 @@ def test_power_balances() -> None:
 @pytest.mark.heavy
 def test_power_balances_for_ten_minutes() -> None:
     """Over gears, clutch and air drag, and then at the speed that the driver holds."""
-    run = drive("drive", end=600, tolerance=1e-5)
+    run = drive("drive", end=600, error=True, tolerance=1e-5)
     assert run.energy is not None
     assert run["driver.motion.speed.value"][-1] == pytest.approx(22.2, abs=0.1)
     assert run.energy.share < 1e-6

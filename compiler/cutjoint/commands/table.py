@@ -54,7 +54,7 @@ class Setting(click.FloatRange):
         bounds = {**RANGES[setting], **({"above": 0.0} if positive else {})}
         least, most = bounds.get("above", bounds.get("least", -_FAR)), bounds.get("most", _FAR)
         super().__init__(min=_bound(least), min_open="above" in bounds, max=_bound(most))
-        self.name = "integer" if setting in WHOLE else "seconds" if setting in TIMES else "float"
+        self.name = "integer" if setting in WHOLE else "time" if setting in TIMES else "length" if setting in LENGTHS else "float"
         self._setting, self._positive = setting, positive
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -161,8 +161,8 @@ OPTIONS: Mapping[str, Row] = {
         help="Formulation; by default the scene's, else recursive."),
     "couple.method": _one_of("--method", names=_STEPS, help="Formulation; by default the scene's, else recursive."),
     "export.method": _one_of("--method", names=_STEPS, help="Formulation of an FMU's steps; recursive otherwise."),
-    "accuracy": click.option("--accuracy", type=Setting("accuracy"), help="Largest error of places and angles, m and rad, from which steps "
-        "follow; the scene's otherwise, else 1e-4."),
+    "accuracy": click.option("--accuracy", type=Setting("accuracy"), help="Largest error of places and angles, m and rad, or as "
+        "in 0.1mm, from which steps follow; the scene's otherwise, else 1e-4."),
     "tolerance": click.option("--solver-tolerance", "tolerance", type=Setting("tolerance"), help="Of a step of dormand-prince, dop853, "
         "and radau5 relative and absolute, else of the iteration in a step; the scene's otherwise."),
     "implementation": click.option("--implementation", type=click.Choice([AUTO, *(x.value for x in Implementation)]), default=AUTO,
@@ -193,8 +193,8 @@ OPTIONS: Mapping[str, Row] = {
     "loops": click.option("--loops", type=click.Choice([x.value for x in Loops]), help="Close loops of one degree of freedom "
         "by their equations, or by functions of one coordinate that are made when compiling, which the methods recursive and "
         "recursive-newton have; the scene's otherwise, else exact."),
-    "dt": click.option("--dt", type=Setting("dt"), help="Step; the scene's otherwise."),
-    "end": click.option("--end", type=Setting("end", positive=True), help="End time; the scene's otherwise."),
+    "dt": click.option("--dt", type=Setting("dt"), help="Step, as in 1ms; the scene's otherwise."),
+    "end": click.option("--end", type=Setting("end", positive=True), help="End time, as in 10s; the scene's otherwise."),
     "at": click.option("--at", type=Setting("at"), help="Linearise about the scene's motion at that time; otherwise about the static "
         "equilibrium."),
     "iterations": click.option("--iterations", type=Setting("iterations"), help="Of each step of the method recursive, no less and no "
@@ -296,14 +296,14 @@ OPTIONS: Mapping[str, Row] = {
     "axle": click.option("--axle", metavar="NAME", help="The axle, by the words that its wheels' names share, such as front, or the left "
         "and the right body that carries a wheel, as LEFT,RIGHT; may be left out if there is only one."),
     "travel": click.option("--travel", type=Setting("travel"), default=0.05, show_default=True, help="Travel of the wheels' centres up "
-        "and down, m."),
-    "turn": click.option("--turn", type=Setting("turn"), help="Travel of the steering joint to either side; 20 mm or 0.5 rad "
-        "otherwise."),
+        "and down, m, or as in 40mm."),
+    "turn": click.option("--turn", type=Setting("turn"), help="Travel of the steering joint to either side, as in 10mm or "
+        "20deg; 20 mm or 0.5 rad otherwise."),
     "points": click.option("--points", type=Setting("points"), default=21, show_default=True, help="Rows of each sweep."),
     "steer": click.option("--steer", metavar="JOINT", help="The joint that steers, a slide or a hinge; the axle's only one with a guide "
         "otherwise."),
-    "radius": click.option("--radius", type=Setting("radius"), help="Of the wheels under load, m; the height of their centres above "
-        "z = 0 otherwise, at most that of a tyre."),
+    "radius": click.option("--radius", type=Setting("radius"), help="Of the wheels under load, m, or as in 300mm; the height of "
+        "their centres above z = 0 otherwise, at most that of a tyre."),
     "share": click.option("--share", type=Setting("share"), default=1.0, show_default=True, help="The axle's share of the braking and "
         "driving forces in anti_brake and anti_drive."),
     "compliance": click.option("--compliance", metavar="SCENE", help="What forces on the wheels change by bushings and springs, at the "

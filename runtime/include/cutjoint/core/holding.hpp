@@ -114,16 +114,20 @@ class Holding {
     }
   }
 
-  /// Whether a direction moves mass that those before it do not; it is orthogonal to them then, with T = 1/2.
+  /// Whether a direction moves mass that those before it do not; it is orthogonal to them then, with T = 1/2.  It is freed of them a second time
+  /// where the first has left less than half of its energy, and with it fewer digits.
   bool add_way(const StateOf<M>& state, Real* column) {
     if (!scale(state, column, Real(0))) return false;
-    for (int times = 0; times < 2; ++times) {
+    for (bool again = true; again;) {
+      Real energy(0.5);
       for (std::size_t k = 0; k < ways_; ++k) {
         const Real* other = N_.data() + k * n_;
         for (std::size_t i = 0; i < n_; ++i) sum_[i] = column[i] + other[i];
-        const Real share = energy_of(state, sum_.data()) - Real(0.5) - energy_of(state, column);
+        const Real share = energy_of(state, sum_.data()) - Real(0.5) - energy;
         for (std::size_t i = 0; i < n_; ++i) column[i] -= share * other[i];
+        energy -= share * share / 2;
       }
+      again = energy < Real(0.25);
       if (!scale(state, column, least() * least())) return false;
     }
     return true;
