@@ -155,13 +155,17 @@ def test_equilibrium_says_where_the_forces_of_held_positions_are(tmp_path: Path)
     """2 kg at 0.5 m are held by 9.81 N m, which a reaction of the hinge has and no force."""
     path, sensor = tmp_path / "held.yaml", "reactions: {holding: {joint: hinge, axes_of: ground}}\n"
     path.write_text(
-        "cutjoint: 1\nname: held\ngravity: [0, 0, -9.81]\nbodies: {arm: {mass: 2, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}}\n"
+        "cutjoint: 1\nname: held\ngravity: [0, 0, -9.81]\n"
+        "bodies: {arm: {mass: 2, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}}\n"
         "joints: {hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}\n"
         "scenes: {rest: {end: 1, positions: {hinge.angle: 0}}}\n"
     )
     sentence = "held by forces that a reaction of the joint shows: hinge.angle"
     assert sentence in call("equilibrium", path).output
-    path.write_text(path.read_text() + sensor)
+    text = path.read_text()
+    path.write_text(text.replace("angle: 0}", "angle: 0}, near: [hinge.angle]"))
+    assert "held by" not in call("equilibrium", path).output
+    path.write_text(text + sensor)
     told = call("equilibrium", path).output
     assert sentence not in told
     moment = next(line.split() for line in told.splitlines() if line.split()[:2] == ["holding", "My"])

@@ -103,6 +103,15 @@ def test_what_is_wrong_with_an_attitude(written: str, expected: str) -> None:
     check("ATTITUDE", written, f"@: scene 'spin': {expected}", TOP)
 
 
+def test_what_a_start_cannot_be_sought_near() -> None:
+    """What has no position, and places that are assembled; the former is told by the list's own entry."""
+    scene, given = "ball.attitude: ATTITUDE}", "ball.attitude: {rotation_vector: [0, 0, 0]}}"
+    check(scene, f"{given}, near: [ball.attitude, §ball.angle]",
+          "@: scene 'spin': near: 'ball.angle' is none of the positions; did you mean 'ball.attitude'?", TOP)  # fmt: skip
+    check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]",
+          "@: scene 'spin': near: where 'assemble' is, all that has no position may move; remove 'near', and its positions", TOP)  # fmt: skip
+
+
 def test_what_has_no_attitude() -> None:
     text = TOP.replace("spherical,", "revolute, axis: [0, 0, 1],")
     message = "positions: the revolute joint 'ball' has no 'attitude'; positions: angle"

@@ -53,6 +53,12 @@ def hanging() -> Model:
     return read_model_text(TEXT, "hanging.yaml")
 
 
+def near(top: float, middle: float) -> str:
+    """The model with a start that is sought near angles."""
+    positions = f"positions: {{top.angle: {top}, middle.angle: {middle}}}, near: [top.angle, middle.angle]"
+    return TEXT.replace("positions: {top.angle: 30 deg}", positions).replace("lower.x]", "lower.x, upper.z, lower.z]")
+
+
 def test_a_force_holds_what_is_held() -> None:
     """Two hanging rods, the upper one held aslant: the lower one hangs, and the moment at the top carries both."""
     found = find_scene_equilibrium(hanging(), hanging().scenes["start"]).values
@@ -71,6 +77,28 @@ def test_runs_begin_there(method: str, compiled: bool) -> None:
     assert run["lower.pitch"][0] == pytest.approx(0.0, abs=1e-8)
     assert run["lower.x"][0] == pytest.approx(-sin(HELD), abs=1e-8)
     assert run["upper.pitch"][-1] < HELD  # released, it falls
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_positions_may_be_where_a_rest_is_sought(method: str) -> None:
+    """Two rods have four poses at rest; each is found from near it, and nothing holds it there."""
+    for upper, lower in ((0.0, 0.0), (0.0, pi), (pi, 0.0), (pi, -pi)):
+        model = read_model_text(near(upper - 0.2, lower + 0.3), "hanging.yaml")
+        run = simulate(compile_interpreted(model, model.scenes["start"], method=method), check=False)
+        heights = -cos(upper) / 2, -cos(upper) - cos(upper + lower) / 2
+        assert (run["upper.z"][0], run["lower.z"][0]) == pytest.approx(heights, abs=1e-12)
+        assert (run["upper.z"][-1], run["lower.z"][-1]) == pytest.approx(heights, abs=1e-12)
+        assert find_scene_equilibrium(model, model.scenes["start"]).values["holding.moment"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_hosts_seek_a_rest_near_positions(tmp_path: Path) -> None:
+    """Folders have which positions lead and which hold; a host's own value of one that leads does so too."""
+    path = tmp_path / "hanging.yaml"
+    path.write_text(near(0.2, 3.0), encoding="utf-8")
+    sim = cutjoint.load(path).reset()
+    assert (sim.outputs["upper.z"], sim.outputs["lower.z"]) == pytest.approx((-0.5, -0.5), abs=1e-12)
+    sim.reset(coordinates={"top.angle": 3.0})
+    assert (sim.outputs["upper.z"], sim.outputs["lower.z"]) == pytest.approx((0.5, 0.5), abs=1e-12)
 
 
 def test_batches_begin_there() -> None:

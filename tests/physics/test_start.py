@@ -134,3 +134,18 @@ def test_attitudes_are_of_followers_beside_their_bases(method: str, tmp_path: Pa
     assert run["loose.x"][0] == pytest.approx(0.5, abs=1e-12)
     bead = Rotation.from_euler("ZYX", [0.4, 0.3, 0.2]).inv()
     assert first("bead", "yaw pitch roll") == pytest.approx(bead.as_euler("ZYX"), abs=1e-12)
+
+
+def test_attitudes_near_which_a_start_is_sought_are_those_of_followers_too(tmp_path: Path) -> None:
+    """Positions that only lead a start to its place: what closes no loop is where they have it, and a loop closes by all of its joints."""
+    given = "[foot.attitude, hook.attitude, drift.attitude, drift.x, wire.attitude, wire.displacement]"
+    (tmp_path / "model.yaml").write_text(ATTITUDES + f"    near: {given}\n", encoding="utf-8")
+    run = completed(simulate(compile_model(tmp_path / "model.yaml"), error=False))
+    hung, bead = Rotation.from_rotvec([0.4, -0.3, 0.8]).inv(), Rotation.from_euler("ZYX", [0.4, 0.3, 0.2]).inv()
+    assert [run[f"hung.{axis}"][0] for axis in "xyz"] == pytest.approx(np.array([0, 1, 0]) + hung.apply([0, 0, -1]), abs=1e-12)
+    assert [run[f"bead.{angle}"][0] for angle in ("yaw", "pitch", "roll")] == pytest.approx(bead.as_euler("ZYX"), abs=1e-12)
+    assert run["loose.x"][0] == pytest.approx(0.5, abs=1e-12)
+    tip = np.array([run[f"tip.{axis}"][0] for axis in "xyz"])
+    assert np.linalg.norm(np.array([1, 0, 2 + run["slide.displacement"][0]]) - tip) == pytest.approx(2, abs=1e-12)
+    kept = Rotation.from_euler("YZX", [0.3, 0.2, -0.1]).apply([1, 0, 0])
+    assert 1e-3 < np.linalg.norm(tip - kept) < 0.5  # the shortest way turns the foot too

@@ -171,7 +171,7 @@ class Standalone:
             events=settings.events, absolute_tolerance=settings.absolute_tolerance,
             spectral_radius=settings.spectral_radius, end=file.end, output_step=file.output_step,
             pose=file.pose, parameters=file.parameters, positions=file.positions, rates=file.rates, roads=file.roads,
-            surface=file.surface,
+            surface=file.surface, near=file.near,
         )  # fmt: skip
 
     @property

@@ -155,6 +155,7 @@ class Beginning:
     ``closure`` to ``frequency`` are of the cut joints of the recursive equations, ``dt`` to ``spectral_radius`` of the steps; a penalty
     of None follows from masses or is found by the run.  ``pose`` is that of the scene.  ``positions`` and ``rates`` are by
     "joint.component", ``roads`` by tyres: the pieces "left" and "right", and whether the contact is a "disc"; ``surface`` is on all.
+    ``near`` names positions that the start need not have.
     """
 
     integrator: str
@@ -179,6 +180,7 @@ class Beginning:
     rates: Mapping[str, float]
     roads: Mapping[str, Mapping[str, Any]]
     surface: Mapping[str, Any] | None
+    near: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

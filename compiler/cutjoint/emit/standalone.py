@@ -279,6 +279,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),
         "has_lanes": any(node.lanes for program in programs for node in program.graph.nodes),
         "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
+        "near": [start.coordinate_names.index(name) for name in begin.near],
         **_roads(equations, begin), "lays_roads": False,
     }  # fmt: skip
 

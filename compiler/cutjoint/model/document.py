@@ -413,6 +413,7 @@ class Scene(Part):
     output_step: Number | None = None
     pose: Literal["design", "equilibrium"] = "design"
     positions: dict[StrictStr, State] = Field(default={})
+    near: tuple[StrictStr, ...] = ()
     assemble: dict[StrictStr, Number] = Field(default={})
     rates: dict[StrictStr, Number] = Field(default={})
     states: dict[StrictStr, Number] = Field(default={})

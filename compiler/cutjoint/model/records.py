@@ -643,6 +643,7 @@ class Scene:
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
     None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
     its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
+    ``near`` names those of ``positions`` from which the start is sought, but which it need not have.
     """
 
     name: str
@@ -666,6 +667,7 @@ class Scene:
     guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
     plots: tuple[Plot, ...] = ()
     assemble: tuple[Aim, ...] = ()
+    near: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': to {self.end:g} s, a row each {self.output_step:g} s, {len(self.outputs)} outputs>"

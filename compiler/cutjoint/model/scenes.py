@@ -35,7 +35,7 @@ from cutjoint.model.roads import read_road
 from cutjoint.model.scene_joints import held_where_it_starts, read_drives, read_locks, with_guides
 from cutjoint.model.scope import FAILED, Element, element
 from cutjoint.model.source import Path
-from cutjoint.model.starts import read_aims, read_starts, read_states
+from cutjoint.model.starts import read_aims, read_near, read_starts, read_states
 from cutjoint.model.units import NONE, TIME, Dimension
 from cutjoint.model.validate import check_guides, joints_are_known
 
@@ -110,6 +110,7 @@ def _read_scene(where: Element, scene: document.Scene, stage: _Stage) -> Scene:
         },
         guides=guides,
         plots=tuple(_plot(where, name, plot, outputs) for name, plot in scene.plots.items()),
+        near=read_near(where, scene, positions),
         assemble=read_aims(replace(where, scope=stage.expansion.reporting[""]), scene, stage.known, stage.reader.signals),
     )  # fmt: skip
 

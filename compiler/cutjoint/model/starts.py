@@ -187,6 +187,21 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
     return {f"{joint.name}.{component}": state}
 
 
+def read_near(where: Element, scene: document.Scene, positions: Mapping[str, Scalar]) -> tuple[str, ...]:
+    """The components of ``positions`` from which a start is sought, but which it need not have."""
+    found: list[str] = []
+    for index, name in enumerate(scene.near):
+        joint, _, component = name.rpartition(".")
+        components = [f"{joint}.{e}" for e in ATTITUDE] if component == "attitude" else [name]
+        if name not in scene.positions:
+            hint = nearest(name, scene.positions, "positions") or "write it there too"
+            where.fail(f"near: '{name}' is none of the positions", hint, ("near", index))
+        found += [c for c in components if c in positions]
+    if found and scene.assemble:
+        where.fail("near: where 'assemble' is, all that has no position may move", "remove 'near', and its positions", ("near",))
+    return tuple(found)
+
+
 # Places that a start is to have
 
 

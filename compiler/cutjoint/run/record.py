@@ -57,6 +57,7 @@ class RunFile:
     ``parameters`` are the open ones, ``inputs`` what each input has over time, None of a model without.  ``positions`` and ``rates`` are by
     "joint.component", ``roads`` by tyres: the pieces of both tracks, and whether the contact is a disc; ``surface`` is on all of them, None
     for none.  ``out`` is the table, "" for none.
+    ``near`` names positions that the start need not have.
     ``begin`` has a time and the state there from which the run goes on, None of one that starts.
     With ``energy`` the run counts work and energy; jumps that lie ``jumps_within`` (s) of a row are told, if it is given.
     `run_file.make_run_file` makes one; its tasks need more entries, which are beside it.
@@ -77,6 +78,7 @@ class RunFile:
     jumps_within: float | None = None
     begin: Mapping[str, Any] | None = None
     surface: Mapping[str, Any] | None = None
+    near: tuple[str, ...] = ()
 
     def entries(self) -> dict[str, Any]:
         """The file as plain data for JSON."""
@@ -84,7 +86,7 @@ class RunFile:
             "task": self.task, "parameters": self.parameters, **({} if self.inputs is None else {"inputs": self.inputs}),
             **self.settings.entries(), "end": self.end, "output_step": self.output_step, "pose": self.pose, "positions": self.positions,
             "rates": self.rates, "roads": self.roads, "out": self.out,
-            **({} if self.surface is None else {"surface": self.surface}),
+            **({} if self.surface is None else {"surface": self.surface}), **({"near": list(self.near)} if self.near else {}),
             **({} if self.jumps_within is None else {"jumps_within": self.jumps_within}),
             **({"energy": True} if self.energy else {}), **({} if self.begin is None else {"begin": self.begin}),
         }  # fmt: skip

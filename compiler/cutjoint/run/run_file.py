@@ -101,9 +101,10 @@ def make_run_file(
         require_sampling(model, scene, settings.integrator)
         if fits_samples and scene.numerics.of_method(method).dt is not None and not INTEGRATORS[settings.integrator].adaptive:
             require_fitting_steps(model, scene, settings.dt)
+    near = tuple(name for name in scene.near if name in scene.positions)
     return RunFile(
         task=task, parameters=parameters, inputs=given if input_parameters(model) else None, settings=settings, end=scene.end,
-        output_step=scene.output_step, pose=scene.pose, out=out, surface=_surface(model, scene),
+        output_step=scene.output_step, pose=scene.pose, near=near, out=out, surface=_surface(model, scene),
         **following(model, _begun_by(scene, every), parameters, (*sources_of_parts(model, scene), MASSES)),
     )  # fmt: skip
 

@@ -35,7 +35,7 @@ class InitialState {
 
   /// A mechanism at rest, which no guide moves.  Throws Failure.
   const State<Real>& at_rest() {
-    require_none(initialisation_.rest(state_, read("positions", d_.coordinates, state_.q)), d_);
+    require_none(initialisation_.rest(state_, read_positions()), d_);
     return state_;
   }
 
@@ -80,6 +80,18 @@ class InitialState {
     return {given.begin(), given.end()};
   }
 
+  /// Coordinates that the run file gives, and how.
+  std::vector<unsigned char> read_positions() {
+    std::vector<unsigned char> given = read("positions", d_.coordinates, state_.q);
+    if (!file_.contains("near")) return given;
+    for (const Json& name : file_.at("near")) {
+      const auto place = std::find(d_.coordinates.begin(), d_.coordinates.end(), name.is_string() ? name.get<std::string_view>() : std::string_view());
+      if (place == d_.coordinates.end()) refuse("near", "is " + name.dump() + ", which is no coordinate");
+      if (unsigned char& how = given[static_cast<std::size_t>(place - d_.coordinates.begin())]; how != not_given) how = given_as_guess;
+    }
+    return given;
+  }
+
   M& mechanism_;
   const Description& d_;
   const Json& file_;
@@ -92,7 +104,7 @@ class InitialState {
 template <Mechanism M>
 const State<typename M::real_type>& InitialState<M>::in_motion() {
   if (file_.contains("begin")) return going_on(read_object(file_, "begin"));
-  require_none(initialisation_.place(state_, read("positions", d_.coordinates, state_.q)), d_);
+  require_none(initialisation_.place(state_, read_positions()), d_);
   const std::vector<unsigned char> moving = read("rates", d_.speeds, state_.v);
   std::vector<unsigned char> free(moving.size());
   initialisation_.find_undetermined(state_, moving, free);

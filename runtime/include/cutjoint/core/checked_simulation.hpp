@@ -108,7 +108,7 @@ inline const char* text_of_status(int status) {
 /// A simulation of a `Model`, which has
 /// - `Sim`, the type of the simulation, and `mark`, a number that tells its memory from other memory,
 /// - numbers of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
-/// - `settings`, `values` of the parameters, `roads`, `gap_limits`, and the start, `coordinates_given` and `speeds_given`,
+/// - `settings`, `values` of the parameters, `roads`, `gap_limits`, and the start, `coordinates_given`, `coordinates_near` if there are some, and `speeds_given`,
 /// - tables of names and places,
 /// - `set_step`, which sets the length of steps and the settings that follow from it.
 ///
@@ -212,7 +212,7 @@ class CheckedSimulation {
     if (index < 0 || index >= Model::start_coordinates) return no_such_index;
     if (!is_finite(value)) return not_finite;
     s->sim.start_state().q[static_cast<std::size_t>(index)] = value;
-    s->sim.given_coordinates()[static_cast<std::size_t>(index)] = 1;
+    if (unsigned char& given = s->sim.given_coordinates()[static_cast<std::size_t>(index)]; given == not_given) given = given_to_stay;
     return call_ok;
   }
 
@@ -228,6 +228,8 @@ class CheckedSimulation {
   static int give_scene(CheckedSimulation* s) {
     if (!holds_one(s)) return no_simulation;
     s->sim.forget_start();
+    if constexpr (requires { Model::coordinates_near; })
+      for (const int index : Model::coordinates_near) s->sim.given_coordinates()[static_cast<std::size_t>(index)] = given_as_guess;
     for (const Given& given : Model::coordinates_given)
       if (given.index >= 0) give_coordinate(s, given.index, given.value);
     for (const Given& given : Model::speeds_given)

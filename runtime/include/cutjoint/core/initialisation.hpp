@@ -15,6 +15,9 @@
 
 namespace cutjoint {
 
+/// How a coordinate of a start is given: not at all, to stay, or as the place from which the start is sought.
+enum GivenCoordinate : unsigned char { not_given = 0, given_to_stay = 1, given_as_guess = 2 };
+
 /// Loads a mechanism and finds a consistent state.  With `equilibrium` the pose is one at rest; `fixed_point_step` is the length of the steps
 /// whose fixed point the penalties must suit, 0 where there is none.
 template <Mechanism M>
@@ -38,7 +41,7 @@ class Initialisation {
   Initialisation(const Initialisation&) = delete;
   Initialisation& operator=(const Initialisation&) = delete;
 
-  /// A mechanism at rest, which no guide moves, from the state's coordinates, of which those `given` stay.
+  /// A mechanism at rest, which no guide moves, from the state's coordinates, of which those `given` to stay do so.
   Fault rest(StateOf<M>& state, const Coordinates<M, unsigned char>& given) {
     if (const Fault fault = place(state, given)) return fault;
     starter_.accelerate(state, Real(0));
@@ -125,14 +128,14 @@ class Initialisation {
     }
   }
 
-  /// Which speeds belong to given coordinates: three to a ball's attitude, one to each of the others.
+  /// Which speeds belong to coordinates that stay: three to a ball's attitude, one to each of the others.
   void find_placed(const Coordinates<M, unsigned char>& given) {
     for (const Chart& chart : charts_of(mechanism_)) {
       const auto q = static_cast<std::size_t>(chart.q), v = static_cast<std::size_t>(chart.v);
       const auto scalars = static_cast<std::size_t>(chart.scalars);
-      for (std::size_t i = 0; i < scalars; ++i) placed_[v + i] = given[q + i];
+      for (std::size_t i = 0; i < scalars; ++i) placed_[v + i] = given[q + i] == given_to_stay;
       if (!chart.ball) continue;
-      for (std::size_t i = 0; i < 3; ++i) placed_[v + scalars + i] = given[q + scalars];
+      for (std::size_t i = 0; i < 3; ++i) placed_[v + scalars + i] = given[q + scalars] == given_to_stay;
     }
   }
 
