@@ -43,6 +43,26 @@ def test_steps_are_those_of_the_command_line_bit_by_bit(press: cutjoint.Simulati
         assert (press.time, press.outputs["slider.x"]) == (t, x)
 
 
+LEANING = """
+cutjoint: 1
+name: leaning
+gravity: [0, 0, -9.81]
+bodies: {mass: {mass: 2, centre_of_mass: [0, 0, 0], inertia: [1, 1, 1]}}
+joints: {slide: {kind: prismatic, bodies: [ground, mass], at: [0, 0, 0], axis: z}}
+forces: {spring: {kind: joint_force, joint: slide, law: -1000*position - 10*rate + 50*tilt}}
+states: {tilt: {start: 0, rate: -tilt*(tilt - 1)*(tilt - 2)}}
+outputs: [slide.displacement, tilt.value]
+scenes: {rest: {end: 1, output_step: 0.01, pose: equilibrium, states: {tilt: 1.9}}}
+"""
+
+
+def test_given_states_count_once_a_pose_at_rest_is_found(tmp_path: Path) -> None:
+    """The mass rests with the tilt at 0, where the search begins, though from 1.9 it would find rest at 2."""
+    (tmp_path / "leaning.yaml").write_text(LEANING, encoding="utf-8")
+    sim = cutjoint.load(tmp_path / "leaning.yaml").reset()
+    assert dict(sim.outputs) == pytest.approx({"slide.displacement": -2 * 9.81 / 1000, "tilt.value": 1.9}, abs=1e-9)
+
+
 def test_step_advance_and_play_are_the_same(press: cutjoint.Simulation) -> None:
     press.reset(dt=1e-3)
     start = press.snapshot()

@@ -155,6 +155,9 @@ class Simulation {
     followed_.begin(inputs_);
     sampling_.begin();
     StateOf<M> begun = start_;
+    if (settings_.equilibrium)
+      for (std::size_t i = start_sizes.joint_speeds(); i < start_sizes.speeds; ++i)
+        if (given_speeds_[i]) begun.v[i] = Real(0);  // first-order states that are given count once the pose is found
     Initialisation<M>& how = initialisation_.emplace(mechanism_, how_to_start(), parameters_.data(), roads_);
     if (const Fault fault = how.place(begun, given_coordinates_)) return at_start(fault);
     for (std::size_t i = 0; i < start_sizes.speeds; ++i)  // a pose at rest has no speeds, and its own first-order states but for given ones
