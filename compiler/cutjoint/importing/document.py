@@ -31,6 +31,8 @@ _MESHES = (".stl", ".obj", ".glb")
 _LONGEST = 200
 #: So often is a direction rounded.
 _TRIALS = 5
+#: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
+_STRAIGHT = 1e-10
 
 
 class Document:
@@ -319,7 +321,7 @@ def _vector(place: Array) -> list[float | int]:
 def _direction(axis: Array) -> str | list[float | int]:
     """A direction by an axis' name where it is one, else by its components."""
     for i, name in enumerate("xyz"):
-        if abs(axis[i]) > 1 - 1e-12:
+        if np.abs(np.delete(axis, i)).max() < _STRAIGHT:
             return name if axis[i] > 0 else f"-{name}"
     for _ in range(_TRIALS):  # of length one, it shall be written the same again
         kept = _vector(axis)
