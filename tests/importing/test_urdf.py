@@ -200,8 +200,8 @@ def test_directions_are_those_of_the_file(tmp_path: Path, axis: str, written: li
 def test_pictures_that_are_a_little_tilted_are_drawn(tmp_path: Path) -> None:
     """A frame that is turned by 0.8 mrad about one axis and by 0.4 microrad about another has axes that are perpendicular as written."""
     path = tmp_path / "tilted.urdf"
-    visual = '<visual><origin rpy="0 -4.2e-7 -8e-4"/><geometry><mesh filename="a.stl"/></geometry></visual></link>'
+    visual = '<visual><origin rpy="1.5707963267948966 -4.2e-7 -8e-4"/><geometry><mesh filename="a.stl"/></geometry></visual></link>'
     (tmp_path / "a.stl").write_bytes(b"")
     path.write_text(robot('<link name="base"/>' + link("a").replace("</link>", visual), hinge("j", "base", "a", "0 0 0")))
-    assert "visual: {mesh: a.stl, x: [0.99999968" in import_file(path).text
+    assert "x: [0.99999968, -0.000799999914667, 4.2e-07], y: [-4.199998656e-07, " in import_file(path).text
     read_model(path)

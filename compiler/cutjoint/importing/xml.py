@@ -69,11 +69,15 @@ class Node:
         """The number in an attribute."""
         return self.numbers(self.get(name), 1, () if default is None else (default,))[0]
 
-    def refuse(self, message: str, hint: str = "") -> NoReturn:
-        """Raise the ModelError of one problem at this element."""
+    def problem(self, message: str, hint: str = "") -> Problem:
+        """A problem at this element."""
         name = self.attributes.get("name")
         element = f"<{self.tag}>" if name is None else printable(f"{self.tag} '{name[:60]}'")
-        raise ModelError([Problem(span=self.span, element=element, message=printable(message), hint=hint)])
+        return Problem(span=self.span, element=element, message=printable(message), hint=hint)
+
+    def refuse(self, message: str, hint: str = "") -> NoReturn:
+        """Raise the ModelError of one problem at this element."""
+        raise ModelError([self.problem(message, hint)])
 
     def left_out(self) -> Counter[str]:
         """Tags and attributes below this element that nobody asked for, by how often."""
