@@ -22,7 +22,7 @@ from cutjoint.model.text import escaped
 from cutjoint.package.locations import AnyPath
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
-_NOISE = 1e-13
+_NOISE = 1e-12
 #: The most outputs of a file without drives.
 _OUTPUTS = 12
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
@@ -149,7 +149,7 @@ class Document:
         too_much, about = excess(link)
         noise = _NOISE * np.abs(inertia).max()
         if too_much:
-            axis = pose.rotation @ about
+            axis = forward(pose.rotation @ about)
             inertia = inertia - too_much * np.outer(axis, axis)
         if np.abs(inertia).max() > max(noise, POINT * link.mass):
             body["inertia"] = _inertia(inertia, noise) if link.mass else _shaft(inertia, noise)
@@ -346,7 +346,9 @@ def _frame(rotation: Array) -> tuple[str | list[float | int], str | list[float |
 
 
 def _inertia(matrix: Array, noise: float) -> list[float | int]:
-    entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    """The six entries of a matrix of inertia, or three; small ones have fewer digits, since axes turned to and fro leave no more."""
+    decimals = 13 - int(np.floor(np.log10(np.abs(matrix).max())))
+    entries = [round(matrix[i, j], decimals) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     kept = [short(x) if abs(x) > noise else 0 for x in entries]
     return kept if any(kept[3:]) else kept[:3]
 
