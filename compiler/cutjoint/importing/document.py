@@ -33,6 +33,8 @@ _LONGEST = 200
 _TRIALS = 5
 #: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
 _STRAIGHT = 1e-10
+#: Words that are no text in YAML.
+_WORDS = ("true", "false", "null")
 
 
 class Document:
@@ -150,7 +152,7 @@ class Document:
         noise = _NOISE * np.abs(inertia).max()
         if too_much:
             axis = forward(pose.rotation @ about)
-            inertia = inertia - too_much * np.outer(axis, axis)
+            inertia, noise = inertia - too_much * np.outer(axis, axis), 4 * noise
         if np.abs(inertia).max() > max(noise, POINT * link.mass):
             body["inertia"] = _inertia(inertia, noise) if link.mass else _shaft(inertia, noise)
         if picture := self._picture(link):
@@ -187,7 +189,8 @@ class Document:
         parts = [part for part in path.split("/") if part]
         for tail in (parts[i:] for i in range(len(parts))):
             sound = ".." not in tail and max(map(len, tail)) < _LONGEST and Path(tail[-1]).suffix.lower() in _MESHES
-            if sound and self._folder.joinpath(*tail).is_file():
+            file = self._folder.joinpath(*tail)
+            if sound and file.is_file() and file.resolve().is_relative_to(self._folder.resolve()):
                 return "/".join(tail)
         self._note("meshes that are not drawn, being no .stl, .obj or .glb below the file's folder", parts[-1] if parts else link.name)
         return ""
@@ -311,7 +314,7 @@ def _legal(name: str) -> str:
     plain = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9]", "_", name)).strip("_")
     plain = plain if plain[:1].isalpha() or not plain else f"n{plain}"
     plain = plain[:MAX_NAME_LENGTH].rstrip("_")
-    return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE else plain
+    return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE or plain.lower() in _WORDS else plain
 
 
 def _vector(place: Array) -> list[float | int]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
-from cutjoint.importing.xml import Node, read_xml
+from cutjoint.importing.xml import LARGEST, Node, read_xml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.text import is_number
 from cutjoint.package.extensions import MissingPackageError
@@ -25,6 +25,8 @@ from cutjoint.package.extensions import MissingPackageError
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
+#: What MuJoCo reads as a number.
+_NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)
 _LARGEST_FILE = 200_000_000
 #: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
 #: say it.
@@ -64,8 +66,9 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
         _at_line(roots, str(error)).refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
     finally:
         mujoco.set_mju_user_warning(None)
-    if not all(np.isfinite(getattr(model, name)).all() for name in _NUMBERS):
-        root.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
+    if not all((np.abs(getattr(model, name)) <= LARGEST).all() for name in _NUMBERS):
+        node = next((node for node in _all(root) if any(map(_is_large, node.attributes.values()))), root)
+        node.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
     _heed(root)
     robot = _Reading(model, root, mujoco).robot
     if absent:
@@ -74,10 +77,10 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
 
 
 def _at_line(roots: list[Node], message: str) -> Node:
-    """The element of which MuJoCo speaks, by its line; the outermost one where there is no line, or several files have some."""
-    line = re.search(r"\bline (\d+)", message)
+    """The element of which MuJoCo speaks, by its line and tag; the outermost one where it has no line, or several files have some."""
+    line, tag = re.search(r"\bline (\d+)", message), re.search(r"Element '(\w+)'", message)
     found = [node for node in _all(roots[0]) if line and len(roots) == 1 and node.span.line == int(line[1])]
-    return found[-1] if found else roots[0]
+    return next((node for node in found if tag and node.tag == tag[1]), found[-1] if found else roots[0])
 
 
 def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
@@ -118,6 +121,11 @@ def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
 def _moves(spec: Any, body: Any) -> bool:
     """Return whether a body, or one that carries it, has a joint."""
     return bool(body != spec.worldbody and (body.joints or _moves(spec, body.parent)))
+
+
+def _is_large(text: str) -> bool:
+    """Return whether an attribute has a number that is not finite or too large."""
+    return any(not is_number(word) or abs(float(word)) > LARGEST for word in text.split() if _NUMBER.fullmatch(word))
 
 
 def _files(texture: Any) -> list[str]:

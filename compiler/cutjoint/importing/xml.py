@@ -17,7 +17,7 @@ from cutjoint.model.text import is_number, printable
 _DEPTH = 60
 _ELEMENTS = 100_000
 #: The largest number taken from a file.
-_LARGEST = 1e12
+LARGEST = 1e12
 
 
 @dataclass(eq=False)
@@ -61,7 +61,7 @@ class Node:
         words = (text or "").split()
         if not words and default:
             return default
-        if len(words) != count or not all(is_number(word) and abs(float(word)) <= _LARGEST for word in words):
+        if len(words) != count or not all(is_number(word) and abs(float(word)) <= LARGEST for word in words):
             self.refuse(f"has '{(text or '')[:60]}' where {count} numbers stand", "write plain decimal numbers")
         return tuple(float(word) for word in words)
 
