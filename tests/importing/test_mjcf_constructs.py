@@ -241,8 +241,23 @@ def test_a_base_and_a_ball_are_damped(tmp_path: Path) -> None:
     compare(tmp_path, BASE, "{end: 0.2, output_step: 0.05, rates: {root.vx: 1, root.wy: 2, ball.wx: 1, ball.wz: 3}}")
 
 
-def test_a_mass_of_a_mesh_that_is_not_there_is_missed(tmp_path: Path) -> None:
+def test_masses_of_meshes_that_are_not_there_are_missed(tmp_path: Path) -> None:
+    """All at once; what is fixed to the world needs no mass."""
     path = tmp_path / "model.xml"
-    path.write_text(GRIPPER.replace(' mass="0"/></body>', "/></body>"))
-    with pytest.raises(ModelError, match=r"model\.xml:\d+:\d+: body 'pad': has the mass of 'driver\.stl', which is not there"):
+    plate = '<body name="base" childclass="grip"><body name="plate"><geom class="visual" mesh="driver"/></body>'
+    text = GRIPPER.replace(' mass="0"/></body>', "/></body>").replace('<body name="base" childclass="grip">', plate)
+    path.write_text(text.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint"/><body name="lid"><geom class="visual" mesh="driver"/></body>'))
+    with pytest.raises(ModelError) as caught:
         import_file(path)
+    assert [(problem.element, problem.message) for problem in caught.value.problems] == [
+        (f"body '{name}'", "has the mass of 'driver.stl', which is not there") for name in ("lid", "pad")
+    ]
+    assert path.read_text().splitlines()[caught.value.problems[0].span.line - 1].startswith("          <joint name=\"coupler_joint\"/>")
+
+
+def test_what_mujoco_refuses_has_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "model.xml"
+    path.write_text(GRIPPER.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint" kind="x"/>'))
+    with pytest.raises(ModelError, match="joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
+        import_file(path)
+    assert 'kind="x"' in path.read_text().splitlines()[caught.value.problems[0].span.line - 1]

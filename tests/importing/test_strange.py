@@ -74,6 +74,29 @@ def test_names_with_line_breaks_stay_in_their_comment(tmp_path: Path) -> None:
     assert "# Left out, since nothing resists their motion: x\\noutputs: [bad.angle]." in imported.text
 
 
+@pytest.mark.parametrize("word", ["true", "Null", "FALSE"])
+def test_names_that_are_no_text_in_yaml(tmp_path: Path, word: str) -> None:
+    model, _ = taken(tmp_path, robot(BASE + link(word), hinge("j", "base", word, "0 0 0")).replace('"r"', f'"{word}"'))
+    assert (model.name, [body.name for body in model.bodies]) == (f"{word}_0", [f"{word}_0"])
+
+
+def test_pictures_outside_the_folder_are_not_drawn(tmp_path: Path) -> None:
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (tmp_path / "a.stl").write_bytes(b"")
+    (inside / "b.stl").symlink_to(tmp_path / "a.stl")
+    for file in ("../a.stl", "file:///a.stl", str(tmp_path / "a.stl"), "b.stl", "package://x/../a.stl"):
+        visual = f'<visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
+        _, imported = taken(inside, robot(BASE + link("a").replace("</link>", visual), hinge("j", "base", "a", "0 0 0")))
+        assert "visual" not in imported.text
+
+
+def test_a_moment_beside_which_all_others_are_rounding(tmp_path: Path) -> None:
+    moments = 'ixx="1e12" iyy="1" izz="1"'
+    model, _ = taken(tmp_path, robot(BASE + link("a", inertia=moments), hinge("j", "base", "a", "0 0 0")))
+    assert [[float(x) for x in body.inertia] for body in model.bodies] == [[0] * 6, [999999999998, 0, 0, 0, 0, 0]]
+
+
 def test_paths_that_no_file_has_are_not_drawn(tmp_path: Path) -> None:
     visual = f'<visual><geometry><mesh filename="{"x" * 5000}.stl"/></geometry></visual></link>'
     _, imported = taken(tmp_path, robot(BASE + link("a").replace("</link>", visual), hinge("j", "base", "a", "0 0 0")))
@@ -195,6 +218,11 @@ class TestMjcf:
         arm = hinged("a", "0 0 0", sites).replace("<joint", f"<joint {joint}") + '<site name="w"/><site name="v" pos="0 0 1.1"/>'
         with pytest.raises(ModelError, match=message):
             read_model(written(tmp_path, wrapped(arm, more), "xml"))
+
+    @pytest.mark.parametrize("place", ["1e300 0 0", "0 nan 0", "-2e12 0 0"])
+    def test_large_numbers_have_their_line(self, tmp_path: Path, place: str) -> None:
+        with pytest.raises(ModelError, match="body 'b': has numbers that are not finite, or very large"):
+            read_model(written(tmp_path, wrapped(hinged("a", "0 0 0", hinged("b", place)), ""), "xml"))
 
     def test_a_world_does_not_float(self, tmp_path: Path) -> None:
         with pytest.raises(ModelError, match="its first link is the world"):

@@ -187,3 +187,21 @@ def test_a_loop_that_cannot_close_is_named(tmp_path: Path) -> None:
     path.write_text(robot(LINKS, f'{joints}<loop name="far">{ends}</loop>'))
     with pytest.raises(ModelError, match="loop 'far': does not close"):
         read_model(path)
+
+
+@pytest.mark.parametrize(("axis", "written"), [("1e-6 0 1", [1e-6, 0, 1]), ("0 2.7e-8 -1", [0, 2.7e-8, -1]), ("4.9e-12 0 1", [0, 0, 1])])
+def test_directions_are_those_of_the_file(tmp_path: Path, axis: str, written: list[float]) -> None:
+    """Half of pi with eleven digits is the axis itself, with eight digits it is not."""
+    path = tmp_path / "tilted.urdf"
+    path.write_text(robot('<link name="base"/>' + link("a"), turning("j", "base", "a", axis)))
+    assert [float(x) for x in read_model(path).joints[0].axes[0]] == pytest.approx(list(np.array(written) / np.linalg.norm(written)), abs=1e-15)
+
+
+def test_pictures_that_are_a_little_tilted_are_drawn(tmp_path: Path) -> None:
+    """A frame that is turned by 0.8 mrad about one axis and by 0.4 microrad about another has axes that are perpendicular as written."""
+    path = tmp_path / "tilted.urdf"
+    visual = '<visual><origin rpy="1.5707963267948966 -4.2e-7 -8e-4"/><geometry><mesh filename="a.stl"/></geometry></visual></link>'
+    (tmp_path / "a.stl").write_bytes(b"")
+    path.write_text(robot('<link name="base"/>' + link("a").replace("</link>", visual), hinge("j", "base", "a", "0 0 0")))
+    assert "x: [0.99999968, -0.000799999914667, 4.2e-07], y: [-4.199998656e-07, " in import_file(path).text
+    read_model(path)

@@ -157,7 +157,7 @@ class _Mjcf(Tree):
             inside = SubElement(element, "body", name=child, pos=text_of(place - origin))
             for one, base in joints:
                 self._joint(inside, one, base, self.vector(one.at) - place)
-            self._inertial(inside, body, place)
+            self._inertial(inside, body, place, moves=any(one.kind != "fixed" for one, _ in joints))
             self._draw(inside, body, place)
             self._hang_on(inside, child, place, [])
 
@@ -177,14 +177,14 @@ class _Mjcf(Tree):
             if value:
                 element.set(name, repr(value))
 
-    def _inertial(self, element: Element, body: Body, origin: Array) -> None:
+    def _inertial(self, element: Element, body: Body, origin: Array, moves: bool) -> None:
         mass = self.number(body.mass)
         if not mass:
             return
         xx, yy, zz, xy, xz, yz = self.vector(body.inertia)
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         moments, axes = (np.diag(matrix), np.eye(3)) if not np.any([xy, xz, yz]) else np.linalg.eigh(matrix)
-        least = max(_LEAST * moments.max(), _SMALLEST) if moments.any() else max(_POINT * mass, _SMALLEST)
+        least = max(_LEAST * moments.max() if moments.any() else _POINT * mass, _SMALLEST) if moves else 0.0
         place = text_of(self.vector(body.centre_of_mass) - origin)
         inertial = SubElement(element, "inertial", pos=place, mass=repr(mass), diaginertia=text_of(np.maximum(moments, least)))
         if np.any(axes != np.eye(3)):

@@ -22,7 +22,7 @@ from cutjoint.model.text import escaped
 from cutjoint.package.locations import AnyPath
 
 #: Parts of vectors and matrices that are smaller, as a share of the largest or in m, are rounding of the file's own frames.
-_NOISE = 1e-13
+_NOISE = 1e-12
 #: The most outputs of a file without drives.
 _OUTPUTS = 12
 _COORDINATE = {"revolute": "angle", "prismatic": "displacement"}
@@ -31,6 +31,10 @@ _MESHES = (".stl", ".obj", ".glb")
 _LONGEST = 200
 #: So often is a direction rounded.
 _TRIALS = 5
+#: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
+_STRAIGHT = 1e-10
+#: Words that are no text in YAML.
+_WORDS = ("true", "false", "null")
 
 
 class Document:
@@ -147,8 +151,8 @@ class Document:
         too_much, about = excess(link)
         noise = _NOISE * np.abs(inertia).max()
         if too_much:
-            axis = pose.rotation @ about
-            inertia = inertia - too_much * np.outer(axis, axis)
+            axis = forward(pose.rotation @ about)
+            inertia, noise = inertia - too_much * np.outer(axis, axis), 4 * noise
         if np.abs(inertia).max() > max(noise, POINT * link.mass):
             body["inertia"] = _inertia(inertia, noise) if link.mass else _shaft(inertia, noise)
         if picture := self._picture(link):
@@ -185,7 +189,8 @@ class Document:
         parts = [part for part in path.split("/") if part]
         for tail in (parts[i:] for i in range(len(parts))):
             sound = ".." not in tail and max(map(len, tail)) < _LONGEST and Path(tail[-1]).suffix.lower() in _MESHES
-            if sound and self._folder.joinpath(*tail).is_file():
+            file = self._folder.joinpath(*tail)
+            if sound and file.is_file() and file.resolve().is_relative_to(self._folder.resolve()):
                 return "/".join(tail)
         self._note("meshes that are not drawn, being no .stl, .obj or .glb below the file's folder", parts[-1] if parts else link.name)
         return ""
@@ -309,7 +314,7 @@ def _legal(name: str) -> str:
     plain = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9]", "_", name)).strip("_")
     plain = plain if plain[:1].isalpha() or not plain else f"n{plain}"
     plain = plain[:MAX_NAME_LENGTH].rstrip("_")
-    return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE else plain
+    return "" if not plain or name_problem(plain) else f"{plain}_0" if plain in RESERVED_EVERYWHERE or plain.lower() in _WORDS else plain
 
 
 def _vector(place: Array) -> list[float | int]:
@@ -319,7 +324,7 @@ def _vector(place: Array) -> list[float | int]:
 def _direction(axis: Array) -> str | list[float | int]:
     """A direction by an axis' name where it is one, else by its components."""
     for i, name in enumerate("xyz"):
-        if abs(axis[i]) > 1 - 1e-12:
+        if np.abs(np.delete(axis, i)).max() < _STRAIGHT:
             return name if axis[i] > 0 else f"-{name}"
     for _ in range(_TRIALS):  # of length one, it shall be written the same again
         kept = _vector(axis)
@@ -344,7 +349,9 @@ def _frame(rotation: Array) -> tuple[str | list[float | int], str | list[float |
 
 
 def _inertia(matrix: Array, noise: float) -> list[float | int]:
-    entries = [matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    """The six entries of a matrix of inertia, or three; small ones have fewer digits, since axes turned to and fro leave no more."""
+    decimals = 13 - int(np.floor(np.log10(np.abs(matrix).max())))
+    entries = [round(matrix[i, j], decimals) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     kept = [short(x) if abs(x) > noise else 0 for x in entries]
     return kept if any(kept[3:]) else kept[:3]
 

@@ -7,6 +7,7 @@ springs; here they are rigid.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from itertools import combinations
 from pathlib import Path
@@ -16,13 +17,16 @@ import numpy as np
 
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
-from cutjoint.importing.xml import Node, read_xml
+from cutjoint.importing.xml import LARGEST, Node, read_xml
+from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.text import is_number
 from cutjoint.package.extensions import MissingPackageError
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
+#: What MuJoCo reads as a number.
+_NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)
 _LARGEST_FILE = 200_000_000
 #: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
 #: say it.
@@ -59,23 +63,31 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     try:
         model, absent = _compile(path, root, mujoco)
     except ValueError as error:
-        root.refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
+        _at_line(roots, str(error)).refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
     finally:
         mujoco.set_mju_user_warning(None)
-    if not all(np.isfinite(getattr(model, name)).all() for name in _NUMBERS):
-        root.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
+    if not all((np.abs(getattr(model, name)) <= LARGEST).all() for name in _NUMBERS):
+        node = next((node for node in _all(root) if any(map(_is_large, node.attributes.values()))), root)
+        node.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
     _heed(root)
     robot = _Reading(model, root, mujoco).robot
     if absent:
-        robot.notes.append(f"meshes and textures that are not there are not drawn: {', '.join(absent)}")
+        robot.notes.append(f"meshes and textures that are not there are not drawn: {', '.join(dict.fromkeys(absent))}")
     return robot, root
+
+
+def _at_line(roots: list[Node], message: str) -> Node:
+    """The element of which MuJoCo speaks, by its line and tag; the outermost one where it has no line, or several files have some."""
+    line, tag = re.search(r"\bline (\d+)", message), re.search(r"Element '(\w+)'", message)
+    found = [node for node in _all(roots[0]) if line and len(roots) == 1 and node.span.line == int(line[1])]
+    return next((node for node in found if tag and node.tag == tag[1]), found[-1] if found else roots[0])
 
 
 def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
     """MuJoCo's model, and the files of pictures that are not there: it has points for them, without mass.
 
     Raises:
-        ModelError: a mass follows from one of them.
+        ModelError: masses of bodies that move follow from them.
         ValueError: MuJoCo refuses the file.
     """
     try:
@@ -84,16 +96,19 @@ def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
         spec = mujoco.MjSpec.from_file(str(path))
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if _is_absent(path.parent / spec.meshdir, mesh.file)}
     textures = [texture for texture in spec.textures if any(_is_absent(path.parent / spec.texturedir, file) for file in _files(texture))]
+    problems = list[Problem]()
     for geom in spec.geoms:
         if geom.meshname in meshes:
             body, file = geom.parent, meshes[geom.meshname].file
             weighs = geom.mass != 0 and geom.density != 0
             explicit = body.explicitinertial and spec.compiler.inertiafromgeom != int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-            if weighs and not explicit and body != spec.worldbody:
+            if weighs and not explicit and _moves(spec, body):
                 message = f"has the mass of '{file}', which is not there"
                 node = next((n for n in _all(root) if n.tag == "body" and n.attributes.get("name") == body.name), root)
-                node.refuse(message, "add the file, or write an inertial")
+                problems.append(node.problem(message, "add the file, or write an inertial"))
             geom.type, geom.size, geom.meshname, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-3, 0, 0], "", 0
+    if problems:
+        raise ModelError(list(dict.fromkeys(problems)))
     files = [*(mesh.file for mesh in meshes.values()), *(file for texture in textures for file in _files(texture))]
     for mesh in meshes.values():
         spec.delete(mesh)
@@ -101,6 +116,16 @@ def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
         texture.file, texture.cubefiles, texture.type = "", [""] * len(texture.cubefiles), mujoco.mjtTexture.mjTEXTURE_2D
         texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
     return spec.compile(), files
+
+
+def _moves(spec: Any, body: Any) -> bool:
+    """Return whether a body, or one that carries it, has a joint."""
+    return bool(body != spec.worldbody and (body.joints or _moves(spec, body.parent)))
+
+
+def _is_large(text: str) -> bool:
+    """Return whether an attribute has a number that is not finite or too large."""
+    return any(not is_number(word) or abs(float(word)) > LARGEST for word in text.split() if _NUMBER.fullmatch(word))
 
 
 def _files(texture: Any) -> list[str]:

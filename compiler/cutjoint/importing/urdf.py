@@ -1,4 +1,4 @@
-"""URDF: trees with mimic joints, loops and couplings of URDF+, and loops in a YAML beside it (``closed_loop``, ``type``, ``name_mot``)."""
+"""URDF: trees with mimic joints, loops and couplings of URDF+ in its dialects, and what a YAML beside the file says."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw
+from cutjoint.importing.beside import Beside, add_drive
+from cutjoint.importing.robot import Array, Coupling, Joint, Link, Loop, Pose, Robot, colour_of, of_xyzw, roll_pitch_yaw
 from cutjoint.importing.xml import Node, read_xml
-from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.records import Span
-from cutjoint.model.source import parse_yaml, read_text
 
 _KINDS = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
     "spherical": "spherical",
 }  # fmt: skip
+#: Tags of the two ends of a loop or a coupling.
+_ENDS, _OLD_ENDS = ("predecessor", "successor"), ("parent", "child")
 
 
 def read_urdf(path: Path) -> tuple[Robot, Node]:
@@ -30,27 +30,42 @@ def read_urdf(path: Path) -> tuple[Robot, Node]:
         _add(robot.links, _link(node), node)
     for node in root.all("joint"):
         _add(robot.joints, _joint(node, robot), node)
+    beside = Beside(path)
+    beside.change_joints(robot)
     for node in root.all("joint"):
         _couple(node, robot)
     _require_tree(robot, root)
-    for node in root.all("loop"):
-        robot.loops.append(_loop(node, robot))
-    for node in root.all("coupling"):
-        robot.couplings.append(_coupling(node, robot))
+    _relate(robot, root)
     for node in root.all("transmission"):
         for driven in node.all("joint"):
             if driven.name() not in robot.joints:
                 driven.refuse("is of a transmission, and no joint of the robot", "correct the name")
-            _drive(robot, driven.name())
-    beside = path.with_suffix(".yaml")
-    if beside.is_file() and "closed_loop" in read_text(beside):
-        _add_closures(robot, root, beside)
+            add_drive(robot, driven.name())
+    beside.close_loops(robot, root)
+    tied = robot.in_loops()
+    if alone := [joint.name for joint in robot.joints.values() if joint.follows and joint.name not in tied]:
+        robot.notes.append(f"free, since nothing in the file says what they follow: {', '.join(alone)}")
     return robot, root
 
 
-def _drive(robot: Robot, joint: str) -> None:
-    if all(drive.joint != joint for drive in robot.drives):
-        robot.drives.append(Drive(f"{joint}_drive", joint))
+def _relate(robot: Robot, root: Node) -> None:
+    """Take loops and couplings, by the tags of URDF+ and of its older dialects, whose loops hold points together."""
+    for node in root.all("loop"):
+        robot.loops.append(_loop(node, robot, node.get("type") or "revolute"))
+    for node in root.all("loop_constraint"):
+        robot.loops.append(_loop(node, robot, "spherical", _OLD_ENDS))
+    for node in root.all("coupling"):
+        robot.couplings.append(_coupling(node, robot))
+    for node in root.all("joint_constraint"):
+        robot.couplings.append(_coupling(node, robot, _OLD_ENDS, "gear_ratio"))
+    for node in root.all("constraint"):
+        match node.get("type"):
+            case "position":
+                robot.loops.append(_loop(node, robot, "spherical"))
+            case "rolling":
+                robot.couplings.append(_coupling(node, robot))
+            case kind:
+                node.refuse(f"has the unknown type '{(kind or '')[:40]}'", "write it as <loop> or <coupling>")
 
 
 def _add(into: dict[str, Any], thing: Link | Joint, node: Node) -> None:
@@ -110,6 +125,8 @@ def _couple(node: Node, robot: Robot) -> None:
         if leader not in robot.joints:
             mimic.refuse(f"follows the joint '{leader[:60]}', which is not there", "correct the name")
         name, ratio = node.name(), mimic.number("multiplier", 1.0)
+        if name not in robot.joints:
+            mimic.refuse("is of a joint that the YAML beside makes a Cardan joint", "take one of both out")
         if not robot.joints[name].freedom:
             robot.notes.append(f"{name} follows {leader} no more, since it is fixed")
             return
@@ -132,25 +149,24 @@ def _require_tree(robot: Robot, root: Node) -> None:
         root.refuse(f"has {len(robot.root())} links without a parent, where one is needed", "connect them with joints")
 
 
-def _loop(node: Node, robot: Robot) -> Loop:
-    kind = node.get("type") or "revolute"
+def _loop(node: Node, robot: Robot, kind: str, tags: tuple[str, str] = _ENDS) -> Loop:
     if kind not in ("revolute", "continuous", "spherical", "fixed", "prismatic"):
         node.refuse(f"has the unknown type '{kind[:40]}'", "use revolute, prismatic, spherical or fixed")
-    ends = [node.need(end) for end in ("predecessor", "successor")]
+    ends = [node.need(tag) for tag in tags]
     names = [end.name("link") for end in ends]
     for end, name in zip(ends, names, strict=True):
         if name not in robot.links:
             end.refuse(f"names the link '{name[:60]}', which is not there", "correct the name")
     axis = node.find("axis")
-    first, second = (_pose(end.find("origin")) for end in ends)
+    first, second = (_pose(end.find("origin") or node.find(f"{end.tag}_origin")) for end in ends)
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else _direction(axis, axis.get("xyz"))
     return Loop(node.name(), node, _KINDS[kind], (names[0], names[1]), first, second, direction)
 
 
-def _coupling(node: Node, robot: Robot) -> Coupling:
-    first, second = (_way(robot, node.need(end).name("link"), node) for end in ("predecessor", "successor"))
+def _coupling(node: Node, robot: Robot, tags: tuple[str, str] = _ENDS, factor: str = "ratio") -> Coupling:
+    first, second = (_way(robot, node.need(tag).name("link"), node) for tag in tags)
     common = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(first, second, strict=False)))
-    ratio = node.need("ratio").number("value")
+    ratio = node.need(factor).number("value")
     node.get("type")
     return Coupling(node.name(), node, {**{j.name: ratio for j in first[common:]}, **{j.name: -1.0 for j in second[common:]}})
 
@@ -165,41 +181,6 @@ def _way(robot: Robot, link: str, node: Node) -> list[Joint]:
         way.insert(0, carried[link])
         link = carried[link].parent
     return [joint for joint in way if joint.freedom]
-
-
-def _add_closures(robot: Robot, root: Node, path: Path) -> None:
-    """The loops of a YAML beside the file: pairs of frames, which are links or joints, held together in place (3d) or wholly (6d)."""
-    source = parse_yaml(read_text(path), str(path))
-    data: Any = source.data if isinstance(source.data, dict) else {}
-    pairs, kinds = data.get("closed_loop") or (), data.get("type") or ()
-
-    def fail(key: str, message: str) -> ModelError:
-        span = source.key_span((key,)) if key in data else Span(file=str(path), line=1, column=1)
-        return ModelError([Problem(span=span, element=key, message=message, hint="see the convention in docs/import.md")])
-
-    if len(kinds) not in (0, len(pairs)):
-        raise fail("type", f"has {len(kinds)} types for {len(pairs)} loops")
-    for i, pair in enumerate(pairs):
-        kind = str(kinds[i]).lower() if kinds else "6d"
-        if kind not in ("3d", "6d") or not isinstance(pair, tuple) or len(pair) != 2:
-            raise fail("closed_loop", "wants pairs of frames, with the type 3d or 6d each")
-        ends = [_frame(robot, str(name)) for name in pair]
-        if ends[0] is None or ends[1] is None:
-            raise fail("closed_loop", f"names a frame that is neither joint nor link: {', '.join(map(str, pair))}")
-        robot.loops.append(
-            Loop(f"loop_{i + 1}", root, "spherical" if kind == "3d" else "fixed", (ends[0][0], ends[1][0]), ends[0][1], ends[1][1])
-        )
-    for name in data.get("name_mot") or ():
-        if name not in robot.joints:
-            raise fail("name_mot", f"names the joint '{name}', which is not there")
-        _drive(robot, str(name))
-
-
-def _frame(robot: Robot, name: str) -> tuple[str, Pose] | None:
-    """The link that has a frame, and the frame in it: a joint's is that of its child."""
-    if name in robot.joints:
-        return robot.joints[name].child, Pose()
-    return (name, Pose()) if name in robot.links else None
 
 
 def _pose(node: Node | None) -> Pose:

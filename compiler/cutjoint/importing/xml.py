@@ -17,7 +17,7 @@ from cutjoint.model.text import is_number, printable
 _DEPTH = 60
 _ELEMENTS = 100_000
 #: The largest number taken from a file.
-_LARGEST = 1e12
+LARGEST = 1e12
 
 
 @dataclass(eq=False)
@@ -61,7 +61,7 @@ class Node:
         words = (text or "").split()
         if not words and default:
             return default
-        if len(words) != count or not all(is_number(word) and abs(float(word)) <= _LARGEST for word in words):
+        if len(words) != count or not all(is_number(word) and abs(float(word)) <= LARGEST for word in words):
             self.refuse(f"has '{(text or '')[:60]}' where {count} numbers stand", "write plain decimal numbers")
         return tuple(float(word) for word in words)
 
@@ -69,11 +69,15 @@ class Node:
         """The number in an attribute."""
         return self.numbers(self.get(name), 1, () if default is None else (default,))[0]
 
-    def refuse(self, message: str, hint: str = "") -> NoReturn:
-        """Raise the ModelError of one problem at this element."""
+    def problem(self, message: str, hint: str = "") -> Problem:
+        """A problem at this element."""
         name = self.attributes.get("name")
         element = f"<{self.tag}>" if name is None else printable(f"{self.tag} '{name[:60]}'")
-        raise ModelError([Problem(span=self.span, element=element, message=printable(message), hint=hint)])
+        return Problem(span=self.span, element=element, message=printable(message), hint=hint)
+
+    def refuse(self, message: str, hint: str = "") -> NoReturn:
+        """Raise the ModelError of one problem at this element."""
+        raise ModelError([self.problem(message, hint)])
 
     def left_out(self) -> Counter[str]:
         """Tags and attributes below this element that nobody asked for, by how often."""

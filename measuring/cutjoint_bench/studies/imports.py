@@ -1,6 +1,7 @@
 """URDF files with loops as imported, beside Pinocchio, which reads them itself.
 
-Each file is imported without its dampers and friction, with a fixed joint for each floating one, and put into random poses that close its
+Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and Cardan
+joints of a YAML beside it, and put into random poses that close its
 loops, at random speeds: Pinocchio has the joints' coordinates and rates there.  "place" and "acceleration" are the largest differences of
 centres of mass, the latter by the largest acceleration there.  "by rank" are the freedoms that the rank of Pinocchio's constraints leaves.
 "singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these have a column of
@@ -17,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from shutil import copy
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from xml.etree import ElementTree
@@ -25,6 +25,7 @@ from xml.etree import ElementTree
 import click
 import numpy as np
 import sympy
+import yaml
 from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import close_loops, design_coordinates, retract
@@ -65,17 +66,40 @@ def files_of(paths: tuple[Path, ...]) -> Iterator[Path]:
 
 
 def undamped(path: Path, folder: Path) -> Path:
-    """A copy of a file without dampers, friction and floating joints, with the YAML of its loops."""
+    """A copy of a file without dampers, friction and floating joints, with the YAML of its loops, whose joints are hinges in it."""
     tree = ElementTree.parse(path)
+    target, beside = folder / path.name, path.with_suffix(".yaml")
+    if beside.is_file():
+        data = yaml.safe_load(beside.read_text())
+        for name, kind in zip(data.pop("joint_name", ()), data.pop("joint_type", ()), strict=True):
+            write_out(tree.getroot(), name, "XYZ" if kind == "SPHERICAL" else kind.removeprefix("UJOINT_").replace("FIXED", ""))
+        target.with_suffix(".yaml").write_text(yaml.safe_dump(data))
     for joint in tree.getroot().findall("joint"):
         joint.set("type", "fixed" if joint.get("type") == "floating" else joint.get("type", ""))
         for dynamics in joint.findall("dynamics"):
             joint.remove(dynamics)
-    target = folder / path.name
     tree.write(target)
-    if path.with_suffix(".yaml").is_file():
-        copy(path.with_suffix(".yaml"), target.with_suffix(".yaml"))
     return target
+
+
+def write_out(root: ElementTree.Element, name: str, axes: str) -> None:
+    """Make hinges about ``axes`` of its frame of a joint, with links without mass between them; without axes a fixed joint."""
+    joint = next(joint for joint in root.findall("joint") if joint.get("name") == name)
+    for old in joint.findall("axis"):
+        joint.remove(old)
+    joint.set("type", "continuous" if axes else "fixed")
+    while len(axes) > 1:
+        after = ElementTree.SubElement(root, "joint", name=f"{name}_{axes[1].lower()}", type="continuous")
+        between, child = ElementTree.SubElement(root, "link", name=f"{name}_behind_{axes[0].lower()}"), joint.find("child")
+        assert child is not None
+        ElementTree.SubElement(after, "parent", link=str(between.get("name")))
+        ElementTree.SubElement(after, "child", link=str(child.get("link")))
+        child.set("link", str(between.get("name")))
+        joint.set("name", f"{name}_{axes[0].lower()}" if joint.get("name") == name else str(joint.get("name")))
+        ElementTree.SubElement(joint, "axis", xyz=" ".join("01"[c == axes[0]] for c in "XYZ"))
+        joint, axes = after, axes[1:]
+    if axes:
+        ElementTree.SubElement(joint, "axis", xyz=" ".join("01"[c == axes] for c in "XYZ"))
 
 
 class Subject:
