@@ -26,7 +26,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tu
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    seen = {reaction.joint for reaction in checked.reactions}
+    seen = {getattr(reaction, "joint", "") for reaction in checked.reactions}
     if held := [name for name in chosen.positions if name not in chosen.near and name.rpartition(".")[0] not in seen]:
         options.out.print(f"held by forces that a reaction of the joint shows: {', '.join(held)}", markup=False)
     if view is not None:
