@@ -55,6 +55,18 @@ def test_images_have_what_the_original_would() -> None:
     assert value["right.side"] == -q("right.whole", "Fy") + 2 * q("right.whole", "My") - 3 * q("right.hand", "ay")
 
 
+def test_lists_take_outputs_of_instances() -> None:
+    """A model's list has them once, where it names them; a scene's has them alone."""
+    text = varied("    outputs: [lift.Fy, end.z]", "    outputs: [{side: hand.ay}, end.z]", WING)
+    text = text.replace("scenes:", "outputs: [right.side]\nscenes:").replace("glide: {", "other: {end: 1, outputs: [left.side, right.end.z]}\n  glide: {")
+    model = read_model_text(text, "m.yaml")
+    assert [o.column for o in model.scenes["glide"].outputs] == ["right.side", "left.side", "left.end.z", "right.end.z"]
+    assert [o.column for o in model.scenes["other"].outputs] == ["left.side", "right.end.z"]
+    assert {s.name for s in model.signals if s.reported} == {"left.side", "right.side"}
+    twice = problems(text.replace("[right.side]", "[right.side, right.side]"))
+    assert any("the output 'right.side' stands twice; remove one" in problem for problem in twice)
+
+
 def test_scenes_may_share_an_output() -> None:
     scene = "outputs: [{tilt: {value: hinge.angle, unit: deg}}]"
     model = read_model_text(varied("fall: {end: 2}", f"fall: {{end: 2, {scene}}}\n  other: {{end: 1, {scene}}}"), "m.yaml")

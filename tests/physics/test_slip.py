@@ -96,3 +96,44 @@ def test_the_warning_of_slip_of_the_moment_has_the_largest_step() -> None:
     for share, smooth in ((1, True), (2, False)):
         force = completed(simulate(artifact, error=False, integrator="rk4", dt=share * most))["w.rolling.contact.Fx"][50:]
         assert bool(np.abs(np.diff(force, 2)).max() < 0.1) is smooth
+
+
+SPUN = """
+cutjoint: 1
+name: spun
+gravity: [0, 0, -9.81]
+parameters: {moment: {value: 0, unit: N*m, binding: input}}
+bodies:
+  sled: {mass: 1, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}
+  knuckle: {mass: 330, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}
+joints:
+  along: {kind: prismatic, bodies: [ground, sled], at: [0, 0, 0.3], axis: x}
+  up: {kind: prismatic, bodies: [sled, knuckle], at: [0, 0, 0.3], axis: z}
+submodels: {wheel: {include: library/wheel_mf62}}
+instances: {w: {use: wheel, connect: {carrier: knuckle}, with: {x: 0, y: 0, z: 0.3, WHAT: moment}, properties: library/road_tyre.tir}}
+outputs: [sled.vx, w.rolling.contact.spin, w.rolling.contact.Fx, w.rolling.slides_x.value]
+scenes:
+  s:
+    end: 1.4
+    output_step: 0.001
+    pose: equilibrium
+    positions: {along.displacement: 0}
+    rates: {along.displacement_rate: SPEED, w.rolling.bearing.angle_rate: SPEED/0.31}
+    states: {w.rolling.rolled: 1}
+    inputs: {moment: {table: {t: [0, 0.2, 0.201, LAST, LAST + 0.001, 9], value: [0, 0, LARGEST, LARGEST, 0, 0]}, interpolation: linear}}
+    numerics: {events: crossed}
+"""
+
+
+@pytest.mark.parametrize(("what", "speed", "last", "largest"), [("drive", 4, 0.35, 1200), ("brake", 20, 0.7, 2500)])
+def test_a_wheel_that_has_slid_rolls_on(what: str, speed: int, last: float, largest: int) -> None:
+    """A wheel that has spun, or locked, and is let go: the shear of its tread does not turn it past where it rolls, nor back."""
+    text = SPUN.replace("WHAT", what).replace("SPEED", str(speed)).replace("LAST + 0.001", str(last + 0.001)).replace("LAST", str(last))
+    model = read_model_text(text.replace("LARGEST", str(largest)), "m.yaml")
+    run = completed(simulate(compile_scene(model, model.scenes["s"])))
+    power = run["w.rolling.contact.Fx"] * run["w.rolling.slides_x.value"]
+    lost, given = (np.trapezoid(np.maximum(sign * power, 0), run.t) for sign in (-1, 1))
+    assert given < 0.02 * lost
+    after = run.t > last + 0.1
+    rolls = run["sled.vx"][after] / 0.31
+    assert np.abs(run["w.rolling.contact.spin"][after] - rolls).max() < 0.6 * rolls.max()

@@ -24,29 +24,38 @@ _Entry: TypeAlias = str | dict[str, document.OutputExpression]
 
 @dataclass
 class OutputReader:
-    """Reads lists of outputs; ``signals`` are the expressions of all that have one, by their names."""
+    """Reads lists of outputs; ``signals`` are the expressions of all that have one, by their names.
+
+    ``_of_instances`` are the expressions of instances with their places and prefixes, by the names that other lists have for them.
+    """
 
     expansion: Expansion
     known: Mapping[str, Quantified]
     signals: dict[str, Signal] = field(default_factory=dict)
     _units: dict[str, str] = field(default_factory=dict)
+    _of_instances: dict[str, tuple[dict[str, document.OutputExpression], Path, str]] = field(default_factory=dict)
 
     def default(self, model: document.Document) -> tuple[Output, ...]:
         """The model's outputs, then those of each instance."""
         scope = self.expansion.scope
-        outputs = [*self.outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "")]
-        for use in find_uses(model):
-            if use.submodel is not None:
-                where = Element(scope, f"instance '{use.name}'", use.name, ())
-                outputs += self.outputs(where, use.submodel.outputs, (*use.at, "outputs"), f"{use.name}.")
-        return tuple(outputs)
+        lists = [(use.name, use.submodel.outputs, (*use.at, "outputs")) for use in find_uses(model) if use.submodel is not None]
+        for name, entries, path in lists:
+            expressions = ((index, entry) for index, entry in enumerate(entries) if not isinstance(entry, str))
+            self._of_instances |= {f"{name}.{next(iter(entry))}": (entry, (*path, index), f"{name}.") for index, entry in expressions}
+        found = {o.column: o for o in self.outputs(Element(scope, "outputs", "", ()), model.outputs, ("outputs",), "")}
+        for name, entries, path in lists:
+            for output in self.outputs(Element(scope, f"instance '{name}'", name, ()), entries, path, f"{name}."):
+                found.setdefault(output.column, output)
+        return tuple(found.values())
 
     def outputs(self, where: Element, entries: Sequence[_Entry], path: Path, prefix: str) -> tuple[Output, ...]:
         """The outputs of a list at a path, whose names have a prefix."""
         found: dict[str, Output] = {}
         for index, entry in enumerate(entries):
             span = where.scope.source.value_span((*path, index))
-            if isinstance(entry, str):
+            if isinstance(entry, str) and (named := self._of_instances.get(prefix + entry)):
+                name, output = entry, found.get(prefix + entry) or self._expression(*named)
+            elif isinstance(entry, str):
                 name, output = entry, self._quantity(where, entry, prefix, span)
             else:
                 name = next(iter(entry))

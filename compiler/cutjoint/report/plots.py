@@ -12,7 +12,7 @@ from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import TIME, Array, Trajectory, read_table
 
 _DIMENSIONS = {"m": "position", "m/s": "velocity", "m/s^2": "acceleration", "rad": "angle", "rad/s": "angular velocity", "N": "force",
-               "N*m": "torque"}  # fmt: skip
+               "N*m": "torque", "": "without unit"}  # fmt: skip
 
 #: Columns of other runs by name, the time among them, by the names of the runs.
 Others = Mapping[str, Mapping[str, Array]]
