@@ -146,7 +146,7 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
-    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that every free direction has one or is held, and which coordinates are given";
+    case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free direction has a spring or is held, and which coordinates are given";
     case Cause::newton_not_converged:
     case Cause::newton_diverging:
     case Cause::newton_infinite: return advice_of_newton(fault);
