@@ -49,7 +49,8 @@ LOOPS = """<mujoco model="loops">
   <actuator>
     <motor name="m" joint="motor" gear="3" ctrllimited="true" ctrlrange="-1 2"/>
     <position name="p" joint="ja" kp="30" kv="2" forcelimited="true" forcerange="-5 6" ctrllimited="true" ctrlrange="-0.5 0.5"/>
-    <general name="w" tendon="split" gear="1.5" forcerange="-50 50" ctrlrange="0 2" gainprm="0.3 0 0" biastype="affine" biasprm="0 -2 -0.1"/>
+    <general name="w" tendon="split" gear="1.5" forcerange="-50 50" ctrlrange="0 2" gainprm="0.3 0 0" biastype="affine"
+             biasprm="0 -2 -0.1"/>
     <velocity name="v" joint="jb" kv="3" gear="2"/>
   </actuator>
 </mujoco>

@@ -246,7 +246,8 @@ def test_masses_of_meshes_that_are_not_there_are_missed(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     plate = '<body name="base" childclass="grip"><body name="plate"><geom class="visual" mesh="driver"/></body>'
     text = GRIPPER.replace(' mass="0"/></body>', "/></body>").replace('<body name="base" childclass="grip">', plate)
-    path.write_text(text.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint"/><body name="lid"><geom class="visual" mesh="driver"/></body>'))
+    lid = '<body name="lid"><geom class="visual" mesh="driver"/></body>'
+    path.write_text(text.replace('<joint name="coupler_joint"/>', f'<joint name="coupler_joint"/>{lid}'))
     with pytest.raises(ModelError) as caught:
         import_file(path)
     assert [(problem.element, problem.message) for problem in caught.value.problems] == [
@@ -258,6 +259,6 @@ def test_masses_of_meshes_that_are_not_there_are_missed(tmp_path: Path) -> None:
 def test_what_mujoco_refuses_has_its_line(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(GRIPPER.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint" kind="x"/>'))
-    with pytest.raises(ModelError, match="joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
+    with pytest.raises(ModelError, match=r"joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
         import_file(path)
     assert 'kind="x"' in path.read_text().splitlines()[caught.value.problems[0].span.line - 1]

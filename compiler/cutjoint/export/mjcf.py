@@ -262,8 +262,9 @@ class _Mjcf(Tree):
         """Actuators of signals that pull several joints, each by its share; with the tendon and the names of the forces."""
         scalar = {joint.name: joint for joint, _, _ in self.tree if joint.kind in _SCALAR}
         for signal in self.model.signals:
-            shares = {force.name: (force.joint_of, sympy.sympify(force.law) / signal.symbol) for force in self.model.force_elements
-                      if force.joint_of in scalar and signal.symbol in getattr(sympy.sympify(getattr(force, "law", 0)), "free_symbols", ())}  # fmt: skip
+            forces = [force for force in self.model.force_elements if force.joint_of in scalar]
+            laws = {force: sympy.sympify(getattr(force, "law", None) or 0) for force in forces}
+            shares = {force.name: (force.joint_of, law / signal.symbol) for force, law in laws.items() if signal.symbol in law.free_symbols}
             if not shares or not all(self.is_number(share) for _, share in shares.values()):
                 continue
             joints = {joint: self.number(share) for joint, share in shares.values()}

@@ -25,7 +25,7 @@ from cutjoint.package.extensions import MissingPackageError
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 _INCLUDES = 50
-#: What MuJoCo reads as a number.
+#: Numbers as MuJoCo reads them.
 _NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)
 _LARGEST_FILE = 200_000_000
 #: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
@@ -63,7 +63,8 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     try:
         model, absent = _compile(path, root, mujoco)
     except ValueError as error:
-        _at_line(roots, str(error)).refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
+        message = f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}"
+        _at_line(roots, str(error)).refuse(message, "correct the file; MuJoCo has to read it")
     finally:
         mujoco.set_mju_user_warning(None)
     if not all((np.abs(getattr(model, name)) <= LARGEST).all() for name in _NUMBERS):

@@ -1,8 +1,8 @@
 """URDF files with loops as imported, beside Pinocchio, which reads them itself.
 
-Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and Cardan
-joints of a YAML beside it, and put into random poses that close its
-loops, at random speeds: Pinocchio has the joints' coordinates and rates there.  "place" and "acceleration" are the largest differences of
+Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and
+Cardan joints of a YAML beside it, and put into random poses that close its loops, at random speeds: Pinocchio has the joints' coordinates
+and rates there.  "place" and "acceleration" are the largest differences of
 centres of mass, the latter by the largest acceleration there.  "by rank" are the freedoms that the rank of Pinocchio's constraints leaves.
 "singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these have a column of
 their own.  "light" and "heavy" are the least and the largest eigenvalue of the mass matrix of the free motions, kg or kg m2.
@@ -270,6 +270,8 @@ def compare(path: Path, count: int, rows: int, seed: int, tolerance: float) -> t
     """The figures of a file."""
     with TemporaryDirectory() as folder:
         subject = Subject(undamped(path, Path(folder)))
+    if not any(joint.freedom for joint in subject.robot.joints.values()):
+        raise CutjointError("has no joint that moves")
     worst, states = Worst(), list(subject.states(count, seed))
     for state in states:
         worst.take(subject, begin(state, tolerance, 0.0))
