@@ -15,7 +15,7 @@ rows of that run; Pinocchio has these from the file's numbers.  If that is more 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -82,6 +82,16 @@ def undamped(path: Path, folder: Path) -> Path:
     return target
 
 
+def hold(path: Path, joints: Collection[str]) -> None:
+    """Make joints of a file fixed ones: those that carry nothing with mass, which the import leaves out."""
+    tree = ElementTree.parse(path)
+    for joint in tree.getroot().findall("joint"):
+        if joint.get("name") in joints:
+            joint.set("type", "fixed")
+    if joints:
+        tree.write(path)
+
+
 def write_out(root: ElementTree.Element, name: str, axes: str) -> None:
     """Make hinges about ``axes`` of its frame of a joint, with links without mass between them; without axes a fixed joint."""
     joint = next(joint for joint in root.findall("joint") if joint.get("name") == name)
@@ -103,12 +113,14 @@ def write_out(root: ElementTree.Element, name: str, axes: str) -> None:
 
 
 class Subject:
-    """A file as imported and compiled, and the same file in Pinocchio."""
+    """A file as imported and compiled, and the same file in Pinocchio, in which joints that carry no mass are made fixed."""
 
     def __init__(self, path: Path) -> None:
-        self.oracle = PinocchioRobot(path)
         robot, root = read_urdf(path)
+        joints = set(robot.joints)
         robot.leave_out_idle()
+        hold(path, joints - robot.joints.keys())
+        self.oracle = PinocchioRobot(path)
         robot.join_balls()
         self.robot, self.closed = robot, close(robot)
         self.document = Document(robot, self.closed, path.parent, free=False)
