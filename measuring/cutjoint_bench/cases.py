@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.model.link_masses import with_link_masses
-from cutjoint.model.read import read_model
 from cutjoint.model.records import Model, Output
 from cutjoint.package.errors import RunError
 from cutjoint.reduce.trials import exact
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_scene
 from cutjoint.run.settings import PLAIN_STEPS
+from cutjoint.topology.reading import read_model
 from cutjoint_bench.records import Case
 
 #: Rows of a comparison, at most; of one whose rows are given.

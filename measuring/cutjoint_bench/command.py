@@ -11,11 +11,11 @@ import click
 
 from cutjoint.commands import options, table
 from cutjoint.model.ranges import fault_of_setting
-from cutjoint.model.read import read_model
 from cutjoint.model.text import read_number
 from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import require_apart, require_folder
 from cutjoint.run.result_files import write_whole
+from cutjoint.topology.reading import read_model
 from cutjoint_bench.cases import make_case
 from cutjoint_bench.contenders import choose, groups
 from cutjoint_bench.prebuild import prebuild

@@ -19,7 +19,8 @@ from tests.importing.test_mjcf import TREE
 
 mujoco = pytest.importorskip("mujoco")
 
-#: Loops by a ball, a hinge and a weld, relations of two and of three joints, one that bends, sites, bounded drives and a key.
+#: Loops by a ball, a hinge and a weld, relations of two and of three joints, one that bends, sites, bounded drives, one
+#: on two joints, and a key.
 LOOPS = """<mujoco model="loops">
   <option gravity="0 0.5 -9.81"/>
   <default><geom type="capsule" size="0.02" density="3000" contype="0" conaffinity="0"/></default>
@@ -36,7 +37,8 @@ LOOPS = """<mujoco model="loops">
     <body name="e" pos="2 1 1"><freejoint name="je"/><geom fromto="0 0 0 0.1 0.2 0"/></body>
     <body name="f" pos="2.1 1.2 1"><freejoint name="jf"/><geom fromto="0 0 0 0.1 0.2 0.1"/></body>
   </worldbody>
-  <tendon><fixed name="sum"><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/><joint joint="jc" coef="-4"/></fixed></tendon>
+  <tendon><fixed name="sum"><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/><joint joint="jc" coef="-4"/></fixed>
+    <fixed name="split"><joint joint="motor" coef="0.7"/><joint joint="jc" coef="-0.3"/></fixed></tendon>
   <equality>
     <connect name="end" body1="rod" body2="rocker" anchor="0.5 0 0"/>
     <connect name="end_2" body1="rod" body2="rocker" anchor="0.5 0.1 0"/>
@@ -47,6 +49,8 @@ LOOPS = """<mujoco model="loops">
   <actuator>
     <motor name="m" joint="motor" gear="3" ctrllimited="true" ctrlrange="-1 2"/>
     <position name="p" joint="ja" kp="30" kv="2" forcelimited="true" forcerange="-5 6" ctrllimited="true" ctrlrange="-0.5 0.5"/>
+    <general name="w" tendon="split" gear="1.5" forcerange="-50 50" ctrlrange="0 2" gainprm="0.3 0 0" biastype="affine"
+             biasprm="0 -2 -0.1"/>
     <velocity name="v" joint="jb" kv="3" gear="2"/>
   </actuator>
 </mujoco>

@@ -1,4 +1,4 @@
-"""Damaged URDF, SDF and MJCF: each becomes a model, or is refused with its place; nothing else comes out."""
+"""Damaged URDF, with a YAML beside it or not, SDF and MJCF: each becomes a model, or is refused with its place; nothing else comes out."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ _TREE = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="j" axis="0
 <body name="c"><freejoint/><geom type="capsule" fromto="0 0 0 0 0 1" size="0.1"/></body></worldbody>
 <equality><connect body1="b" body2="c" anchor="0 0 0.1"/><joint joint1="j" joint2="k" polycoef="0 1 0.5 0 0"/></equality>
 <actuator><position joint="j" kp="10"/></actuator></mujoco>"""
+_BESIDE = """closed_loop: [["toe", "rod"]]
+type: ["3d"]
+joint_name: ["knee", "elbow", "sole"]
+joint_type: ["SPHERICAL", "UJOINT_ZX", "FIXED"]
+name_mot: ["motor"]
+"""
 _WORDS = (
     "0", "-1", "1e308", "nan", "1e-300", "", "inf", "1 2 3", "0 0 0", "a", "rod", "thigh", "world", "-0", "1e12", "9" * 20, "fixed",
     "prismatic", "ball", "<", "&", "'", '"', "\0", "\u00e9", "__model__", "../x", "/etc/passwd",
@@ -27,13 +33,14 @@ _WORDS = (
 
 
 def make(rng: random.Random) -> str:
-    """A file's ending and content, as JSON."""
+    """A file's name and content, and that of a YAML beside it, as JSON."""
     seeds = {".urdf": _LEG.read_text(encoding="utf-8"), ".sdf": FOUR_BAR, **({".xml": _TREE} if find_spec("mujoco") else {})}
     ending = rng.choice(sorted(seeds))
     text = seeds[ending]
     for _ in range(rng.choice((1, 1, 2, 4))):
         text = _damaged(rng, text)
-    return json.dumps({"name": f"robot{ending}", "content": text})
+    beside = _damaged(rng, _BESIDE) if ending == ".urdf" and rng.random() < 0.5 else ""
+    return json.dumps({"name": f"robot{ending}", "content": text, "beside": beside})
 
 
 def _damaged(rng: random.Random, text: str) -> str:
@@ -60,10 +67,12 @@ def check(text: str) -> tuple[str, ...]:
     with TemporaryDirectory() as folder:
         path = Path(folder) / case["name"]
         path.write_text(case["content"], encoding="utf-8", errors="replace")
+        if case["beside"]:
+            path.with_suffix(".yaml").write_text(case["beside"], encoding="utf-8", errors="replace")
         try:
             read_model(path)
         except CutjointError as error:
             first = str(error).splitlines()[0]
-            assert re.match(rf"{re.escape(str(path))}(\.yaml)?:\d+:\d+: ", first), first
-            return (first.removeprefix(str(path)),)
+            assert re.match(rf"{re.escape(str(path.with_suffix('')))}({re.escape(path.suffix)}|\.yaml)+:\d+:\d+: ", first), first
+            return (first.removeprefix(str(path.with_suffix(""))),)
     return ()

@@ -1,4 +1,4 @@
-"""What a YAML beside a URDF says of joints and loops is what the URDF could say itself, and so do the older dialects of URDF+."""
+"""A YAML beside a URDF says of joints and loops what the URDF could say itself, and so do the older dialects of URDF+."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from cutjoint.model.errors import ModelError
 from tests.importing.test_urdf import LINKS, ROD, SOUND, hinge, link, robot, turning
 
 #: A crank and a rocker with a rod between them, by a joint at one end that the YAML changes.
-CRANK = (
-    '<link name="base"/>' + "".join(link(name, inertia=SOUND) for name in ("crank", "rod", "rocker")) + '<link name="tip"/><link name="pin"/>'
-)
+CRANK = '<link name="base"/><link name="tip"/><link name="pin"/>' + "".join(link(x, inertia=SOUND) for x in ("crank", "rod", "rocker"))
 ENDS = (
     '<joint name="tip_frame" type="fixed"><parent link="rod"/><child link="tip"/><origin xyz="0.6 0.1 0.4"/></joint>'
     '<joint name="pin_frame" type="fixed"><parent link="rocker"/><child link="pin"/><origin xyz="0 0.1 0.5"/></joint>'
@@ -60,7 +58,8 @@ def test_a_joint_of_the_yaml_is_fixed(tmp_path: Path) -> None:
     joints = hinge("j", "base", "a", "0 0 0") + hinge("k", "a", "b", "1 0 0", '<dynamics damping="1"/>') + hinge("l", "b", "c", "0 1 0")
     beside = "joint_name: [k]\njoint_type: [FIXED]\nname_mot: [l]\nrotor_inertia: [1]\n"
     said, imported = model_of(tmp_path, robot(LINKS, joints), beside)
-    written, _ = model_of(tmp_path, robot(LINKS, joints.replace('name="k" type="revolute"', 'name="k" type="fixed"')), "name_mot: [l]\njoint_type: []")
+    fixed = joints.replace('name="k" type="revolute"', 'name="k" type="fixed"')
+    written, _ = model_of(tmp_path, robot(LINKS, fixed), "name_mot: [l]\njoint_type: []")
     assert said == written
     assert "left out of machine.yaml: rotor_inertia" in imported.notes
 
@@ -92,7 +91,8 @@ def test_faults_of_the_yaml_have_their_line(tmp_path: Path, beside: str, line: i
 def test_older_dialects_say_the_same(tmp_path: Path) -> None:
     """Loops whose points meet, and wheels that roll."""
     links = LINKS + link("d")
-    joints = hinge("j", "base", "a", "0 0 0") + hinge("k", "a", "b", "0.1 0 0") + hinge("l", "base", "c", "0 0 0") + hinge("m", "base", "d", "0 1 0")
+    joints = hinge("j", "base", "a", "0 0 0") + hinge("k", "a", "b", "0.1 0 0")
+    joints += hinge("l", "base", "c", "0 0 0") + hinge("m", "base", "d", "0 1 0")
     ends = '<predecessor link="c"><origin xyz="0.3 0 0"/></predecessor><successor link="b"><origin xyz="0.2 0 0"/></successor>'
     wheels = '<predecessor link="a"/><successor link="d"/><ratio value="6"/>'
     new = f'<loop name="o" type="spherical">{ends}</loop><coupling name="g">{wheels}</coupling>'
@@ -109,5 +109,6 @@ def test_older_dialects_say_the_same(tmp_path: Path) -> None:
 
 
 def test_joints_that_nothing_moves_are_told(tmp_path: Path) -> None:
-    text = robot(LINKS, hinge("j", "base", "a", "0 0 0") + hinge("k", "a", "b", "1 0 0").replace("<joint", '<joint independent="false"') + hinge("l", "b", "c", "0 0 0"))
+    follower = hinge("k", "a", "b", "1 0 0").replace("<joint", '<joint independent="false"')
+    text = robot(LINKS, hinge("j", "base", "a", "0 0 0") + follower + hinge("l", "b", "c", "0 0 0"))
     assert "free, since nothing in the file says what they follow: k" in model_of(tmp_path, text)[1].notes

@@ -51,3 +51,9 @@ def test_no_file_of_the_user_is_written_over(tmp_path: Path) -> None:
     assert (tmp_path / "leg.urdf").read_text() == LEG.read_text()
     result = CliRunner().invoke(main, ["import", str(tmp_path / "leg.yaml")])
     assert "of no format that is read" in result.output
+
+
+def test_bench_takes_such_a_file() -> None:
+    pytest.importorskip("cutjoint_bench")
+    result = CliRunner().invoke(main, ["bench", str(LEG), "--scenes", "nothing"])
+    assert "no scene 'nothing'; there is motion" in str(result.exception or "") + result.output

@@ -228,7 +228,7 @@ def compare(folder: Path, text: str, scene: str, rows: int = 5) -> Imported:
 @needs_cpp
 def test_a_drive_on_a_tendon_pulls_all_joints(tmp_path: Path) -> None:
     imported = compare(tmp_path, GRIPPER, "{end: 0.05, output_step: 0.01, inputs: {fingers: 9}}")
-    assert "meshes and textures that are not there are not drawn: driver.stl, skin.png" in "; ".join(imported.notes).lower()
+    assert "not there, or not below the folder of the file, are not drawn: driver.stl, skin.png" in "; ".join(imported.notes).lower()
 
 
 @needs_cpp
@@ -246,7 +246,8 @@ def test_masses_of_meshes_that_are_not_there_are_missed(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     plate = '<body name="base" childclass="grip"><body name="plate"><geom class="visual" mesh="driver"/></body>'
     text = GRIPPER.replace(' mass="0"/></body>', "/></body>").replace('<body name="base" childclass="grip">', plate)
-    path.write_text(text.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint"/><body name="lid"><geom class="visual" mesh="driver"/></body>'))
+    lid = '<body name="lid"><geom class="visual" mesh="driver"/></body>'
+    path.write_text(text.replace('<joint name="coupler_joint"/>', f'<joint name="coupler_joint"/>{lid}'))
     with pytest.raises(ModelError) as caught:
         import_file(path)
     assert [(problem.element, problem.message) for problem in caught.value.problems] == [
@@ -255,9 +256,27 @@ def test_masses_of_meshes_that_are_not_there_are_missed(tmp_path: Path) -> None:
     assert path.read_text().splitlines()[caught.value.problems[0].span.line - 1].startswith("          <joint name=\"coupler_joint\"/>")
 
 
+OUTSIDE = [("", "../driver.stl"), ("parts", "../../driver.stl"), ("..", "driver.stl"), ("", "{outer}/driver.stl")]
+
+
+@pytest.mark.parametrize(("folder", "name"), OUTSIDE)
+def test_pictures_outside_the_folder_are_not_read(tmp_path: Path, folder: str, name: str) -> None:
+    """A mesh that MuJoCo could not read, and the side of a texture."""
+    path = tmp_path / "inside" / "model.xml"
+    (path.parent / "parts").mkdir(parents=True)
+    (tmp_path / "driver.stl").write_text("no mesh")
+    file = name.format(outer=tmp_path)
+    text = GRIPPER.replace('meshdir="assets"', f'meshdir="{folder}" texturedir="{folder}"').replace("driver.stl", file)
+    path.write_text(text.replace('type="2d" file="skin.png"', f'type="cube" fileright="{file}"'))
+    assert f"or not below the folder of the file, are not drawn: {file}" in "; ".join(import_file(path).notes)
+    path.write_text(path.read_text().replace(' mass="0"/></body>', "/></body>"))
+    with pytest.raises(ModelError, match=r"body 'pad': has the mass of '.*driver\.stl', which is outside the folder of the file"):
+        import_file(path)
+
+
 def test_what_mujoco_refuses_has_its_line(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(GRIPPER.replace('<joint name="coupler_joint"/>', '<joint name="coupler_joint" kind="x"/>'))
-    with pytest.raises(ModelError, match="joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
+    with pytest.raises(ModelError, match=r"joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
         import_file(path)
     assert 'kind="x"' in path.read_text().splitlines()[caught.value.problems[0].span.line - 1]

@@ -194,7 +194,8 @@ def test_directions_are_those_of_the_file(tmp_path: Path, axis: str, written: li
     """Half of pi with eleven digits is the axis itself, with eight digits it is not."""
     path = tmp_path / "tilted.urdf"
     path.write_text(robot('<link name="base"/>' + link("a"), turning("j", "base", "a", axis)))
-    assert [float(x) for x in read_model(path).joints[0].axes[0]] == pytest.approx(list(np.array(written) / np.linalg.norm(written)), abs=1e-15)
+    unit = np.array(written) / np.linalg.norm(written)
+    assert [float(x) for x in read_model(path).joints[0].axes[0]] == pytest.approx(list(unit), abs=1e-15)
 
 
 def test_pictures_that_are_a_little_tilted_are_drawn(tmp_path: Path) -> None:

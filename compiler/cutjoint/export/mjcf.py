@@ -25,6 +25,8 @@ CLOSINGS = frozenset({"fixed", "revolute", "spherical"})
 #: The least principal moment by the largest, and by the mass of a point (m2): MuJoCo asks for some in bodies that move.
 _LEAST, _POINT = 1e-12, 5e-13
 _SMALLEST = 2e-15
+#: Shares of several joints that differ by less are one.
+_ROUNDING = 1e-12
 #: The number of coefficients of a relation.
 _POWERS = 5
 
@@ -61,7 +63,7 @@ def closures(kind: str, name: str, bodies: tuple[str, str], anchors: tuple[Array
 def couple(name: str, first: str, second: str, coefficients: Sequence[float]) -> Element:
     """The movement of the first joint is a polynomial of that of the second one, from the constant up."""
     values = [*coefficients, *[0.0] * (_POWERS - len(coefficients))]
-    return Element("joint", {"name": name, "joint1": first, "joint2": second, "polycoef": text_of(values)})
+    return Element("joint", {"name": name, "joint1": first, "joint2": second, "polycoef": " ".join(f"{x:.15g}" for x in values)})
 
 
 class _Mjcf(Tree):
@@ -74,6 +76,7 @@ class _Mjcf(Tree):
         self._merged: dict[str, Joint] = {}
         super().__init__(model, parameters)
         self._unwritten = list[str]()
+        self._pulled = dict[str, Element | None]()
         self._order = list[Joint]()
 
     def problems(self) -> Iterator[Problem]:
@@ -119,7 +122,9 @@ class _Mjcf(Tree):
                 SubElement(assets, "mesh", name=f"mesh_{number}", file=visual.mesh, scale=text_of([visual.scale] * 3))
         self._meshes = {id(visual): f"mesh_{number}" for number, visual in enumerate(meshes, 1)}
         self._hang_on(SubElement(root, "worldbody"), GROUND, np.zeros(3), [])
-        self._relate(root)
+        pulls = list(self._pulls())
+        self._relate(root, [tendon for _, tendon, _ in pulls])
+        self._pulled = {force: actuator if force == forces[0] else None for actuator, _, forces in pulls for force in forces}
         actuators = [element for force in self.model.force_elements if (element := self._drive(force)) is not None]
         for title, elements in (("actuator", actuators), ("keyframe", list(self._starts()))):
             if elements:
@@ -202,8 +207,8 @@ class _Mjcf(Tree):
 
     # relations
 
-    def _relate(self, root: Element) -> None:
-        equalities, tendons = list[Element](), list[Element]()
+    def _relate(self, root: Element, tendons: list[Element]) -> None:
+        equalities = list[Element]()
         for loop in self.loops:
             equalities += self._closures(loop)
         for gear in self.model.gears:
@@ -239,19 +244,46 @@ class _Mjcf(Tree):
     # drives and starts
 
     def _drive(self, force: Force) -> Element | None:
-        """The actuator of a force that an input drives; None, with a note, of one that is none and resists nothing."""
+        """The actuator of a force that an input drives, of several that one pulls at the first; None, with a note, of one that is none and
+        resists nothing."""
+        if force.name in self._pulled:
+            return self._pulled[force.name]
         found = self._actuator(force)
         if found is None and not self.resists(force):
             self._unwritten.append(force.name)
         return found
 
     def _actuator(self, force: Force) -> Element | None:
-        """The law is factor * clamp(gain * clamp(input) + bias + slopes by position and rate), without what is 0, 1 or no bound there."""
         law = sympy.sympify(getattr(force, "law", None) or 0)
+        position, rate = variables_of(law)
+        return self._servo(law, {"joint": force.joint_of}, {position: 1.0}, {rate: 1.0}) if force.joint_of else None
+
+    def _pulls(self) -> Iterator[tuple[Element, Element, list[str]]]:
+        """Actuators of signals that pull several joints, each by its share; with the tendon and the names of the forces."""
+        scalar = {joint.name: joint for joint, _, _ in self.tree if joint.kind in _SCALAR}
+        for signal in self.model.signals:
+            forces = [force for force in self.model.force_elements if force.joint_of in scalar]
+            laws = {force: sympy.sympify(getattr(force, "law", None) or 0) for force in forces}
+            shares = {force.name: (force.joint_of, law / signal.symbol) for force, law in laws.items() if signal.symbol in law.free_symbols}
+            if not shares or not all(self.is_number(share) for _, share in shares.values()):
+                continue
+            joints = {joint: self.number(share) for joint, share in shares.values()}
+            names = {joint: f"@{joint}.{scalar[joint].element.coordinates[0]}" for joint in joints}
+            ways = [{sympy.Symbol(f"{names[joint]}{end}", real=True): share for joint, share in joints.items()} for end in ("", "_rate")]
+            if len(joints) == len(shares) and (actuator := self._servo(signal.value, {"tendon": signal.name}, *ways)) is not None:
+                tendon = Element("fixed", name=signal.name)
+                tendon.extend(Element("joint", joint=joint, coef=repr(share)) for joint, share in joints.items())
+                yield actuator, tendon, list(shares)
+
+    def _servo(self, law: Any, target: Mapping[str, str], places: Mapping[Any, float], rates: Mapping[Any, float]) -> Element | None:
+        """The law is factor * clamp(gain * clamp(input) + bias + slopes by position and rate), without what is 0, 1 or no bound there.
+
+        Position and rate are sums of symbols times their factors.  None of a law that is not like this, or has another number of inputs.
+        """
         inputs = [symbol for symbol in law.free_symbols if symbol in self.inputs]
-        if not force.joint_of or len(inputs) != 1:
+        if len(inputs) != 1:
             return None
-        attributes = {"name": self.inputs[inputs[0]].name, "joint": force.joint_of}
+        attributes = {"name": self.inputs[inputs[0]].name, **target}
         factor, inner = law.as_coeff_Mul()
         gear = 1.0
         if (clamp := self._clamp(inner)) and inputs[0] in clamp[2].free_symbols and clamp[2] != inputs[0]:
@@ -263,10 +295,13 @@ class _Mjcf(Tree):
                 attributes |= {"ctrllimited": "true", "ctrlrange": text_of(clamp[:2])}
                 control = sympy.Dummy(real=True)
                 law = law.xreplace({part: control})
-        values = self.linear(law, (control, *variables_of(law)))
+        values = self.linear(law, (control, *places, *rates))
         if values is None:
             return None
-        constant, gain, position, rate = values
+        constant, gain = values[:2]
+        position, rate = (_common(values[2:][: len(places)], places.values()), _common(values[2:][len(places) :], rates.values()))
+        if position is None or rate is None:
+            return None
         if self.inputs[inputs[0]].unit and gear == 1 and not any((constant, position, rate)):
             return Element("motor", {**attributes, "gear": repr(gain)})
         attributes |= {"gear": repr(gear), "gaintype": "fixed", "gainprm": repr(gain)}
@@ -299,6 +334,12 @@ class _Mjcf(Tree):
     def _coordinates(self, joint: Joint, scene: Scene) -> list[float]:
         still = {"free": [*self.vector(joint.at), 1.0, 0.0, 0.0, 0.0], "spherical": [1.0, 0.0, 0.0, 0.0]}
         return still.get(joint.kind) or [self.number(scene.positions.get(f"{joint.name}.{joint.element.coordinates[0]}", 0))]
+
+
+def _common(slopes: Sequence[float], factors: Iterable[float]) -> float | None:
+    """The number by which all slopes are their factors, None where there is none."""
+    shares = [slope / factor for slope, factor in zip(slopes, factors, strict=True)]
+    return shares[0] if np.ptp(shares) <= _ROUNDING * np.abs(shares).max() else None
 
 
 def body_name(name: str) -> str:

@@ -21,7 +21,7 @@ _HINT = "see 'Loops in a YAML beside a URDF' in docs/import.md"
 
 
 class Beside:
-    """The YAML beside a URDF at a path; without entries where there is none, or one of another kind.  Raises ModelError where it is wrong."""
+    """The YAML beside a URDF; without entries where there is none, or one of another kind.  Raises ModelError where it is wrong."""
 
     def __init__(self, path: Path) -> None:
         self._path = path.with_suffix(".yaml")
@@ -53,11 +53,11 @@ class Beside:
             kind = str(kinds[i]).lower() if kinds else "6d"
             if kind not in ("3d", "6d") or not isinstance(pair, tuple) or len(pair) != 2:
                 self._fail("closed_loop", "wants pairs of frames, with the type 3d or 6d each")
-            ends = [_frame(robot, str(name)) for name in pair]
-            if ends[0] is None or ends[1] is None:
+            first, second = (_frame(robot, str(name)) for name in pair)
+            if first is None or second is None:
                 self._fail("closed_loop", f"names a frame that is neither joint nor link: {', '.join(map(str, pair))}")
-            (first, at), (second, there) = ends
-            robot.loops.append(Loop(f"loop_{i + 1}", root, "spherical" if kind == "3d" else "fixed", (first, second), at, there))
+            kind, links = "spherical" if kind == "3d" else "fixed", (first[0], second[0])
+            robot.loops.append(Loop(f"loop_{i + 1}", root, kind, links, first[1], second[1]))
         for name in map(str, self._items("name_mot")):
             if name not in robot.joints:
                 self._fail("name_mot", f"names the joint '{name}', which is not there", "correct the name, or take it out")

@@ -6,9 +6,7 @@ springs; here they are rigid.
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,27 +14,12 @@ from typing import Any
 import numpy as np
 
 from cutjoint.importing.closing import CLOSED
+from cutjoint.importing.mjcf_files import compile_mjcf, elements
 from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
-from cutjoint.importing.xml import LARGEST, Node, read_xml
-from cutjoint.model.errors import ModelError, Problem
-from cutjoint.model.text import is_number
-from cutjoint.package.extensions import MissingPackageError
+from cutjoint.importing.xml import Node, read_xml
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
-_INCLUDES = 50
-#: What MuJoCo reads as a number.
-_NUMBER = re.compile(r"[-+]?(nan|inf|[0-9.]+(e[-+]?[0-9]+)?)", re.IGNORECASE)
-_LARGEST_FILE = 200_000_000
-#: The most elements with those that are repeated; the largest number of pixels, heights, pairs of parts or entries, and the attributes that
-#: say it.
-_ELEMENTS, _LARGEST_SIZE, _FAR = 20_000, 4_000_000, 1e9
-_SIZES = {"texture": (("width", "height"),), "hfield": (("nrow", "ncol"),), "composite": (("count",) * 2,), "flexcomp": (("count",) * 2,)}
-#: Arrays of MuJoCo's model that are read.
-_NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "site_pos", "site_quat", "jnt_axis", "jnt_pos",
-            "jnt_stiffness", "dof_damping", "dof_armature", "dof_frictionloss", "qpos0", "qpos_spring", "key_qpos", "actuator_gear",
-            "actuator_gainprm", "actuator_biasprm", "actuator_armature", "actuator_damping", "geom_pos", "geom_quat",
-            "wrap_prm")  # fmt: skip
 #: Flags of <option> that switch parts of a model off, and the resistances of joints that they switch off.
 _FLAGS = ("GRAVITY", "SPRING", "DAMPER", "FRICTIONLOSS", "CONSTRAINT", "EQUALITY", "ACTUATION", "CLAMPCTRL")
 _SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICTIONLOSS", "CONSTRAINT"}}
@@ -52,88 +35,15 @@ def read_mjcf(path: Path) -> tuple[Robot, Node]:
     root = read_xml(path)
     if root.tag != "mujoco":
         root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")
-    roots = _require_inside(root, path.parent, path.parent, [path.resolve()])
-    _require_small(roots)
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingPackageError("reading MJCF needs the package mujoco: pip install 'cutjoint[mjcf]'") from None
-    warnings: list[str] = []
-    mujoco.set_mju_user_warning(warnings.append)  # else they go to a file in the present folder
-    try:
-        model, absent = _compile(path, root, mujoco)
-    except ValueError as error:
-        _at_line(roots, str(error)).refuse(f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}", "correct the file; MuJoCo has to read it")
-    finally:
-        mujoco.set_mju_user_warning(None)
-    if not all((np.abs(getattr(model, name)) <= LARGEST).all() for name in _NUMBERS):
-        node = next((node for node in _all(root) if any(map(_is_large, node.attributes.values()))), root)
-        node.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
+    model, absent = compile_mjcf(path, root)
+    import mujoco
+
     _heed(root)
     robot = _Reading(model, root, mujoco).robot
     if absent:
-        robot.notes.append(f"meshes and textures that are not there are not drawn: {', '.join(dict.fromkeys(absent))}")
+        names = ", ".join(absent)
+        robot.notes.append(f"meshes and textures that are not there, or not below the folder of the file, are not drawn: {names}")
     return robot, root
-
-
-def _at_line(roots: list[Node], message: str) -> Node:
-    """The element of which MuJoCo speaks, by its line and tag; the outermost one where it has no line, or several files have some."""
-    line, tag = re.search(r"\bline (\d+)", message), re.search(r"Element '(\w+)'", message)
-    found = [node for node in _all(roots[0]) if line and len(roots) == 1 and node.span.line == int(line[1])]
-    return next((node for node in found if tag and node.tag == tag[1]), found[-1] if found else roots[0])
-
-
-def _compile(path: Path, root: Node, mujoco: Any) -> tuple[Any, list[str]]:
-    """MuJoCo's model, and the files of pictures that are not there: it has points for them, without mass.
-
-    Raises:
-        ModelError: masses of bodies that move follow from them.
-        ValueError: MuJoCo refuses the file.
-    """
-    try:
-        return mujoco.MjModel.from_xml_path(str(path)), []
-    except ValueError:
-        spec = mujoco.MjSpec.from_file(str(path))
-    meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if _is_absent(path.parent / spec.meshdir, mesh.file)}
-    textures = [texture for texture in spec.textures if any(_is_absent(path.parent / spec.texturedir, file) for file in _files(texture))]
-    problems = list[Problem]()
-    for geom in spec.geoms:
-        if geom.meshname in meshes:
-            body, file = geom.parent, meshes[geom.meshname].file
-            weighs = geom.mass != 0 and geom.density != 0
-            explicit = body.explicitinertial and spec.compiler.inertiafromgeom != int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-            if weighs and not explicit and _moves(spec, body):
-                message = f"has the mass of '{file}', which is not there"
-                node = next((n for n in _all(root) if n.tag == "body" and n.attributes.get("name") == body.name), root)
-                problems.append(node.problem(message, "add the file, or write an inertial"))
-            geom.type, geom.size, geom.meshname, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-3, 0, 0], "", 0
-    if problems:
-        raise ModelError(list(dict.fromkeys(problems)))
-    files = [*(mesh.file for mesh in meshes.values()), *(file for texture in textures for file in _files(texture))]
-    for mesh in meshes.values():
-        spec.delete(mesh)
-    for texture in textures:
-        texture.file, texture.cubefiles, texture.type = "", [""] * len(texture.cubefiles), mujoco.mjtTexture.mjTEXTURE_2D
-        texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
-    return spec.compile(), files
-
-
-def _moves(spec: Any, body: Any) -> bool:
-    """Return whether a body, or one that carries it, has a joint."""
-    return bool(body != spec.worldbody and (body.joints or _moves(spec, body.parent)))
-
-
-def _is_large(text: str) -> bool:
-    """Return whether an attribute has a number that is not finite or too large."""
-    return any(not is_number(word) or abs(float(word)) > LARGEST for word in text.split() if _NUMBER.fullmatch(word))
-
-
-def _files(texture: Any) -> list[str]:
-    return [file for file in (texture.file, *texture.cubefiles) if file]
-
-
-def _is_absent(folder: Path, file: str) -> bool:
-    return bool(file) and not (folder / file).is_file()
 
 
 def _heed(node: Node) -> None:
@@ -145,76 +55,13 @@ def _heed(node: Node) -> None:
         _heed(child)
 
 
-def _require_small(roots: list[Node]) -> None:
-    """Refuse files of a few lines that MuJoCo's compiler makes very large models of."""
-    copies, nodes = math.prod(map(_copies, roots)), [node for root in roots for node in _all(root)]
-    if copies * len(nodes) > _ELEMENTS:
-        roots[0].refuse(f"repeats its {len(nodes)} elements up to {copies} times", "make it smaller")
-    for node in nodes:
-        sizes = [math.prod(_whole(node.attributes.get(name, "")) for name in names) for names in _SIZES.get(node.tag, ())]
-        if node.tag == "size":
-            sizes = [_whole(value) for name, value in node.attributes.items() if name != "memory"]
-        if max(sizes, default=0) > _LARGEST_SIZE:
-            node.refuse(f"is {max(sizes)} large", f"make it {_LARGEST_SIZE} at most")
-
-
-def _copies(node: Node) -> int:
-    """The largest product of counts of ``<replicate>`` within each other."""
-    own = _whole(node.attributes.get("count", "")) if node.tag == "replicate" else 1
-    return own * max(map(_copies, node.children), default=1)
-
-
-def _whole(text: str) -> int:
-    """The product of the numbers in an attribute without their fractions; what is none counts as one."""
-    return math.prod(max(1, int(min(float(word), _FAR))) for word in text.split() if is_number(word))
-
-
-def _require_inside(root: Node, folder: Path, at: Path, seen: list[Path]) -> list[Node]:
-    """The outermost elements of a file and of all that it takes in.  Files outside the folder of the model, very large ones and code are
-    refused."""
-    roots = [root]
-    for node in _all(root):
-        if node.tag == "plugin":
-            node.refuse("is a plugin, whose code is not run", "leave it out")
-        for key in ("meshdir", "texturedir", "assetdir"):
-            _inside(node, node.attributes.get(key, ""), folder, at)
-    folders = {node.attributes.get(key, "") for node in _all(root) for key in ("meshdir", "texturedir", "assetdir")} | {""}
-    named = [(node, value) for node in _all(root) for name, value in node.attributes.items() if name.startswith("file")]
-    for node, file in named:
-        for part in folders:
-            target = _inside(node, f"{part}/{file}" if part else file, folder, at)
-            if target.is_file() and target.stat().st_size > _LARGEST_FILE:
-                node.refuse(f"names a file of more than {_LARGEST_FILE // 1_000_000} MB", "make it smaller")
-        if node.tag in ("include", "model"):
-            target = _inside(node, file, folder, at)
-            if target in seen or len(seen) > _INCLUDES:
-                node.refuse(f"includes '{file[:60]}' again, or more than {_INCLUDES} files", "include each file once")
-            seen.append(target)
-            if target.is_file():
-                roots += _require_inside(read_xml(target), folder, at, seen)
-    return roots
-
-
-def _inside(node: Node, name: str, folder: Path, at: Path) -> Path:
-    target = (at / name).resolve()
-    if not target.is_relative_to(folder.resolve()):
-        node.refuse(f"names '{name[:60]}', outside the folder of the file", "put what it needs into that folder")
-    return target
-
-
-def _all(node: Node) -> Iterator[Node]:
-    yield node
-    for child in node.children:
-        yield from _all(child)
-
-
 class _Reading:
     """A compiled model of MuJoCo as a robot.  ``_of_joint`` has the names of joints by their number there."""
 
     def __init__(self, model: Any, root: Node, mujoco: Any) -> None:
         self.m, self._root, self._mujoco = model, root, mujoco
-        self._nodes = {(node.tag, node.attributes.get("name", "")): node for node in _all(root)}
-        self._equalities = [child for node in _all(root) if node.tag == "equality" for child in node.children]
+        self._nodes = {(node.tag, node.attributes.get("name", "")): node for node in elements(root)}
+        self._equalities = [child for node in elements(root) if node.tag == "equality" for child in node.children]
         self._links = self._names("BODY", model.nbody, lambda i: f"body_{i}" if i else "world")
         self._joints = self._names("JOINT", model.njnt, lambda j: f"{self._links[model.jnt_bodyid[j]]}_joint")
         self._fresh = [*self._links, *self._joints]
@@ -327,7 +174,7 @@ class _Reading:
                 link.colour = colour_of(tuple(map(float, m.geom_rgba[geom])))
 
     def _path(self, path: str) -> str:
-        folders = {node.attributes.get(key, "") for node in _all(self._root) for key in ("meshdir", "assetdir")} - {""}
+        folders = {node.attributes.get(key, "") for node in elements(self._root) for key in ("meshdir", "assetdir")} - {""}
         return "/".join([*sorted(folders)[:1], path])
 
     # relations

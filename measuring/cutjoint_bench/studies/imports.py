@@ -1,8 +1,8 @@
 """URDF files with loops as imported, beside Pinocchio, which reads them itself.
 
-Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and Cardan
-joints of a YAML beside it, and put into random poses that close its
-loops, at random speeds: Pinocchio has the joints' coordinates and rates there.  "place" and "acceleration" are the largest differences of
+Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and
+Cardan joints of a YAML beside it, and put into random poses that close its loops, at random speeds: Pinocchio has the joints' coordinates
+and rates there.  "place" and "acceleration" are the largest differences of
 centres of mass, the latter by the largest acceleration there.  "by rank" are the freedoms that the rank of Pinocchio's constraints leaves.
 "singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these have a column of
 their own.  "light" and "heavy" are the least and the largest eigenvalue of the mass matrix of the free motions, kg or kg m2.
@@ -15,7 +15,7 @@ rows of that run; Pinocchio has these from the file's numbers.  If that is more 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -82,6 +82,16 @@ def undamped(path: Path, folder: Path) -> Path:
     return target
 
 
+def hold(path: Path, joints: Collection[str]) -> None:
+    """Make joints of a file fixed ones: those that carry nothing with mass, which the import leaves out."""
+    tree = ElementTree.parse(path)
+    for joint in tree.getroot().findall("joint"):
+        if joint.get("name") in joints:
+            joint.set("type", "fixed")
+    if joints:
+        tree.write(path)
+
+
 def write_out(root: ElementTree.Element, name: str, axes: str) -> None:
     """Make hinges about ``axes`` of its frame of a joint, with links without mass between them; without axes a fixed joint."""
     joint = next(joint for joint in root.findall("joint") if joint.get("name") == name)
@@ -103,12 +113,14 @@ def write_out(root: ElementTree.Element, name: str, axes: str) -> None:
 
 
 class Subject:
-    """A file as imported and compiled, and the same file in Pinocchio."""
+    """A file as imported and compiled, and the same file in Pinocchio, in which joints that carry no mass are made fixed."""
 
     def __init__(self, path: Path) -> None:
-        self.oracle = PinocchioRobot(path)
         robot, root = read_urdf(path)
+        joints = set(robot.joints)
         robot.leave_out_idle()
+        hold(path, joints - robot.joints.keys())
+        self.oracle = PinocchioRobot(path)
         robot.join_balls()
         self.robot, self.closed = robot, close(robot)
         self.document = Document(robot, self.closed, path.parent, free=False)
@@ -270,6 +282,8 @@ def compare(path: Path, count: int, rows: int, seed: int, tolerance: float) -> t
     """The figures of a file."""
     with TemporaryDirectory() as folder:
         subject = Subject(undamped(path, Path(folder)))
+    if not any(joint.freedom for joint in subject.robot.joints.values()):
+        raise CutjointError("has no joint that moves")
     worst, states = Worst(), list(subject.states(count, seed))
     for state in states:
         worst.take(subject, begin(state, tolerance, 0.0))
