@@ -262,8 +262,20 @@ def test_keys_move_it_against_the_clock(delta: Path, browser: Page) -> None:
     outputs = dict(zip(("x", "y", "z"), browser.run("cutjoint.drive.outputs()"), strict=False))
     assert np.abs(browser.run("cutjoint.project('plate', 0)") - projected(browser, np.array([*outputs.values()]))).max() < 1.0
     assert "of the clock" in browser.run("document.getElementById('pace').textContent")
+    listed = browser.run("[...document.querySelectorAll('#keys div')].map((line) => line.textContent)")
+    assert [line.split()[-1] for line in listed[:3]] == ["q1", "q2", "q3"], "all keys, also of inputs that thumbs have no button for"
     browser.picture(PICTURES / "drive-delta.png")
     require_silence(browser)
+
+
+@needs_cpp
+@needs_zig
+def test_a_model_without_inputs_says_what_would_move_it(browser: Page, tmp_path: Path) -> None:
+    call("drive", MODELS / "slider_crank.yaml", "--loops", "compiled", "--out", tmp_path / "page.html")
+    browser.open(tmp_path / "page.html", size=(390, 844))
+    assert "cutjoint drive --open NAME" in browser.run("document.getElementById('inputs').innerText")
+    steps(browser, 100)
+    assert browser.run("cutjoint.drive.shown().time") > 0
 
 
 @needs_cpp
@@ -381,6 +393,15 @@ def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: p
 def test_wrong_options_are_told(options: tuple[object, ...], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
     assert said in call("drive", DELTA, *options, status=1)
+
+
+def test_a_replay_has_the_options_that_change_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    options = ("--loops", "compiled", "--method", "recursive-newton", "--open", "crank.*")
+    call("drive", MODELS / "slider_crank.yaml", *options, "--out", tmp_path / "page.html")
+    found = re.search(r'"replay": "([^"]*)"', (tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert found is not None
+    assert found[1] == "cutjoint drive slider_crank.yaml --scene turn --method recursive-newton --loops compiled --open 'crank.*'"
 
 
 def test_pages_that_are_not_driven_have_no_part_of_it() -> None:
