@@ -42,7 +42,8 @@ def main() -> None:
             model, found = find_case(read_model(MODELS / f"{name}.yaml"), scene)
             file.write_bytes(simulated(model, with_loops(found, loops), DEFAULT_METHOD).build_module())
         sizes = [len(file.read_bytes()) for file in files]
-        call = ["node", Path(__file__).with_suffix(".js"), templates_folder() / "wasm" / "module.js", str(SLICES), str(STEPS), *files]
+        host = templates_folder() / "wasm" / "module.js"
+        call = ["node", *map(str, (Path(__file__).with_suffix(".js"), host, SLICES, STEPS, *files))]
         runs = json.loads(subprocess.run(call, check=True, capture_output=True, text=True).stdout)
     for (name, scene, loops), size, run in zip(CASES, sizes, runs, strict=True):
         best, middle = np.quantile(run["seconds"], [0.1, 0.5])
