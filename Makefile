@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 # The tests that changes since BASE reach, by imports and names: make near BASE=main~3
 BASE ?= HEAD
-.PHONY: demo test quick near full sanitize fuzz figures bench batch sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads imports lint setup clean
+.PHONY: demo test quick near full sanitize fuzz figures bench batch driving sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads imports lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
@@ -108,6 +108,10 @@ errors: setup
 
 loops: setup
 	$(BIN)/python -m cutjoint_bench.studies.loops
+
+# Modules of cutjoint drive under Node.js
+driving: setup
+	$(BIN)/python -m cutjoint_bench.studies.drive
 
 # Robots that others wrote, as URDF with loops, beside Pinocchio: make imports ROBOTS=folder
 ROBOTS ?= tests/importing

@@ -19,8 +19,7 @@ from cutjoint.model.read import read_model_text
 from cutjoint.run.scenes import find_case
 from cutjoint.toolchain import wasm
 from cutjoint.toolchain.compiler import find_compiler
-from cutjoint.view.drive import ROADS, Ends, make_drive, replay_drive, simulated
-from cutjoint.view.page import own_script
+from cutjoint.view.drive import ROADS, replay_drive, simulated
 from tests.conftest import MODELS, ROOT, needs_cpp
 from tests.view.browser import Page
 from tests.view.conftest import call
@@ -262,8 +261,20 @@ def test_keys_move_it_against_the_clock(delta: Path, browser: Page) -> None:
     outputs = dict(zip(("x", "y", "z"), browser.run("cutjoint.drive.outputs()"), strict=False))
     assert np.abs(browser.run("cutjoint.project('plate', 0)") - projected(browser, np.array([*outputs.values()]))).max() < 1.0
     assert "of the clock" in browser.run("document.getElementById('pace').textContent")
+    listed = browser.run("[...document.querySelectorAll('#keys div')].map((line) => line.textContent)")
+    assert [line.split()[-1] for line in listed[:3]] == ["q1", "q2", "q3"], "all keys, also of inputs that thumbs have no button for"
     browser.picture(PICTURES / "drive-delta.png")
     require_silence(browser)
+
+
+@needs_cpp
+@needs_zig
+def test_a_model_without_inputs_says_what_would_move_it(browser: Page, tmp_path: Path) -> None:
+    call("drive", MODELS / "slider_crank.yaml", "--loops", "compiled", "--out", tmp_path / "page.html")
+    browser.open(tmp_path / "page.html", size=(390, 844))
+    assert "cutjoint drive --open NAME" in browser.run("document.getElementById('inputs').innerText")
+    steps(browser, 100)
+    assert browser.run("cutjoint.drive.shown().time") > 0
 
 
 @needs_cpp
@@ -345,44 +356,3 @@ def test_a_car_turns_to_the_left_brakes_and_is_seen_from_behind(car: Path, brows
     places = "[...document.querySelectorAll('#pads button')].map((pad) => pad.getBoundingClientRect())"
     assert browser.run(f"{places}.map((at) => at.left >= 0 && at.right <= innerWidth)") == [True] * 4
     require_silence(browser)
-
-
-@pytest.mark.parametrize(("change", "said"), [
-    ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"given": {"q1": "fast"}}, "(given.q1: "), ({"events": [[0, "q1"]]}, "(events.0"),
-    ({"steps": 1.5}, "(steps: "), ({"more": 1}, "(more: "), ({"mark": "0"}, "a drive of 'delta', circle, in another version"),
-])  # fmt: skip
-def test_a_replay_refuses_what_no_page_has_saved(change: dict[str, object], said: str, tmp_path: Path) -> None:
-    drive = {"cutjoint": "drive", "mark": "", "model": "delta", "scene": "circle", "dt": 0.01, "given": {}, "steps": 1, "every": 1}
-    (tmp_path / "drive.json").write_text(json.dumps({**drive, "events": [], **change}), encoding="utf-8")
-    assert said in call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "out.csv", status=1)
-
-
-def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
-    model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)
-    drive = make_drive(model, scene, {}, ranges=[Ends(name="q2", low=-0.1, high=0.2)], roles={"throttle": Ends(name="kp", high=900.0)})
-    axes = {axis["name"]: axis for axis in drive.facts["axes"]}  # type: ignore[attr-defined]
-    assert list(axes) == ["kp", "q1", "q2", "q3", "kd"]
-    assert [axis["plus"] for axis in axes.values()] == [("ArrowUp", "KeyW"), ("KeyL",), ("KeyI",), (), ()]
-    assert (axes["kp"]["low"], axes["kp"]["rest"], axes["kp"]["high"], axes["kp"]["kind"]) == (800, 800, 900, "parameter")
-    assert (axes["q1"]["low"], axes["q1"]["high"]) == (-0.5, 0.5)
-    assert (axes["q2"]["low"], axes["q2"]["high"]) == (-0.1, 0.2)
-
-
-@pytest.mark.parametrize(("options", "said"), [
-    (("--steer", "q9"), "model 'delta' has no input or open parameter 'q9'; it has kd, kp, q1, q2, q3"),
-    (("--steer", "q1=0.1"), "--steer q1=0.1: write q1=LOW,HIGH, or q1 alone"),
-    (("--throttle", "q1=1,2"), "--throttle q1=1,2: write q1=FULL, or q1 alone"),
-    (("--range", "q1=a,b"), "--range q1=a"),
-    (("--range", "q1=1 m,2 m"), "q1"),
-    (("--out", "x.txt"), "write a name that ends in .html"),
-    (("--replay", DELTA), "no drive; save one in a page of cutjoint drive as 'drive (JSON)'"),
-])  # fmt: skip
-def test_wrong_options_are_told(options: tuple[object, ...], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
-    assert said in call("drive", DELTA, *options, status=1)
-
-
-def test_pages_that_are_not_driven_have_no_part_of_it() -> None:
-    assert "class Simulation " in own_script(driving=True)
-    assert "class Simulation " not in own_script()

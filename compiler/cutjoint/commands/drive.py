@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from cutjoint.commands import options, table
+from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.package.errors import RunError
 from cutjoint.run.outputs import OutputError, require_apart
 from cutjoint.run.result_files import write_table, write_whole
+from cutjoint.run.scenes import with_loops
 from cutjoint.topology.reading import read_model
 from cutjoint.view.drive import Ends, make_drive, replay_drive
 from cutjoint.view.views import PAGE, drive_page
@@ -15,7 +17,7 @@ from cutjoint.view.views import PAGE, drive_page
 
 @table.command("drive")
 def command(
-    model: Path, scene: str | None, method: str, dt: float | None, opened: tuple[str, ...], changes: tuple[str, ...],
+    model: Path, scene: str | None, method: str, dt: float | None, loops: str | None, opened: tuple[str, ...], changes: tuple[str, ...],
     functions: Path | None, steer: str | None, throttle: str | None, brake: str | None, ranges: tuple[str, ...], replay: Path | None,
     out: Path | None,
 ) -> None:  # fmt: skip
@@ -25,7 +27,8 @@ def command(
     if out.suffix != ending:
         raise OutputError(f"--out {out}: no such kind of file; write a name that ends in {ending}")
     require_apart({"the model": model, "--replay": replay}, documents=[("--out", out)])
-    checked, chosen = options.take_case(read_model(model, opened=opened, functions=functions), scene)
+    checked, taken = options.take_case(read_model(model, opened=opened, functions=functions), scene)
+    chosen = with_loops(taken, loops)
     parameters = options.read_parameters(changes)
     roles = {
         role: _read_ends(f"--{role}", text, 2 if role == "steer" else 1)
@@ -38,9 +41,11 @@ def command(
         options.console_beside(out).print(f"replay: {out}, {len(table.rows)} rows", markup=False)
         return
     with options.progress_bar(f"compiling {model.name}"):
-        drive = make_drive(
-            checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=[_read_ends("--range", text, 2) for text in ranges]
-        )
+        given = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
+        more = [word for option, value in given.items() if value is not None for word in (option, str(value))]
+        more += [word for pattern in opened for word in ("--open", pattern)]
+        ends = [_read_ends("--range", text, 2) for text in ranges]
+        drive = make_drive(checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=ends, more=more)
         page = drive_page(checked, chosen, parameters, drive)
     write_whole(out, page)
     options.console_beside(out).print(f"drive: {out}, {len(page) / 1e6:.1f} MB", markup=False)

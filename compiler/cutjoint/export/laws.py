@@ -14,7 +14,7 @@ from sympy.printing.cxx import CXX17CodePrinter
 
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.formulate.inputs import input_functions, input_parameters
-from cutjoint.methods import PLAIN_CLOSURE
+from cutjoint.methods import PLAIN_CLOSURE, Loops
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.friction import bristle_name
@@ -39,7 +39,7 @@ from cutjoint.package.errors import RunError
 from cutjoint.run.artifact import make_simulator_run
 from cutjoint.run.failures import describe_failure
 from cutjoint.run.run_file import given_inputs, parameter_values
-from cutjoint.run.scenes import with_closure
+from cutjoint.run.scenes import with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS
 from cutjoint.run.simulator_run import start
 from cutjoint.topology.records import Topology
@@ -204,7 +204,8 @@ def find_start(
     """
     model = topology.model
     markers = tuple(m for body in model.bodies for m in markers_of(model, body.name))
-    marked, still = replace(model, markers=(*model.markers, *markers)), with_closure(replace(scene, end=0.0), PLAIN_CLOSURE)
+    marked = replace(model, markers=(*model.markers, *markers))
+    still = with_loops(with_closure(replace(scene, end=0.0), PLAIN_CLOSURE), Loops.EXACT)  # functions know not all coordinates
     artifact = compile_interpreted(marked, still, outputs=tuple(_outputs(topology, markers)))
     run = start(make_simulator_run(artifact, PLAIN_STEPS, parameters))
     if run.failure is not None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -125,12 +126,12 @@ class Replay:
 
 def make_drive(
     model: Model, scene: Scene, parameters: Mapping[str, float], *, method: str = DEFAULT_METHOD, dt: float | None = None,
-    roles: Mapping[str, Ends] | None = None, ranges: Sequence[Ends] = (),
+    roles: Mapping[str, Ends] | None = None, ranges: Sequence[Ends] = (), more: Sequence[str] = (),
 ) -> Drive:  # fmt: skip
     """The simulation of a scene for a page, with ``parameters`` (SI units) changed and steps of ``dt`` (s), by default the scene's.
 
     ``roles`` have the input or parameter of "steer", "throttle" and "brake", ``ranges`` the ends of others.  Ends follow from units, weight
-    and extent where nothing says them.
+    and extent where nothing says them.  A replay has ``more`` words of its command.
 
     Raises:
         RunError: a name is none of an input or a parameter, or a unit is another.
@@ -152,7 +153,7 @@ def make_drive(
     facts = {
         "dt": step, "every": max(1, round(max(1 / _ROWS, scene.output_step) / step)), "car": is_car, "axes": axes,
         "body": max(masses, key=lambda name: masses[name], default=""), "given": {name: float(value) for name, value in parameters.items()},
-        "replay": f"cutjoint drive {Path(model.span.file).name} --scene {scene.name}",
+        "replay": " ".join(["cutjoint drive", quote(Path(model.span.file).name), "--scene", quote(scene.name), *map(quote, more)]),
         "of": {o.column: list(elements.get(o.element, ())) for o in equations.outputs},
         "ground": _ground(scene) if equations.roads else None, "wheels": [_wheel(*wheel, numbers, equations.outputs) for wheel in wheels],
         "roads": {name: vars(road) for name, road in ROADS.items()} if alone.lays_roads else {},

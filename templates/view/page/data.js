@@ -3,7 +3,11 @@ const { AmbientLight, AnimationMixer, Box3, BufferGeometry, Color, DirectionalLi
   LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial, OrbitControls, PerspectiveCamera, Plot, Quaternion, Raycaster,
   Scene, Vector2, Vector3, Vector4, WebGLRenderer,
 } = Libraries;
-const bytes = (id) => Uint8Array.from(atob(held(id)), (c) => c.charCodeAt(0)).buffer;
+function bytes(id) {
+  const text = atob(held(id)), all = new Uint8Array(text.length);
+  for (let i = 0; i < all.length; i++) all[i] = text.charCodeAt(i);
+  return all.buffer;
+}
 const remainders = Uint32Array.from({ length: 256 }, (_, byte) => {
   for (let bit = 0; bit < 8; bit++) byte = (byte >>> 1) ^ (byte & 1 && 0xedb88320);
   return byte;

@@ -328,6 +328,7 @@ function look(from) {
 function chooseCamera(name) {
   run.camera = by('camera').value = name;
   orbit.enabled = name === 'orbit';
+  document.body.classList.toggle('chasing', !orbit.enabled);
   camera.fov = name === 'driver' ? 60 : 35;
   camera.updateProjectionMatrix();
   if (name === 'orbit') { state.follow = drive.car ? drive.body : outlook.follow; home(); }
@@ -351,8 +352,8 @@ const keyName = (key) => ({ ArrowLeft: '←', ArrowRight: '→', ArrowUp: '↑',
 
 /** The keys that there are, over the picture. */
 function layKeys() {
-  const own = run.axes.filter((axis) => axis.plus.length && hasPads(axis)).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
-  for (const [keys, text] of [...own, [['space'], 'pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
+  const own = run.axes.filter((axis) => axis.plus.length).map((axis) => [[axis.low === axis.rest ? '' : axis.minus[0], axis.plus[0]].filter(Boolean).map(keyName), axis.name]);
+  for (const [keys, text] of [...own, [['space'], 'drive, pause'], [['⌫'], 'back 3 s'], [['R'], 'reset'], [['C'], 'camera'], [['H'], 'hide this']]) {
     const line = by('keys').appendChild(document.createElement('div'));
     line.append(...keys.map((key) => Object.assign(document.createElement('kbd'), { textContent: key })), ` ${text}`);
   }
@@ -376,6 +377,8 @@ function layAxes() {
     for (const [side, keys] of [['minus', axis.low === axis.rest ? [] : axis.minus], ['plus', axis.plus]]) if (keys.length && hasPads(axis)) layPad(axis, side, keys[0], keyName(keys[0]));
   }
   by('tuning').open = !drive.car;
+  if (!drive.car) by('tuning').querySelector('summary').textContent = 'Parameters';
+  if (!run.axes.length) by('inputs').appendChild(document.createElement('p')).append('Nothing moves it from outside: the model has no input and no open parameter. ', Object.assign(document.createElement('kbd'), { textContent: 'cutjoint drive --open NAME' }), ' makes numbers of its file such.');
   by('tuning').hidden = !by('tunable').childElementCount;
 }
 
@@ -385,6 +388,7 @@ const hasPads = (axis) => run.axes.some((each) => each.role) ? axis.role : run.a
 /** A button that a thumb holds, as a key is held. */
 function layPad(axis, side, key, text) {
   const pad = Object.assign(document.createElement('button'), { type: 'button', textContent: axis.role === 'steer' ? (side === 'minus' ? '◀' : '▶') : axis.role ? axis.role : text, ariaLabel: `${axis.name}, ${side}` });
+  if (!axis.role) pad.append(Object.assign(document.createElement('small'), { textContent: axis.name }));
   pad.className = axis.role === 'steer' ? 'left' : 'right';
   for (const [event, on] of [['pointerdown', true], ['pointerup', false], ['pointercancel', false], ['pointerleave', false]])
     pad.addEventListener(event, (e) => { e.preventDefault(); run.keys[on ? 'add' : 'delete'](key); if (on && !state.playing && !run.fault) { playDrive(true); run.keys.add(key); } });
@@ -488,7 +492,7 @@ async function showDrive() {
   columns.push(...[...run.core.outputs, ...run.axes].map(({ name, unit }) => ({ name, unit, bodies: drive.of[name] ?? [], values: new Float32Array(1), decimals: 3 })));
   fill(by('column'), columns.map((c) => [c.name, c.name]), columns[0]?.name);
   by('choice').hidden = !columns.length;
-  state.chosen = [(run.core.outputs.find((o) => drive.car && o.unit === 'm/s') ?? columns[0])?.name].filter(Boolean);
+  state.chosen = [(run.core.outputs.find((o) => drive.car && (o.unit === 'm/s' || /motion.*speed/.test(o.name))) ?? columns[0])?.name].filter(Boolean);
   by('column').value = state.chosen[0] ?? '';
   listValues();
   by('play').textContent = 'Drive';

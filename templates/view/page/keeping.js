@@ -33,7 +33,8 @@ function findKept() {
     kept.earlier = JSON.parse(localStorage.getItem(slot('earlier')) ?? 'null') ?? undefined;
   } catch { kept.earlier = undefined; }
   by('kept').hidden = !(kept.earlier?.steps > 0);
-  by('lasted').textContent = kept.earlier ? `A drive of ${(kept.earlier.steps * kept.earlier.dt).toFixed(0)} s is kept from before this page was closed.` : '';
+  const lasted = kept.earlier ? kept.earlier.steps * kept.earlier.dt : 0;
+  by('lasted').textContent = kept.earlier ? `A drive of ${lasted.toFixed(lasted < 1 ? 1 : 0)} s is kept from before this page was closed.` : '';
   by('goon').addEventListener('click', () => goOn(kept.earlier));
   by('race').addEventListener('click', () => raceGhost(kept.earlier));
   by('forget').addEventListener('click', () => { by('kept').hidden = true; });

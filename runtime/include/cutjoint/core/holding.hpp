@@ -27,14 +27,16 @@ class Holding {
   using Real = typename M::real_type;
 
   explicit Holding(M& mechanism)
-      : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)),
-        b_(n_ + m_), x_(n_ + m_), room_(n_ + m_), left_(n_ + m_), beside_(n_ + m_), order_(n_ + m_), way_(n_), sum_(n_), still_(n_), zero_(m_),
+      : mechanism_(mechanism), n_(known(sizes_of(mechanism).speeds)), joint_speeds_(sizes_of(mechanism).joint_speeds()),
+        m_(known(sizes_of(mechanism).equations)), N_(n_ * n_), right_(n_ * (n_ + m_)), b_(n_ + m_), x_(n_ + m_), room_(n_ + m_), left_(n_ + m_),
+        beside_(n_ + m_), order_(n_ + m_), way_(n_), sum_(n_), still_(n_), zero_(m_),
         jacobian_(m_ * n_), residual_(m_), rate_(m_), at_rest_(m_) {}
 
-  /// Bring accelerations of a state to those with held coordinates; `begin_step` has been called for its time.
+  /// Bring accelerations of a state to those with held coordinates; `begin_step` has been called for its time.  One may be in the `same_pose` as the
+  /// state of the last call.
   template <class Flags>
-  void hold(const StateOf<M>& state, const Flags& held, Real* a) {
-    find_ways(state);
+  void hold(const StateOf<M>& state, const Flags& held, Real* a, bool same_pose) {
+    if (!same_pose) find_ways(state);
     find_change(held, a);
     for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + way_[i];
   }
@@ -92,6 +94,7 @@ class Holding {
     for (std::size_t place = 0; place < n_; ++place) {
       if (place < rank) continue;
       const std::size_t own = m_ > 0 ? squares.column_at(place) : place;
+      if (own >= joint_speeds_) continue;  // first-order states move no mass
       std::copy_n(jacobian_.data() + own * m_, m_, b_.begin());
       std::fill(x_.begin(), x_.end(), Real(0));
       if (m_ > 0) squares.solve(b_.data(), x_.data(), room_.data());
@@ -182,7 +185,7 @@ class Holding {
   }
 
   M& mechanism_;
-  std::size_t n_, m_, ways_ = 0;
+  std::size_t n_, joint_speeds_, m_, ways_ = 0;
   Array<M, n * n> N_;
   Array<M, n * (n + m)> right_;
   Array<M, n + m> b_, x_, room_, left_, beside_;

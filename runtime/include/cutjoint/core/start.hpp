@@ -213,10 +213,11 @@ class Starter {
     retract<Real>(charts_of(mechanism_), from_.data(), room_.data(), state.q.data());
   }
 
-  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.
-  void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a) {
+  /// The accelerations at rest of what is not held; below them what would draw open loops together at 10 1/s.  The state may be in the `same_pose` as
+  /// the last one that was read.
+  void read_rest(const StateOf<M>& state, const SpeedFlags<M>& held, Real* a, bool same_pose = false) {
     for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] && !carries_ ? Real(0) : state.vdot[i];
-    if (carries_) holding_.hold(state, held, a);
+    if (carries_) holding_.hold(state, held, a, same_pose);
     if (drawn_ > 0) find_residual(state);
     for (std::size_t i = 0; i < drawn_; ++i) a[n_ + i] = Real(100) * phi_[i];
   }
@@ -227,8 +228,8 @@ class Starter {
     const Real h(1e-5);
     const auto put = [&](std::size_t j, const StateOf<M>& forward, const StateOf<M>& backward) {
       Real* column = matrix_.data() + j * rows;
-      read_rest(backward, held, next_.data());
-      read_rest(forward, held, column);
+      read_rest(backward, held, next_.data(), j > sizes_.joint_speeds());
+      read_rest(forward, held, column, j >= sizes_.joint_speeds());  // beside each other in first-order states alone
       for (std::size_t i = 0; i < rows; ++i) column[i] = held[j] ? Real(0) : (column[i] - next_[i]) / (2 * h);
     };
     std::fill(step_.begin(), step_.end(), Real(0));

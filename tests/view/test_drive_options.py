@@ -1,0 +1,78 @@
+"""Options of `cutjoint drive`: inputs and their ends, replays that are refused, parts of pages."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cutjoint.methods import Loops
+from cutjoint.model.read import read_model, read_model_text
+from cutjoint.run.scenes import find_case, with_loops
+from cutjoint.view.drive import Ends, make_drive
+from cutjoint.view.page import own_script
+from cutjoint.view.views import show_start
+from tests.conftest import MODELS
+from tests.view.conftest import call
+
+DELTA = MODELS / "delta.yaml"
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"given": {"q1": "fast"}}, "(given.q1: "), ({"events": [[0, "q1"]]}, "(events.0"),
+    ({"steps": 1.5}, "(steps: "), ({"more": 1}, "(more: "), ({"mark": "0"}, "a drive of 'delta', circle, in another version"),
+])  # fmt: skip
+def test_a_replay_refuses_what_no_page_has_saved(change: dict[str, object], said: str, tmp_path: Path) -> None:
+    drive = {"cutjoint": "drive", "mark": "", "model": "delta", "scene": "circle", "dt": 0.01, "given": {}, "steps": 1, "every": 1}
+    (tmp_path / "drive.json").write_text(json.dumps({**drive, "events": [], **change}), encoding="utf-8")
+    assert said in call("drive", DELTA, "--replay", tmp_path / "drive.json", "--out", tmp_path / "out.csv", status=1)
+
+
+def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)
+    drive = make_drive(model, scene, {}, ranges=[Ends(name="q2", low=-0.1, high=0.2)], roles={"throttle": Ends(name="kp", high=900.0)})
+    axes = {axis["name"]: axis for axis in drive.facts["axes"]}  # type: ignore[attr-defined]
+    assert list(axes) == ["kp", "q1", "q2", "q3", "kd"]
+    assert [axis["plus"] for axis in axes.values()] == [("ArrowUp", "KeyW"), ("KeyL",), ("KeyI",), (), ()]
+    assert (axes["kp"]["low"], axes["kp"]["rest"], axes["kp"]["high"], axes["kp"]["kind"]) == (800, 800, 900, "parameter")
+    assert (axes["q1"]["low"], axes["q1"]["high"]) == (-0.5, 0.5)
+    assert (axes["q2"]["low"], axes["q2"]["high"]) == (-0.1, 0.2)
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--steer", "q9"), "model 'delta' has no input or open parameter 'q9'; it has kd, kp, q1, q2, q3"),
+    (("--steer", "q1=0.1"), "--steer q1=0.1: write q1=LOW,HIGH, or q1 alone"),
+    (("--throttle", "q1=1,2"), "--throttle q1=1,2: write q1=FULL, or q1 alone"),
+    (("--range", "q1=a,b"), "--range q1=a"),
+    (("--range", "q1=1 m,2 m"), "q1"),
+    (("--out", "x.txt"), "write a name that ends in .html"),
+    (("--replay", DELTA), "no drive; save one in a page of cutjoint drive as 'drive (JSON)'"),
+])  # fmt: skip
+def test_wrong_options_are_told(options: tuple[object, ...], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    assert said in call("drive", DELTA, *options, status=1)
+
+
+def test_a_replay_has_the_options_that_change_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.folders.Standalone.build_module", lambda self: b"")
+    options = ("--loops", "compiled", "--method", "recursive-newton", "--open", "crank.*")
+    call("drive", MODELS / "slider_crank.yaml", *options, "--out", tmp_path / "page.html")
+    found = re.search(r'"replay": "([^"]*)"', (tmp_path / "page.html").read_text(encoding="utf-8"))
+    assert found is not None
+    assert found[1] == "cutjoint drive slider_crank.yaml --scene turn --method recursive-newton --loops compiled --open 'crank.*'"
+
+
+@pytest.mark.cpp
+def test_a_page_shows_the_start_of_loops_as_functions() -> None:
+    """Functions have no angles of the Iltis' tie rods."""
+    model, scene = find_case(read_model(MODELS / "iltis.yaml"), "simul1")
+    here, there = (show_start(model, with_loops(scene, loops), {}).poses for loops in Loops)
+    assert all(here[name].shift == pytest.approx(there[name].shift) for name in there)
+
+
+def test_pages_that_are_not_driven_have_no_part_of_it() -> None:
+    assert "class Simulation " in own_script(driving=True)
+    assert "class Simulation " not in own_script()
