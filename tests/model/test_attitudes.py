@@ -104,12 +104,12 @@ def test_what_is_wrong_with_an_attitude(written: str, expected: str) -> None:
 
 
 def test_what_a_start_cannot_be_sought_near() -> None:
-    """What has no position, and places that are assembled; the former is told by the list's own entry."""
+    """Coordinates without a position, and places that are assembled."""
     scene, given = "ball.attitude: ATTITUDE}", "ball.attitude: {rotation_vector: [0, 0, 0]}}"
     check(scene, f"{given}, near: [ball.attitude, §ball.angle]",
           "@: scene 'spin': near: 'ball.angle' is none of the positions; did you mean 'ball.attitude'?", TOP)  # fmt: skip
-    check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]",
-          "@: scene 'spin': near: where 'assemble' is, all that has no position may move; remove 'near', and its positions", TOP)  # fmt: skip
+    told = "near: where 'assemble' is, all that has no position may move; remove 'near' and its positions"
+    check(scene, f"{given}, assemble: {{body.x: 1}}, near: §[ball.attitude]", f"@: scene 'spin': {told}", TOP)
 
 
 def test_what_has_no_attitude() -> None:

@@ -58,7 +58,8 @@ def test_images_have_what_the_original_would() -> None:
 def test_lists_take_outputs_of_instances() -> None:
     """A model's list has them once, where it names them; a scene's has them alone."""
     text = varied("    outputs: [lift.Fy, end.z]", "    outputs: [{side: hand.ay}, end.z]", WING)
-    text = text.replace("scenes:", "outputs: [right.side]\nscenes:").replace("glide: {", "other: {end: 1, outputs: [left.side, right.end.z]}\n  glide: {")
+    text = text.replace("scenes:", "outputs: [right.side]\nscenes:")
+    text = text.replace("glide: {", "other: {end: 1, outputs: [left.side, right.end.z]}\n  glide: {")
     model = read_model_text(text, "m.yaml")
     assert [o.column for o in model.scenes["glide"].outputs] == ["right.side", "left.side", "left.end.z", "right.end.z"]
     assert [o.column for o in model.scenes["other"].outputs] == ["left.side", "right.end.z"]

@@ -92,7 +92,7 @@ def test_positions_may_be_where_a_rest_is_sought(method: str) -> None:
 
 
 def test_hosts_seek_a_rest_near_positions(tmp_path: Path) -> None:
-    """Folders have which positions lead and which hold; a host's own value of one that leads does so too."""
+    """Folders tell positions that lead from those that hold; a host's own value of one that leads does so too."""
     path = tmp_path / "hanging.yaml"
     path.write_text(near(0.2, 3.0), encoding="utf-8")
     sim = cutjoint.load(path).reset()

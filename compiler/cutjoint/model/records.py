@@ -643,7 +643,7 @@ class Scene:
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
     None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
     its loops close; of a scene whose start has been found ``positions`` are all coordinates, of the parameters' values in the file.
-    ``near`` names those of ``positions`` from which the start is sought, but which it need not have.
+    The start is sought from the ``positions`` that ``near`` names; it need not have them.
     """
 
     name: str

@@ -188,7 +188,7 @@ def _state(where: Element, joint: Joint, component: str, value: Any, keys: Path)
 
 
 def read_near(where: Element, scene: document.Scene, positions: Mapping[str, Scalar]) -> tuple[str, ...]:
-    """The components of ``positions`` from which a start is sought, but which it need not have."""
+    """The components of ``positions`` that a start is sought from.  It need not have them."""
     found: list[str] = []
     for index, name in enumerate(scene.near):
         joint, _, component = name.rpartition(".")
@@ -198,7 +198,7 @@ def read_near(where: Element, scene: document.Scene, positions: Mapping[str, Sca
             where.fail(f"near: '{name}' is none of the positions", hint, ("near", index))
         found += [c for c in components if c in positions]
     if found and scene.assemble:
-        where.fail("near: where 'assemble' is, all that has no position may move", "remove 'near', and its positions", ("near",))
+        where.fail("near: where 'assemble' is, all that has no position may move", "remove 'near' and its positions", ("near",))
     return tuple(found)
 
 
