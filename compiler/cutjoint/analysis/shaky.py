@@ -70,7 +70,9 @@ def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
     if rank == equations.speeds or np.abs(residual).max(initial=0.0) > CLOSED:
         return None
     free, across = right[rank:], left[:, rank:]
-    bend = _bend(equations, q, free, across)
+    bend = _bend(equations, q, free, across, _BENDS * values.max())
+    if bend is None:
+        return None
     spread = np.linalg.eigvalsh(bend)
     definite = np.where((spread > 0).all(axis=1) | (spread < 0).all(axis=1), np.abs(spread).min(axis=1), 0.0)
     if not definite.max(initial=0.0) > _BENDS * values.max():
@@ -82,10 +84,17 @@ def find_shakiness(equations: RecursiveEquations) -> Shakiness | None:
     )  # fmt: skip
 
 
-def _bend(equations: RecursiveEquations, q: Array, free: Array, across: Array) -> Array:
-    """The forms w . Phi_qq(d, d) in the free directions (k, speeds), for each w, a column: (w, k, k)."""
+def _bend(equations: RecursiveEquations, q: Array, free: Array, across: Array, least: float) -> Array | None:
+    """The forms w . Phi_qq(d, d) in the free directions (k, speeds), for each w, a column: (w, k, k).
+
+    None as soon as no form is larger than ``least``, or smaller than -``least``, along all directions so far: the least eigenvalue of a
+    definite form is no larger than what it is along any direction.
+    """
     forms = np.zeros((across.shape[1], len(free), len(free)))
     for j, direction in enumerate(free):
         ahead, behind = (evaluate_closures(equations, retract(equations, q, h * direction))[1] for h in (_DIFFERENCE, -_DIFFERENCE))
         forms[:, :, j] = across.T @ (ahead - behind) @ free.T / (2 * _DIFFERENCE)
+        along = np.diagonal(forms, axis1=1, axis2=2)[:, : j + 1]
+        if not ((along > least).all(axis=1) | (along < -least).all(axis=1)).any():
+            return None
     return np.asarray((forms + np.swapaxes(forms, 1, 2)) / 2)
