@@ -65,7 +65,7 @@ _ABOUT = {
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
-    "balance_slopes": "The slopes of the balance of forces and of second rates of loops, row by row; those that are always zero are not written.",
+    "balance_slopes": "The slopes of the balance of forces and of loops, row by row; those that are always zero are not written.",
     "loaded_values": "Values that depend on parameters alone, by which the balance has slopes.",
 }
 

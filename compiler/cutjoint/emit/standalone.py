@@ -545,7 +545,7 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
     fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
     *inner, border = (balance.parts.count(p) for p in range(max(balance.parts) + 1))
-    matrix = border * border + sum(size * (size + 2 * border) for size in inner) + n + m
+    matrix = n + m + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
     at_state = balance.length + matrix + q + 2 * n + m + given + 8
     return classes + fitted + 2 * at_state + 8 * balance.loaded + m + 64
 

@@ -202,8 +202,8 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
     """The slopes of the balance of forces (`implicit.equations.formulate_balance`), by its program.
 
     ``balance_slopes`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q, v,
-    inputs and what controllers hold, of values of parameters' time, ``loaded``, which ``loaded_values`` has, and of vdot and lambda;
-    entries that are always zero are left out.
+    inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
+    parameters' time in ``loaded``.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -247,7 +247,7 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
 
 
 def _parts_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> list[int]:
-    """How accelerations and multipliers fall apart, those of a joint together."""
+    """The parts of accelerations and multipliers, those of a joint together."""
     of_column = {firsts["vdot"] + i: i for i in range(len(entries))}
     of_column |= {firsts["v"] + i: i for i in range(len(equations.speed_names))}
     joints = [range(chart.v, chart.v + len(chart.speed_names)) for chart in equations.charts]

@@ -29,7 +29,7 @@ def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Colle
 
 
 def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) -> list[list[int]]:
-    """The unknowns beside a border, by what they reach one another through; each list and all of them in order."""
+    """The unknowns beside a border, by what they reach one another through, the largest lists first."""
     seen, found = set(border), []
     for first in range(len(neighbours)):
         if first in seen:
@@ -41,7 +41,7 @@ def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) 
             seen.update(fresh)
             component += fresh
         found.append(sorted(component))
-    return found
+    return sorted(found, key=len, reverse=True)
 
 
 def _cost(parts: Sequence[Sequence[int]], border: int) -> int:

@@ -221,16 +221,13 @@ class BalanceSlopes {
   bool decompose(At& x, double h, const Weights& weights) {
     auto& entries = x.matrix.entries();
     entries.fill(0.0);
-    for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
-        if (places.at[k] == Entries::none) continue;
-        const std::size_t column = T::columns[k];
-        if (!has_balls || !columns.turns[column]) {
-          entries[places.at[k]] += x.slope[k] * weights.of[column];
-          continue;
-        }
-        for (std::size_t j = 0; j < 3; ++j) entries[Bordered<T>::places.of(i, columns.unknown[column] + j)] += x.slope[k] * weights.turns[3 * column + j];
-      }
+    for (std::size_t k = 0; k < length; ++k) {
+      const std::size_t at = places.at[k], column = T::columns[k];
+      if (at == Entries::none) continue;
+      if (has_balls && columns.turns[column])
+        for (std::size_t j = 0; j < 3; ++j) entries[at + j] += x.slope[k] * weights.turns[3 * column + j];
+      else entries[at] += x.slope[k] * weights.of[column];
+    }
     for (std::size_t i = 0; i < m; ++i) entries[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
     const bool is_regular = x.matrix.decompose();
     x.decomposed_for = is_regular ? h : none;
@@ -259,25 +256,31 @@ class BalanceSlopes {
     return sum == 0.0 && close(x, change);
   }
 
-  /// Take back what loops have given way by; false where that does not come to an end.
+  /// The largest change along each direction, of so many.
+  static Slopes largest(const Changes& changes, std::size_t first, std::size_t end) {
+    Slopes size{};
+    for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[i].slope, -changes[i].slope), size);
+    return size;
+  }
+
+  static double share_of(const Slopes& part, const Slopes& whole) {
+    double share = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
+    return share;
+  }
+
+  /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
+  /// come to an end.
   bool close(At& x, Changes& change) const {
     if constexpr (m > 0) {
       Changes more = change;
-      double before = 1.0;
-      for (int iteration = 0; iteration < 6; ++iteration) {
+      for (int iteration = 0; iteration < 8; ++iteration) {
+        const Slopes pulled = largest(more, n, n + m);
         std::fill_n(more.begin(), n, Along{});
         for (std::size_t i = 0; i < m; ++i) more[n + i] *= -gives_way_[i];
         x.matrix.solve(more);
-        Slopes size{}, moved{};
-        for (std::size_t i = 0; i < n; ++i) {
-          size = larger(larger(change[i].slope, -change[i].slope), size);
-          moved = larger(larger(more[i].slope, -more[i].slope), moved);
-        }
         for (std::size_t i = 0; i < n + m; ++i) change[i] += more[i];
-        double share = 0.0;
-        for (std::size_t k = 0; k < directions; ++k) share = std::max(share, size[k] > 0.0 ? moved[k] / size[k] : moved[k]);
-        if (share * std::min(1.0, share / before) <= 1e-15) return true;
-        before = share;
+        if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-15) return true;
       }
       return false;
     }

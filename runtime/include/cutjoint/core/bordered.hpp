@@ -2,41 +2,45 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <utility>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/dual.hpp"
 
 namespace cutjoint {
 
-/// Where the entries of a matrix stand whose unknowns belong to the parts that `T::parts` names, the last of them the border.
+/// Where the entries of a matrix stand whose unknowns belong to the parts that `T::parts` names, the last of them the border.  Each part has a front,
+/// rows of its own unknowns and below them of the border's, of as many columns and some that fill registers.
 template <class T>
 struct BorderedPlaces {
   static constexpr std::size_t size = std::size(T::parts);
 
-  std::size_t inner = 0;                     ///< how many parts there are beside the border
-  std::array<std::size_t, size + 1> length{}, first{}, inside{}, right{}, below{};  ///< of each part: its unknowns, and where its blocks begin
-  std::array<std::size_t, size> place{};     ///< of unknowns in their parts
+  std::size_t last = 0;  ///< the border
+  std::array<std::size_t, size + 1> length{}, border{}, first{}, front{}, stride{};  ///< of each part: its unknowns, the border's beside them, and its front
+  std::array<std::size_t, size> place{};                                             ///< of unknowns in their parts
   std::size_t entries = 0, largest = 0;
 
   constexpr BorderedPlaces() {
-    for (std::size_t i = 0; i < size; ++i) inner = T::parts[i] > inner ? T::parts[i] : inner;
+    for (std::size_t i = 0; i < size; ++i) last = T::parts[i] > last ? T::parts[i] : last;
     for (std::size_t i = 0; i < size; ++i) place[i] = length[T::parts[i]]++;
-    for (std::size_t p = 0, at = 0; p <= inner; ++p) {
+    for (std::size_t p = 0, at = 0; p <= last; ++p) {
+      border[p] = p < last ? length[last] : 0;
+      const std::size_t rows = length[p] + border[p];
       first[p] = at, at += length[p];
-      inside[p] = entries, entries += length[p] * length[p];
-      if (length[p] > largest) largest = length[p];
-      if (p == inner) break;
-      right[p] = entries, entries += length[p] * length[inner];
-      below[p] = entries, entries += length[p] * length[inner];
+      stride[p] = (rows + register_length - 1) / register_length * register_length;
+      front[p] = entries, entries += rows * stride[p];
+      if (rows > largest) largest = rows;
     }
   }
 
   /// Of a row and a column, one of which is in the border if their parts differ.
   constexpr std::size_t of(std::size_t i, std::size_t j) const {
-    const std::size_t p = T::parts[i], r = T::parts[j];
-    if (p == r) return inside[p] + place[j] * length[p] + place[i];
-    return p == inner ? below[r] + place[j] * length[inner] + place[i] : right[p] + place[j] * length[p] + place[i];
+    const std::size_t p = T::parts[i] < T::parts[j] ? T::parts[i] : T::parts[j];
+    const std::size_t row = T::parts[i] == p ? place[i] : length[p] + place[i], column = T::parts[j] == p ? place[j] : length[p] + place[j];
+    return front[p] + row * stride[p] + column;
   }
 };
 
@@ -47,60 +51,84 @@ class Bordered {
   static constexpr BorderedPlaces<T> places{};
   static constexpr std::size_t size = places.size;
 
-  /// The entries, by `places`, columns of blocks one after another.
+  /// The entries, by `places`.
   Fixed<double, places.entries>& entries() { return x_; }
 
   /// Decompose it, which is overwritten; false where a part of it is singular, or no number.
   bool decompose() {
-    constexpr std::size_t border = places.length[places.inner];
-    for (std::size_t p = 0; p < places.inner; ++p) {
+    for (std::size_t p = 0; p <= places.last; ++p) {
+      if (!eliminate(p)) return false;
       const std::size_t n = places.length[p];
-      if (!triangles(p).decompose()) return false;
-      for (std::size_t j = 0; j < border; ++j) {
-        double* const column = x_.data() + places.right[p] + j * n;
-        double room[places.largest];
-        triangles(p).solve(column, room);
-        take(p, column, x_.data() + places.inside[places.inner] + j * border);
-      }
+      for (std::size_t i = 0; i < places.border[p]; ++i)
+        for (std::size_t j = 0; j < places.border[p]; ++j) row(places.last, i)[j] += row(p, n + i)[n + j];
     }
-    return border == 0 || triangles(places.inner).decompose();
+    return true;
   }
 
   /// x with A x = b, which it takes the place of.
   template <class Number>
-  void solve(Fixed<Number, size>& b) {
-    constexpr std::size_t border = places.length[places.inner];
+  void solve(Fixed<Number, size>& b) const {
     Fixed<Number, size> y;
-    Number room[places.largest];
     for (std::size_t i = 0; i < size; ++i) y[places.first[T::parts[i]] + places.place[i]] = b[i];
-    Number* const last = y.data() + places.first[places.inner];
-    for (std::size_t p = 0; p < places.inner; ++p) {
+    Number* const beside = y.data() + places.first[places.last];
+    Number room[places.largest];
+    for (std::size_t p = 0; p <= places.last; ++p) {
+      const std::size_t n = places.length[p];
       Number* const own = y.data() + places.first[p];
-      triangles(p).solve(own, room);
-      take(p, own, last);
+      for (std::size_t i = 0; i < n; ++i) room[i] = less(own[order_[places.first[p] + i]], line(p, i), room, i);
+      for (std::size_t i = 0; i < places.border[p]; ++i) beside[i] = less(beside[i], row(p, n + i), room, n);
+      for (std::size_t i = 0; i < n; ++i) own[i] = room[i];
     }
-    if constexpr (border > 0) triangles(places.inner).solve(last, room);
-    for (std::size_t p = 0; p < places.inner; ++p) {
-      const double* const right = x_.data() + places.right[p];
+    for (std::size_t p = places.last + 1; p-- > 0;) {
+      const std::size_t n = places.length[p], all = n + places.border[p];
       Number* const own = y.data() + places.first[p];
-      for (std::size_t j = 0; j < border; ++j)
-        for (std::size_t i = 0; i < places.length[p]; ++i) own[i] -= right[j * places.length[p] + i] * last[j];
+      for (std::size_t i = n; i < all; ++i) room[i] = beside[i - n];
+      for (std::size_t i = n; i-- > 0;) {
+        const double* const of = line(p, i);
+        room[i] = less(own[i], of + i + 1, room + i + 1, all - i - 1);
+        own[i] = room[i] /= of[i];
+      }
     }
     for (std::size_t i = 0; i < size; ++i) b[i] = y[places.first[T::parts[i]] + places.place[i]];
   }
 
  private:
-  dense::Triangles<double> triangles(std::size_t p) {
-    return {{x_.data() + places.inside[p], places.length[p], places.length[p]}, order_.data() + places.first[p]};
+  double* row(std::size_t p, std::size_t i) { return x_.data() + places.front[p] + i * places.stride[p]; }
+  const double* row(std::size_t p, std::size_t i) const { return x_.data() + places.front[p] + i * places.stride[p]; }
+
+  /// A row as rows are exchanged.
+  const double* line(std::size_t p, std::size_t i) const { return row(p, order_[places.first[p] + i]); }
+
+  /// b less a sum of products.
+  template <class Number>
+  static Number less(Number b, const double* factors, const Number* numbers, std::size_t n) {
+    for (std::size_t k = 0; k < n; ++k) b -= factors[k] * numbers[k];
+    return b;
   }
 
-  /// Take what a part's unknowns bring into the border's rows.
-  template <class Number>
-  void take(std::size_t p, const Number* own, Number* last) const {
-    constexpr std::size_t border = places.length[places.inner];
-    const double* const below = x_.data() + places.below[p];
-    for (std::size_t j = 0; j < places.length[p]; ++j)
-      for (std::size_t i = 0; i < border; ++i) last[i] -= below[j * border + i] * own[j];
+  /// Take a part's unknowns out of its front; false where they are not determined.
+  bool eliminate(std::size_t p) {
+    const std::size_t n = places.length[p], all = n + places.border[p], stride = places.stride[p];
+    std::size_t* const order = order_.data() + places.first[p];
+    for (std::size_t i = 0; i < n; ++i) order[i] = i;
+    for (std::size_t k = 0; k < n; ++k) {
+      std::size_t largest = k;
+      for (std::size_t i = k + 1; i < n; ++i)
+        if (std::abs(row(p, order[i])[k]) > std::abs(row(p, order[largest])[k])) largest = i;
+      std::swap(order[k], order[largest]);
+      const double* const pivot = row(p, order[k]);
+      const double inverse = 1.0 / pivot[k];
+      if (!(inverse - inverse == 0.0)) return false;
+      for (std::size_t i = k + 1; i < all; ++i) {
+        double* const changed = row(p, i < n ? order[i] : i);
+        if (changed[k] == 0.0) continue;
+        const double share = changed[k] *= inverse;
+        std::size_t j = k + 1;
+        for (; j % register_length != 0; ++j) changed[j] -= share * pivot[j];
+        for (; j < stride; j += register_length) reinterpret_cast<Part&>(changed[j]) -= share * reinterpret_cast<const Part&>(pivot[j]);
+      }
+    }
+    return true;
   }
 
   Fixed<double, places.entries> x_;

@@ -263,10 +263,11 @@ class Derivatives {
   /// The same by the balance of forces; false where that has a slope that is no number, or masses are singular.
   bool solve_balance() {
     typename Balance::Changes change;
-    balance_.find(state_->t, state_->q, state_->v, still_, force_, u_);
+    for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
+    balance_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
     if (!balance_.solve(q_, v_, du_, dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].slope};
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {force_[i], change[n + i].slope};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].slope};
     return true;
   }
 
