@@ -190,18 +190,25 @@ class BalanceSlopes {
   };
   static constexpr Columns columns{};
 
-  /// Of each slope its place in the matrix, of one by a quaternion that by the first of three speeds, of one by inputs and parameters none.
+  /// The slopes that have a place in the matrix, and their columns; behind `plain` ones those by quaternions, with the place by the first of three speeds.
   struct Entries {
-    static constexpr std::uint32_t none = ~std::uint32_t{};
-    std::array<std::uint32_t, length> at{};
+    struct Entry {
+      std::uint32_t slope, column, at;
+    };
+    std::array<Entry, length> list{};
+    std::size_t plain = 0, all = 0;
 
     constexpr Entries() {
-      for (std::size_t i = 0; i < n + m; ++i)
-        for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
-          const std::size_t column = T::columns[k];
-          const bool is_given = column >= first_input && column < first_acceleration;
-          at[k] = is_given ? none : static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[column]));
-        }
+      for (const bool turns : {false, true}) {
+        for (std::size_t i = 0; i < n + m; ++i)
+          for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
+            const std::size_t column = T::columns[k];
+            if ((column >= first_input && column < first_acceleration) || columns.turns[column] != turns) continue;
+            list[all++] = {static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(column),
+                           static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[column]))};
+          }
+        if (!turns) plain = all;
+      }
     }
   };
   static constexpr Entries places{};
@@ -221,12 +228,13 @@ class BalanceSlopes {
   bool decompose(At& x, double h, const Weights& weights) {
     auto& entries = x.matrix.entries();
     entries.fill(0.0);
-    for (std::size_t k = 0; k < length; ++k) {
-      const std::size_t at = places.at[k], column = T::columns[k];
-      if (at == Entries::none) continue;
-      if (has_balls && columns.turns[column])
-        for (std::size_t j = 0; j < 3; ++j) entries[at + j] += x.slope[k] * weights.turns[3 * column + j];
-      else entries[at] += x.slope[k] * weights.of[column];
+    for (std::size_t k = 0; k < places.plain; ++k) {
+      const auto& entry = places.list[k];
+      entries[entry.at] += x.slope[entry.slope] * weights.of[entry.column];
+    }
+    for (std::size_t k = places.plain; has_balls && k < places.all; ++k) {
+      const auto& entry = places.list[k];
+      for (std::size_t j = 0; j < 3; ++j) entries[entry.at + j] += x.slope[entry.slope] * weights.turns[3 * entry.column + j];
     }
     for (std::size_t i = 0; i < m; ++i) entries[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
     const bool is_regular = x.matrix.decompose();
@@ -280,7 +288,7 @@ class BalanceSlopes {
         for (std::size_t i = 0; i < m; ++i) more[n + i] *= -gives_way_[i];
         x.matrix.solve(more);
         for (std::size_t i = 0; i < n + m; ++i) change[i] += more[i];
-        if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-15) return true;
+        if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-13) return true;
       }
       return false;
     }

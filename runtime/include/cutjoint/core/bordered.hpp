@@ -109,18 +109,18 @@ class Bordered {
   /// Take a part's unknowns out of its front; false where they are not determined.
   bool eliminate(std::size_t p) {
     const std::size_t n = places.length[p], all = n + places.border[p], stride = places.stride[p];
-    std::size_t* const order = order_.data() + places.first[p];
-    for (std::size_t i = 0; i < n; ++i) order[i] = i;
+    double* rows[places.largest];
+    for (std::size_t i = 0; i < all; ++i) rows[i] = row(p, i);
     for (std::size_t k = 0; k < n; ++k) {
       std::size_t largest = k;
       for (std::size_t i = k + 1; i < n; ++i)
-        if (std::abs(row(p, order[i])[k]) > std::abs(row(p, order[largest])[k])) largest = i;
-      std::swap(order[k], order[largest]);
-      const double* const pivot = row(p, order[k]);
+        if (std::abs(rows[i][k]) > std::abs(rows[largest][k])) largest = i;
+      std::swap(rows[k], rows[largest]);
+      const double* const pivot = rows[k];
       const double inverse = 1.0 / pivot[k];
       if (!(inverse - inverse == 0.0)) return false;
       for (std::size_t i = k + 1; i < all; ++i) {
-        double* const changed = row(p, i < n ? order[i] : i);
+        double* const changed = rows[i];
         if (changed[k] == 0.0) continue;
         const double share = changed[k] *= inverse;
         std::size_t j = k + 1;
@@ -128,6 +128,7 @@ class Bordered {
         for (; j < stride; j += register_length) reinterpret_cast<Part&>(changed[j]) -= share * reinterpret_cast<const Part&>(pivot[j]);
       }
     }
+    for (std::size_t i = 0; i < n; ++i) order_[places.first[p] + i] = static_cast<std::size_t>(rows[i] - row(p, 0)) / stride;
     return true;
   }
 

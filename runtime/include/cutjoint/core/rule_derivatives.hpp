@@ -179,7 +179,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->gap_[i];
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
-      if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-10))) return true;
+      if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
       if (!this->balance_.knows(h) && !this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
       if (share > before / 2 && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
