@@ -547,7 +547,7 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     *inner, border = (balance.parts.count(p) for p in range(max(balance.parts) + 1))
     matrix = n + m + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
     at_state = balance.length + matrix + q + 2 * n + m + given + 8
-    return classes + fitted + 2 * at_state + 8 * balance.loaded + m + 64
+    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

@@ -245,15 +245,13 @@ class BalanceSlopes {
   /// The solution for the balance's changes by all but accelerations and multipliers; false where one is no number, or loops stay open.
   template <class Q, class V, class Inputs, class Held>
   bool back(At& x, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
-    Fixed<Slopes, first_acceleration> by;
-    const auto put = [&by](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by[first + j] = numbers[j].slope;
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
     };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held);
-    if (are_changing_) put(first_loaded, changes_);
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
     for (std::size_t i = 0; i < n + m; ++i) {
       Slopes sum{};
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[k] * by[T::columns[k]];
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[k] * by_[T::columns[k]];
       change[i].slope = sum;
     }
     x.matrix.solve(change);
@@ -301,6 +299,7 @@ class BalanceSlopes {
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
   bool are_changing_ = false;
+  Fixed<Slopes, first_acceleration> by_;  ///< of all but accelerations and multipliers
   Fixed<double, m> gives_way_;  ///< by how much loops do to multipliers in the matrix
 };
 
