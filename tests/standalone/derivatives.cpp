@@ -1,9 +1,11 @@
 // Derivatives of a folder's interface beside differences of its equations in 113 bits; prints the largest errors of A, B, C, D and of derivatives and
 // outputs along a direction, which has rates of inputs too, as shares of the largest entries; then those of a step's derivatives by states, inputs and parameters, beside
 // differences of the integrator in 113 bits.  Arguments: the difference, how many steps are taken first, then speeds that are independent, unless the folder chooses.
+// With `*100` in place of steps the errors are the largest of a hundred states behind steps at random, of parameters at random near those of the scene.
 #include <cstdio>
 #include <cstdlib>
 #include <cmath>
+#include <random>
 
 #include <vector>
 
@@ -148,13 +150,18 @@ struct Motion {
 
 static double memory[COUNT(SIZE) / sizeof(double)];
 
+static double errors[10];
+static int printed = 0;
+
+/// The error as a share of the largest entry, the largest until now.
 static void print_error(const std::vector<double>& found, const std::vector<double>& exact) {
   double error = 0.0, size = 0.0;
   for (std::size_t i = 0; i < found.size(); ++i) {
     error = std::isfinite(found[i]) ? std::fmax(error, std::fabs(found[i] - exact[i])) : INFINITY;
     size = std::fmax(size, std::fabs(exact[i]));
   }
-  std::printf("%g ", error > 0.0 ? error / std::fmax(size, 1e-300) : 0.0);
+  double& largest = errors[printed++ % 10];
+  largest = std::fmax(largest, error > 0.0 ? error / std::fmax(size, 1e-300) : 0.0);
 }
 
 /// Inputs and what controllers hold, of the present time.
@@ -177,12 +184,11 @@ void take_later_inputs(Sim& sim, Driven& motion) {
     }
 }
 
-int main(int count, char** arguments) {
-  auto* sim = OF(create)(memory, sizeof memory);
+/// At a state behind so many steps.
+template <class Sim>
+int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen) {
   int status = OF(start)(sim);
-  if (!status) status = OF(play)(sim, std::atol(arguments[2]), nullptr);
-  std::vector<int> chosen;
-  for (int i = 3; i < count; ++i) chosen.push_back(std::atoi(arguments[i]));
+  if (!status) status = OF(play)(sim, steps, nullptr);
   if (!status) status = chosen.empty() ? OF(choose)(sim) : OF(choose_speeds)(sim, chosen.data());
   std::vector<double> A(states * states), B(states * inputs), C(outputs * states), D(outputs * inputs), x(states + 1);
   if (!status) status = OF(linearise)(sim, A.data(), B.data(), C.data(), D.data());
@@ -206,7 +212,6 @@ int main(int count, char** arguments) {
   motion.guess.assign(delta.begin(), delta.begin() + n);
   for (int i = 0; i < joints; ++i) (choice.independent[static_cast<std::size_t>(i)] ? motion.independent : motion.dependent).push_back(i);
 
-  const Quad h(std::atof(arguments[1]));
   std::vector<double> exact_A(A.size()), exact_B(B.size()), exact_C(C.size()), exact_D(D.size());
   for (int j = 0; j < states + inputs; ++j) {
     Numbers at(x.begin(), x.begin() + states), by[2];
@@ -274,4 +279,26 @@ int main(int count, char** arguments) {
   OF(get_minimal)(sim, end.data());
   for (int i = 0; i < states; ++i) exact_end[i] = static_cast<double>(first[i]);
   print_error(X, exact_X), print_error(U, exact_U), print_error(P, exact_P), print_error(end, exact_end);
+  return 0;
+}
+
+int main(int count, char** arguments) {
+  auto* sim = OF(create)(memory, sizeof memory);
+  const Quad h(std::atof(arguments[1]));
+  std::vector<int> chosen;
+  for (int i = 3; i < count; ++i) chosen.push_back(std::atoi(arguments[i]));
+  if (arguments[2][0] != '*') {
+    if (compare(sim, h, std::atol(arguments[2]), chosen)) return 1;
+  } else {
+    std::mt19937 draw(1);
+    std::vector<double> scene(COUNT(PARAMETERS));
+    for (int i = 0; i < COUNT(PARAMETERS); ++i) scene[i] = OF(parameters)(sim)[i];
+    const auto settings = sim->sim.settings();
+    for (int left = std::atoi(arguments[2] + 1); left > 0; --left) {
+      for (int i = 0; i < COUNT(PARAMETERS); ++i) OF(set_parameter)(sim, i, scene[i] * (0.95 + 0.1 * (draw() / 4294967296.0)));
+      sim->sim.settings() = settings;
+      if (compare(sim, h, 1 + static_cast<long>(draw() % 150), chosen)) return 1;
+    }
+  }
+  for (const double error : errors) std::printf("%g ", error);
 }

@@ -50,6 +50,17 @@ def test_derivatives_are_those_of_differences_in_113_bits(
     compare(write(folder_of(text_of(name), f"{name}.yaml", scene, integrator, linearise=True), tmp_path), name, states)
 
 
+@pytest.mark.parametrize(("name", "integrator", "number"), with_heavy(
+    [("press", None, 5), ("press", None, 100), ("spinning", None, 100), ("flyball", "rk4", 100)],
+    ("press", None, 100), ("spinning", None, 100), ("flyball", "rk4", 100),
+))  # fmt: skip
+def test_derivatives_at_random_states_and_parameters(name: str, integrator: str | None, number: int, tmp_path: Path) -> None:
+    """Of accelerations and of steps, by states, inputs and parameters."""
+    place = write(folder_of(text_of(name), f"{name}.yaml", None, integrator, linearise=True), tmp_path)
+    errors = [float(x) for x in run(in_quads(place, name, "derivatives", ""), "1e-9", f"*{number}").split()]
+    assert max(errors) < 1e-9
+
+
 @pytest.mark.parametrize("closed", with_heavy([False, True], True))
 def test_derivatives_of_all_that_laws_see(closed: bool, tmp_path: Path) -> None:
     """Signals, states, samples, a function and friction by loads, in a tree and in a loop; of a step too."""

@@ -278,3 +278,21 @@ def test_the_command_has_the_first_event(tmp_path: Path) -> None:
     assert float(re.findall(r"by ([\d.e-]+) of the largest", many.output)[0]) < 1e-6
     none = CliRunner().invoke(main, [*call, "--objective", "event", "--end", "0.1"])
     assert (none.exit_code, "changes its formula until 0.1 s" in none.output) == (1, True)
+
+
+def test_the_command_needs_numbers_by_which_an_event_changes(tmp_path: Path) -> None:
+    text = """
+cutjoint: 1
+name: drop
+gravity: [0, 0, -9.81]
+bodies: {ball: {mass: 1, centre_of_mass: [0, 0, 1]}}
+joints: {fall: {kind: prismatic, bodies: [ground, ball], at: [0, 0, 1], axis: [0, 0, 1]}}
+forces: {floor: {kind: joint_force, joint: fall, law: "where(fall.displacement < 0, -1000*fall.displacement, -9)"}}
+outputs: [ball.z]
+scenes: {run: {end: 1, output_step: 0.01}}
+"""
+    (tmp_path / "drop.yaml").write_text(text, encoding="utf-8")
+    call = ["gradient", str(tmp_path / "drop.yaml"), "--integrator", "rk4", "--objective", "event"]
+    done = CliRunner().invoke(main, call)
+    assert (done.exit_code, "drop.yaml has no parameter and no input by which its event could change" in done.output) == (1, True)
+    assert CliRunner().invoke(main, [*call, "--by", "fall.displacement_rate"]).exit_code == 0

@@ -48,6 +48,8 @@ def command(
     sim.choose()
     run = _Run(sim, objective, list(asked) or list(sim.outputs), *_count_steps(sim, chosen.end if end is None else end, chosen.output_step))
     names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
+    if not names and objective == "event":
+        raise RunError(f"{model.name} has no parameter and no input by which its event could change: open numbers, or name states by --by")
     try:
         found = run.derive(names, from_rest)
     except (KeyError, TypeError, ValueError) as error:

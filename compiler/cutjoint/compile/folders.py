@@ -24,7 +24,7 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.formulate.transposed import Derived, linearise_balance, transpose
+from cutjoint.formulate.transposed import Derived, Linearised, linearise_balance, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
@@ -47,7 +47,7 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance
+from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
 from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_section
 
@@ -260,7 +260,7 @@ def make_standalone(
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts, chosen))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
-        parts = replace(parts, balance=_balance(parts))
+        parts = replace(parts, balance=_balance(parts, equations.scene))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -345,12 +345,12 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
 
 
-def _balance(parts: SimulationCode) -> Derived | None:
-    """The slopes of the balance of forces of a mechanism whose loops have no equations; None where evaluations over numbers with
-    derivatives take fewer operations."""
-    if parts.mechanism.equation_names:
+def _balance(parts: SimulationCode, scene: Scene) -> Linearised | None:
+    """The slopes of the balance of forces of a mechanism; None where evaluations over numbers with derivatives take fewer operations, or
+    where Newton's iteration has the equations of loops."""
+    if parts.system is not None and parts.mechanism.equation_names:
         return None
-    balance = formulate_balance(parts.mechanism)
+    balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
     return derived if derived.program.instructions("balance_slopes") <= most else None

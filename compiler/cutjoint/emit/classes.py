@@ -26,7 +26,7 @@ from cutjoint.formulate.records import CLOSE, POSES, Equations, RecursiveEquatio
 from cutjoint.formulate.recursive.quantities import posed_elements
 from cutjoint.formulate.states import describe_controllers
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.formulate.transposed import Derived
+from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import START
 from cutjoint.model.functions import signatures_of
 from cutjoint.program.blocks import BindingTime
@@ -65,7 +65,7 @@ _ABOUT = {
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
-    "balance_slopes": "What is left of the balance of forces, and its slopes; those that are always zero are not written.",
+    "balance_slopes": "The slopes of the balance of forces and of loops, row by row; those that are always zero are not written.",
     "loaded_values": "Values that depend on parameters alone, by which the balance has slopes.",
 }
 
@@ -107,7 +107,7 @@ class SimulationCode:
     derives_steps: bool = True
     side_by_side: Program | None = None
     transposed: Derived | None = None
-    balance: Derived | None = None
+    balance: Linearised | None = None
 
     @property
     def method(self) -> str:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
-from itertools import chain
+from itertools import accumulate, chain
 from math import hypot, isfinite
 from typing import Any
 
@@ -39,7 +39,7 @@ from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import digest_of_poses
-from cutjoint.formulate.transposed import Derived
+from cutjoint.formulate.transposed import Derived, Linearised
 from cutjoint.methods import CLOSURES, METHODS, Formulation
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
@@ -259,8 +259,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
         "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
-        "balance": parts.balance and name_of_balance(Page.of(equations, parts.method).class_name),
-        "loaded_of_balance": parts.balance and parts.balance.loaded,
+        "balance": parts.balance and _balance_view(parts.balance, name_of_balance(Page.of(equations, parts.method).class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
@@ -281,6 +280,16 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "positions": _given(begin.positions, start.coordinate_names), "rates": _given(begin.rates, start.speed_names),
         "near": [start.coordinate_names.index(name) for name in begin.near],
         **_roads(equations, begin), "lays_roads": False,
+    }  # fmt: skip
+
+
+def _balance_view(balance: Linearised, name: str) -> dict[str, object]:
+    """The places of the slopes of the balance of forces, and the ``name`` of the class that has them."""
+    starts = list(accumulate(map(len, balance.columns), initial=0))
+    middles = [first + sum(c < balance.unknowns for c in row) for first, row in zip(starts, balance.columns, strict=False)]
+    return {
+        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles,
+        "columns": [c for row in balance.columns for c in row], "parts": balance.parts,
     }  # fmt: skip
 
 
@@ -530,14 +539,16 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
 
 
-def _size_of_balance(parts: SimulationCode, balance: Derived) -> int:
+def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     """Numbers that the slopes of the balance of forces hold, over doubles and of parameters along directions."""
-    n, _, q, _ = _lengths(parts.mechanism)
+    n, m, q, _ = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
     fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
-    at_state = n * (q + 3 * n + given + balance.loaded) + q + 4 * n + given + 8
-    return classes + fitted + 2 * at_state + 8 * balance.loaded + 64
+    *inner, border = (balance.parts.count(p) for p in range(max(balance.parts) + 1))
+    matrix = n + m + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
+    at_state = balance.length + matrix + q + 2 * n + m + given + 8
+    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

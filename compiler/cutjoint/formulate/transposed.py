@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
+from cutjoint.program.borders import part
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
@@ -181,12 +183,27 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
     ]
 
 
-def linearise_balance(equations: RecursiveEquations, program: Program) -> Derived:
+@dataclass(frozen=True, kw_only=True)
+class Linearised(Derived):
+    """The slopes of a balance of forces: of each of its rows, in order, the ``columns`` of slopes that are not always zero, those of
+    ``unknowns``, accelerations and then multipliers, from one on, and how these fall apart, by ``parts`` (`program.borders`)."""
+
+    columns: Sequence[Sequence[int]]
+    unknowns: int
+    parts: Sequence[int]
+
+    @property
+    def length(self) -> int:
+        """The number of slopes."""
+        return sum(map(len, self.columns))
+
+
+def linearise_balance(equations: RecursiveEquations, program: Program) -> Linearised:
     """The slopes of the balance of forces (`implicit.equations.formulate_balance`), by its program.
 
-    ``balance_slopes`` has the n forces that are left, and matrices (n, ...) by rows: ``by_q``, ``by_v``, ``by_vdot``, ``by_input`` of
-    inputs and what controllers hold, ``by_loaded`` of values of parameters' time; entries that are always zero are not written.
-    ``loaded_values`` has these values.
+    ``balance_slopes`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q, v,
+    inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
+    parameters' time in ``loaded``.
 
     Raises:
         ValueError: an operation has no derivative.
@@ -194,33 +211,49 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Derive
     work = replace(program, graph=program.graph.copy())
     graph, function = work.graph, program.function(BALANCE)
     loaded, symbols = _loaded(work, [function]), _arguments(graph, [r.scalar for r in function.results])
-    columns = {n: [(slot.array, slot.offset + index)] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))}
-    columns |= {n: [("loaded", place) for place in places] for n, places in loaded.items()}
-    forces, length = len(equations.speed_names), sum(map(len, loaded.values()))
+    forces, loops, length = len(equations.speed_names), len(equations.equation_names), sum(map(len, loaded.values()))
     widths = {
-        "q": equations.coordinates, "v": forces, "vdot": forces, "input": 3 * len(equations.inputs) + equations.held, "loaded": length
+        "q": equations.coordinates, "v": forces, "input": 3 * len(equations.inputs) + equations.held, "loaded": length, "vdot": forces,
+        "lambda": loops,
     }  # fmt: skip
-    results = list(function.results)
+    firsts = dict(zip(widths, accumulate(widths.values(), initial=0), strict=False))
+    columns = {
+        n: [firsts[slot.array] + slot.offset + index] for n, (name, index) in symbols.items() if (slot := equations.slots.get(name))
+    }  # fmt: skip
+    columns |= {n: [firsts["loaded"] + place for place in places] for n, places in loaded.items()}
+    rows: list[dict[int, int]] = [{} for _ in range(forces + loops)]
     found = slopes(graph, [r.scalar for r in function.results], columns)
     for result, by in zip(function.results, found, strict=True):
-        row = equations.slots[result.target].offset + result.index
+        slot = equations.slots[result.target]
+        row = rows[slot.offset + result.index + (forces if slot.array == "curvature" else 0)]
         for n, slope in by.items():
-            entries = ((place, graph.lane(slope, k)) for k, place in enumerate(columns[n]))
-            results += [
-                Result(target=f"by_{array}", index=row * widths[array] + column, scalar=entry)
-                for (array, column), entry in entries if graph.value(entry) != 0.0
-            ]  # fmt: skip
-    values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, places in loaded.items() for k, i in enumerate(places)]
+            row |= {column: graph.lane(slope, k) for k, column in enumerate(columns[n])}
+    entries = [[column for column in sorted(row) if graph.value(row[column]) != 0.0] for row in rows]
+    places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
+    results = [Result(target="slope", index=i, scalar=rows[row][column]) for i, (row, column) in enumerate(places)]
+    values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
     lowered = [(f.name, program.function(f.name).results) for f in kept]
-    matrices = {f"by_{name}": Slot(array=f"by_{name}", offset=0, names=("",) * (forces * width)) for name, width in widths.items()}
-    arguments = (*equations.function(BALANCE).arguments, *(f"Real* by_{name}" for name in widths))
     made = (
-        *kept, Function(name="balance_slopes", arguments=arguments, results={}),
+        *kept, Function(name="balance_slopes", arguments=(*equations.function(BALANCE).arguments[:4], "Real* slope"), results={}),
         Function(name="loaded_values", arguments=("Real* loaded",), results={}),
     )  # fmt: skip
-    slots = matrices | {"loaded": Slot(array="loaded", offset=0, names=("",) * length)}
-    return Derived(
-        equations=replace(equations, functions=made, slots={**equations.slots, **slots}),
-        program=with_functions(work, [*lowered, ("balance_slopes", results), ("loaded_values", values)]), loaded=length,
+    slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("slope", len(places)), ("loaded", length))}
+    return Linearised(
+        equations=replace(equations, functions=made, slots={**equations.slots, **slots}), loaded=length, columns=entries,
+        program=with_functions(work, [*lowered, ("balance_slopes", results), ("loaded_values", values)]),
+        unknowns=firsts["vdot"], parts=_parts_of(equations, firsts, entries),
     )  # fmt: skip
+
+
+def _parts_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> list[int]:
+    """The parts of accelerations and multipliers, those of a joint together."""
+    of_column = {firsts["vdot"] + i: i for i in range(len(entries))}
+    of_column |= {firsts["v"] + i: i for i in range(len(equations.speed_names))}
+    joints = [range(chart.v, chart.v + len(chart.speed_names)) for chart in equations.charts]
+    for chart in equations.charts:
+        for i in range(len(chart.coordinate_names)):
+            of_column[firsts["q"] + chart.q + i] = chart.v + min(i, len(chart.speed_names) - 1)
+    pairs = [(row, of_column[c]) for row, of_row in enumerate(entries) for c in of_row if c in of_column]
+    together = [*joints, *([i] for i in range(sum(map(len, joints)), len(entries)))]
+    return part(len(entries), pairs, together)

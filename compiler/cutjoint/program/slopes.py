@@ -4,8 +4,8 @@ Adjoints go through a program's scalars from its results to what these follow fr
 shared and printed like others.  Lanes stay: what is spread over lanes is summed over them, and the other way round.
 
 Slopes of many results by many scalars are found by elimination.  Partial derivatives are the edges of a graph, from which one scalar after
-the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first (Griewank,
-Walther, Evaluating Derivatives, section 9.2).
+the other is taken.  Edges from those before it to those behind it take its place, the one with the fewest of these first, new ones twice
+(Griewank, Walther, Evaluating Derivatives, section 9.2).
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ def slopes(graph: Graph, results: Sequence[int], targets: Collection[int]) -> li
 
 class _Elimination:
     """The linearised graph of some results: of each scalar the edges that lead to it, and the scalars to which some lead from it.  Results
-    have numbers below 0."""
+    have numbers below 0; those that are lanes of one scalar are one with as many lanes."""
 
     def __init__(self, graph: Graph, targets: set[int]) -> None:
         self._graph = graph
@@ -209,10 +209,13 @@ class _Elimination:
         self._gathered: list[int] = []  # targets side by side, by which slopes have lanes until the end
         self._before: dict[int, dict[int, _Edge]] = {}
         self._behind: defaultdict[int, set[int]] = defaultdict(set)
+        self._results: list[int] = []
 
     def run(self, results: Sequence[int]) -> list[dict[int, int]]:
         """The slopes of results by targets."""
-        self._linearise(results)
+        places = [self._place(n) for n in results]
+        self._results = list(dict.fromkeys(n for n, _ in places))
+        self._linearise(self._results)
         inner = [n for n in self._before if n >= 0]
         heap = [(self._cost(n), n) for n in inner]
         heapq.heapify(heap)
@@ -228,7 +231,16 @@ class _Elimination:
             for other in self._eliminate(n):
                 if other in left:
                     heapq.heappush(heap, (self._cost(other), other))
-        return [self._slopes(self._before[-1 - i]) for i in range(len(results))]
+        number = {n: -1 - i for i, n in enumerate(self._results)}
+        return [self._slopes(self._before[number[n]], lane) for n, lane in places]
+
+    def _place(self, n: int) -> tuple[int, int | None]:
+        """The scalar that a result is, or the one of which it is a lane."""
+        node = self._graph.nodes[n]
+        if node.op != "lane" or n in self._targets:
+            return n, None
+        assert isinstance(node.data, int)
+        return node.args[0], node.data
 
     def _linearise(self, results: Sequence[int]) -> None:
         graph, scalars, depends = self._graph, _Scalars(self._graph), set(self._targets)
@@ -247,7 +259,8 @@ class _Elimination:
                     self._add(edges.setdefault(a, {}), key, coefficient)
             self._enter(n, edges)
         for i, n in enumerate(results):
-            self._enter(-1 - i, {n: {(None, None): graph.const(1.0)}} if n in depends else {})
+            key = (_ALL, _ALL) if graph.nodes[n].lanes else (None, None)
+            self._enter(-1 - i, {n: {key: graph.const(1.0)}} if n in depends else {})
 
     def _enter(self, n: int, edges: dict[int, _Edge]) -> None:
         self._before[n] = edges
@@ -255,7 +268,9 @@ class _Elimination:
             self._behind[a].add(n)
 
     def _cost(self, n: int) -> int:
-        return len(self._before[n]) * len(self._behind[n])
+        """The edges that take the place of a scalar, those twice that are new."""
+        before, behind = self._before[n].keys(), self._behind[n]
+        return 2 * len(before) * len(behind) - sum(len(before & self._before[c].keys()) for c in behind)
 
     def _eliminate(self, n: int) -> set[int]:
         """Take a scalar out; returns its neighbours."""
@@ -274,7 +289,7 @@ class _Elimination:
         return before.keys() | behind
 
     def _lanes(self, n: int) -> int:
-        return 0 if n < 0 else self._graph.nodes[n].lanes
+        return self._graph.nodes[self._results[-1 - n] if n < 0 else n].lanes
 
     def _join(self, edge: _Edge, lanes: int, first: _Edge, between: int, last: _Edge, behind: int) -> None:
         """Add the way by two edges; scalars before, between and behind them have so many lanes."""
@@ -334,9 +349,9 @@ class _Elimination:
                     return chosen if graph.signless(one) == one else graph.neg(chosen)
         return graph.mul(a, b)
 
-    def _slopes(self, edges: dict[int, _Edge]) -> dict[int, int]:
-        """The slopes by targets of a result to which edges lead."""
-        graph, found = self._graph, {a: self._slope(a, edge) for a, edge in edges.items()}
+    def _slopes(self, edges: dict[int, _Edge], lane: int | None) -> dict[int, int]:
+        """The slopes by targets of a result to which edges lead, or of a lane of it."""
+        graph, found = self._graph, {a: slope for a, edge in edges.items() if (slope := self._slope(a, edge, lane)) is not None}
         for n in self._gathered:
             if n in found:
                 slope = found.pop(n)
@@ -345,15 +360,26 @@ class _Elimination:
                         found[a] = graph.add(found[a], graph.lane(slope, k)) if a in found else graph.lane(slope, k)
         return found
 
-    def _slope(self, target: int, edge: _Edge) -> int:
-        """The slope that an edge from a target to a result stands for."""
+    def _slope(self, target: int, edge: _Edge, lane: int | None) -> int | None:
+        """The slope that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
         graph, lanes = self._graph, self._lanes(target)
-        if not lanes:
-            parts = [c if end is None else self._sum(c, -1 - end) for (_, end), c in edge.items()]
-            return reduce(graph.add, parts)
-        zero = graph.const(0.0)
-        apart = graph.gather(tuple(edge.get((k, None), zero) for k in range(lanes)))
-        return graph.add(edge[_ALL, None], apart) if (_ALL, None) in edge else apart
+        parts: list[int] = []
+        apart: dict[int, int] = {}
+        for (start, end), c in edge.items():
+            if end is not None and end < _ALL:
+                c = self._sum(c, -1 - end)
+            elif lane is not None:
+                if end not in (_ALL, lane):
+                    continue
+                if end == _ALL and (start == _ALL or graph.nodes[c].lanes):
+                    c, start = graph.lane(c, lane), lane if start == _ALL else start
+            if start is None or start == _ALL:
+                parts.append(c)
+            else:
+                apart[start] = graph.add(apart[start], c) if start in apart else c
+        if apart:
+            parts.append(graph.gather(tuple(apart.get(k, graph.const(0.0)) for k in range(lanes))))
+        return reduce(graph.add, parts) if parts else None
 
 
 def _edges(graph: Graph, scalars: _Scalars, n: int) -> Iterator[tuple[int, tuple[int | None, int | None], int]]:

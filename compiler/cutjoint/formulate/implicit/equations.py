@@ -50,6 +50,7 @@ from cutjoint.formulate.inputs import (
     Numbers,
     column_slots,
     derive_scene_inputs,
+    make_numbers,
     make_translator,
     open_parameters,
     report_columns,
@@ -72,11 +73,12 @@ from cutjoint.formulate.recursive.forces import add_bodies, add_forces, add_guar
 from cutjoint.formulate.recursive.friction import rub, rubbed
 from cutjoint.formulate.recursive.gears import GearClosure, derive_gears
 from cutjoint.formulate.recursive.kinematics import Kinematics, derive_kinematics
-from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, pulls, transport
+from cutjoint.formulate.recursive.loops import Closing, LoopClosure, derive_loops, loop_errors, pulls, transport
 from cutjoint.formulate.recursive.outputs import Reactions, Reporter, derive_energy, given_accelerations
 from cutjoint.formulate.recursive.quantities import Forces
 from cutjoint.formulate.states import placed_states, sample_function, sample_slots, state_residuals, state_tangent, still_states
 from cutjoint.formulate.switches import describe_domains, describe_switches, domain_slots, domains_function, events_function, value_slots
+from cutjoint.methods import DEFAULT_CLOSURE
 from cutjoint.model.dependencies import seeing_forces
 from cutjoint.model.quantities import unit_of
 from cutjoint.model.records import GROUND, Assembly, Output
@@ -148,9 +150,9 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     )  # fmt: skip
 
 
-def formulate_balance(start: RecursiveEquations) -> RecursiveEquations:
-    """The function ``balance`` of a mechanism whose loops have no equations: q, v, vdot -> what is left of the balance of forces, in the
-    axes of its recursive equations ``start``."""
+def formulate_balance(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
+    """The function ``balance`` of a mechanism: q, v, vdot, lambda -> what is left of the balance of forces, with those of loops, and of the
+    second rates of these, in the axes of its recursive equations ``start``."""
     topology, scene = start.topology, start.scene
     model, b = topology.model, Builder()
     k = derive_kinematics(b, make_translator(b, model), topology, {c.joint: c for c in start.charts}, axes=start.axes)
@@ -158,20 +160,28 @@ def formulate_balance(start: RecursiveEquations) -> RecursiveEquations:
     add_bodies(system, k, model)
     masses, weights_of_masses = dict(system.M), dict(system.Q)
     add_forces(system, k, model, scene, ())
-    Zdd = given_accelerations(k)
+    Zdd, numbers = given_accelerations(k), make_numbers(b, topology.closing, closure)
+    loops, gears = derive_loops(k, topology.cuts, numbers), derive_gears(k, model.gears, numbers)
     if rubs := rubbed(model, system):
-        rub(rubs, system, k, Forces(), Reactions(kinematics=k, loops=(), M=masses, Q=dict(system.Q), Zdd=Zdd, acting={}))
-    residual = _System(
-        b=b, k=k, start=start, system=system, loops=(), closed=(), gears=(), pushes=(), Zdd=Zdd, M=masses, Q=weights_of_masses
-    ).dynamic_residual()  # fmt: skip
+        rub(rubs, system, k, Forces(), Reactions(
+            kinematics=k, loops=loops, M=masses, Q=dict(system.Q), Zdd=Zdd, acting=dict(system.cut_joint_wrenches)
+        ))  # fmt: skip
+    system_of = _System(
+        b=b, k=k, start=start, system=system, loops=loops, closed=tuple(close(k, loop, b.number(0.0)) for loop in loops), gears=gears,
+        pushes=tuple(gear.multipliers for gear in gears), Zdd=Zdd, M=masses, Q=weights_of_masses,
+    )  # fmt: skip
+    curvature = loop_errors(k, loops, Zdd) | {g.gear.name: b.add(change(k, g, speed_inputs(k)), g.s) for g in gears}
+    residual = {name: left for name, left in system_of.dynamic_residual().items() if name.startswith("force_residual:")}
+    residual |= {f"curvature:{name}": b.record(left, "curvature", name) for name, left in curvature.items()}
     laws, fits = derive_scene_inputs(b, model, scene, list(residual.values())), loop_fits(b, topology)
     slots = start.state.chart_slots({"q": "q"}, {name: name for name in ("v", "vdot", "force_residual")})
-    arguments = ("const Real* q", "const Real* v", "const Real* vdot", "Real* force_residual")
-    function = Function(name=BALANCE, arguments=arguments, results=residual)
+    slots |= start.state.closure_slots(("lambda", "curvature"))
+    arguments = tuple(f"const Real* {name}" for name in ("q", "v", "vdot", "lambda"))
+    function = Function(name=BALANCE, arguments=(*arguments, "Real* force_residual", "Real* curvature"), results=residual)
     return replace(
         start, builder=b, outputs=(), columns=(), functions=(function, *laws.functions, *(fit.function for fit in fits)),
-        slots={**slots, **laws.slots, **fit_slots(fits)}, load_arguments=LOAD_ARGUMENTS, domains=(), switches=(), left_out=(),
-        inputs=laws.inputs, input_values=laws.length, fits=fits,
+        slots={**slots, **laws.slots, **fit_slots(fits)}, domains=(), switches=(), left_out=(), inputs=laws.inputs,
+        input_values=laws.length, fits=fits,
     )  # fmt: skip
 
 

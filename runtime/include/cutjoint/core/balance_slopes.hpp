@@ -2,16 +2,19 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/dense.hpp"
+#include "cutjoint/core/bordered.hpp"
 #include "cutjoint/core/dual.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/stabilisation.hpp"
 
 namespace cutjoint {
 
@@ -20,35 +23,44 @@ struct NoBalance {
   static constexpr bool is_there = false;
 };
 
-/// The balance of forces r(q, v, vdot, inputs, parameters) = 0 of a mechanism M whose loops have no equations, by generated code C of its slopes.
-/// Parameters are in it by values that follow from them alone, as many as are `loaded`.
+/// The balance of forces and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
+/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, and their columns.  Parameters are
+/// in it by values that follow from them alone, as many as are `loaded`.
 ///
-/// At a state the slopes are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and one solution.  Two
-/// states are kept, where a step begins and where it ends.
-template <class M, template <class> class C, std::size_t loaded>
+/// At a state the slopes are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
+/// give way to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
+/// multipliers to which the augmented update leads.  Two states are kept, where a step begins and where it ends.
+template <class M, template <class> class C, class T>
 class BalanceSlopes {
  public:
   static constexpr bool is_there = true;
-  static constexpr std::size_t n = M::sizes.speeds, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
-                               given = inputs + M::sizes.held;
-  using Changes = Fixed<Along, n>;
+  static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
+                               given = inputs + M::sizes.held, loaded = T::loaded;
+  using Changes = Fixed<Along, n + m>;
+  using Numbers = Fixed<double, n + m>;
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
   }
 
-  /// Parameters as they are, which do not change along directions.
-  template <class Roads>
-  void load(const double* parameters, const Roads* roads) {
-    plain_.load(parameters, roads);
+  /// Parameters of a simulation as they are, which do not change along directions.
+  template <class Simulation>
+  void load(Simulation& simulation) {
+    [[maybe_unused]] const auto& penalties = simulation.penalties();
+    load_mechanism(plain_, simulation.parameters().data(), simulation.roads(), simulation.stabilisation(), penalties);
     for (At& x : at_) x.is_found = false;
     changes_.fill({});
     are_changing_ = false;
+    for (std::size_t cut = 0, i = 0; i < m; ++i) {
+      while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
+      gives_way_[i] = 1e-3 / penalties[cut];
+    }
   }
 
   /// How they change.
-  template <class Roads>
-  void load_changes([[maybe_unused]] const Dual* parameters, [[maybe_unused]] const Roads* roads) {
+  template <class Roads, class Penalties>
+  void load_changes([[maybe_unused]] const Dual* parameters, [[maybe_unused]] const Roads* roads, [[maybe_unused]] const StabilisationSettings& stabilisation,
+                    [[maybe_unused]] const Penalties& penalties) {
     if constexpr (loaded > 0) {
       const auto changes = [](const Dual& x) {
         double size = 0.0;
@@ -58,18 +70,18 @@ class BalanceSlopes {
       const bool were_changing = std::exchange(are_changing_, std::any_of(parameters, parameters + M::sizes.parameters, changes));
       if (!are_changing_ && !were_changing) return;
       Fixed<Dual, loaded> values;
-      with_changes_.load(parameters, roads);
+      load_mechanism(with_changes_, parameters, roads, stabilisation, penalties);
       with_changes_.loaded_values(values.data());
       for (std::size_t i = 0; i < loaded; ++i) changes_[i].slope = values[i].slope;
     }
   }
 
   /// Go to a state, and find slopes where they are not kept.
-  template <class Numbers, class Speeds, class Inputs>
-  void find(double t, const Numbers& q, const Speeds& v, const Speeds& vdot, const Inputs& u) {
+  template <class Q, class V, class L, class Inputs>
+  void find(double t, const Q& q, const V& v, const V& vdot, const L& lambda, const Inputs& u) {
     const auto is_same = [](const auto& a, const auto& b) { return std::equal(a.begin(), a.end(), b.begin()); };
     const auto is_here = [&](const At& x) {
-      return x.is_found && x.t == t && is_same(q, x.q) && is_same(v, x.v) && is_same(vdot, x.vdot) && is_same(u, x.u);
+      return x.is_found && x.t == t && is_same(q, x.q) && is_same(v, x.v) && is_same(vdot, x.vdot) && is_same(lambda, x.lambda) && is_same(u, x.u);
     };
     if (is_here(at_[now_])) return;
     now_ = 1 - now_;
@@ -80,25 +92,27 @@ class BalanceSlopes {
     std::copy(q.begin(), q.end(), x.q.begin());
     std::copy(v.begin(), v.end(), x.v.begin());
     std::copy(vdot.begin(), vdot.end(), x.vdot.begin());
+    std::copy(lambda.begin(), lambda.end(), x.lambda.begin());
     std::copy(u.begin(), u.end(), x.u.begin());
-    Fixed<double, n> left;
     plain_.begin_step(t, 1.0);
-    plain_.balance_slopes(x.q.data(), x.v.data(), x.vdot.data(), left.data(), x.by_q.data(), x.by_v.data(), x.by_vdot.data(), x.by_u.data(),
-                          x.by_loaded.data());
+    plain_.balance_slopes(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), x.slope.data());
     x.decomposed_for = none;
   }
 
-  /// How accelerations change with all else; false where that is no number, or masses are singular.
-  template <class Numbers, class Speeds, class Inputs, class Held>
-  bool solve(const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) {
+  /// How accelerations and multipliers change with all else; false where that is no number, or masses are singular.
+  template <class Q, class V, class Inputs, class Held>
+  bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     At& x = at_[now_];
-    if (x.decomposed_for != 0.0 && !x.decompose(0.0, x.by_vdot)) return false;
+    if (x.decomposed_for != 0.0) {
+      Weights weights;
+      if (!decompose(x, 0.0, weights)) return false;
+    }
     return back(x, q, v, du, held, change);
   }
 
   /// The same where they move the state, the end of a trapezoidal step that `decompose_end` has decomposed.
-  template <class Numbers, class Speeds, class Inputs, class Held>
-  bool solve_end(const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) {
+  template <class Q, class V, class Inputs, class Held>
+  bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     return back(at_[now_], q, v, du, held, change);
   }
 
@@ -107,42 +121,97 @@ class BalanceSlopes {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
-    Fixed<double, n * n> matrix;
-    for (std::size_t i = 0; i < n * n; ++i) matrix[i] = x.by_vdot[i] + by_speed * x.by_v[i];
+    Weights weights;
+    std::fill_n(weights.of.begin() + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
-      const auto at = static_cast<std::size_t>(chart.v), place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
-      for (std::size_t k = 0; k < scalars; ++k)
-        for (std::size_t i = 0; i < n; ++i) matrix[i * n + at + k] += by_place * x.by_q[i * coordinates + place + k];
-      if constexpr (coordinates > M::sizes.joint_speeds()) {
+      const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
+      std::fill_n(weights.of.begin() + place, scalars, by_place);
+      if constexpr (has_balls) {
         if (!chart.ball) continue;
+        const auto at = static_cast<std::size_t>(chart.v);
         Dual e[4], theta[3], turned[4];
         for (std::size_t k = 0; k < 4; ++k) e[k] = from[place + scalars + k];
         for (std::size_t k = 0; k < 3; ++k) theta[k] = delta[at + scalars + k], theta[k].slope[k] = by_place;
         turn<Dual>(e, theta, turned);
-        for (std::size_t i = 0; i < n; ++i)
-          for (std::size_t k = 0; k < 3; ++k)
-            for (std::size_t c = 0; c < 4; ++c)
-              matrix[i * n + at + scalars + k] += x.by_q[i * coordinates + place + scalars + c] * turned[c].slope[k];
+        for (std::size_t k = 0; k < 3; ++k)
+          for (std::size_t c = 0; c < 4; ++c) weights.turns[3 * (place + scalars + c) + k] = turned[c].slope[k];
       }
     }
-    return x.decompose(h, matrix);
+    return decompose(x, h, weights);
   }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
 
-  /// Accelerations that are off by this from those to which they lead: the correction takes its place.
-  void correct(Fixed<double, n>& left) {
+  /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `pull`.
+  void correct(Fixed<double, n>& left, Fixed<double, m>& pull) {
     At& x = at_[now_];
-    Fixed<double, n> force;
-    for (std::size_t i = 0; i < n; ++i)
-      for (std::size_t j = 0; j < n; ++j) force[i] += x.by_vdot[i * n + j] * left[j];
-    x.solve(force);
-    left = force;
+    Numbers force;
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k)
+        if (T::columns[k] < first_multiplier) force[i] += x.slope[k] * left[T::columns[k] - first_acceleration];
+    x.matrix.solve(force);
+    std::copy_n(force.begin(), n, left.begin());
+    std::copy_n(force.begin() + n, m, pull.begin());
   }
 
  private:
   static constexpr double none = -1.0;
+  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
+                               first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
+                               first_multiplier = first_acceleration + n, width = first_multiplier + m;
+  static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
+  static constexpr std::size_t length = T::starts[n + m];
+
+  /// The matrix of a step's end from slopes: the share of each by its column, and of quaternions by each of three speeds.
+  struct Weights {
+    Weights() { std::fill_n(of.begin() + first_acceleration, n + m, 1.0); }
+
+    Fixed<double, width> of;
+    Fixed<double, has_balls ? 3 * coordinates : 0> turns;
+  };
+
+  /// Of each column the unknown by whose change it changes, of a quaternion the first of three, and whether it is one.
+  struct Columns {
+    std::array<std::uint16_t, width> unknown{};
+    std::array<bool, width> turns{};
+
+    constexpr Columns() {
+      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint16_t>(i);
+      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint16_t>(i);
+      for (const Chart& chart : M::charts) {
+        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + i);
+        for (int i = chart.scalars; chart.ball && i < chart.scalars + 4; ++i) {
+          unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + chart.scalars);
+          turns[static_cast<std::size_t>(chart.q + i)] = true;
+        }
+      }
+    }
+  };
+  static constexpr Columns columns{};
+
+  /// The slopes that have a place in the matrix, and their columns; behind `plain` ones those by quaternions, with the place by the first of three speeds.
+  struct Entries {
+    struct Entry {
+      std::uint32_t slope, column, at;
+    };
+    std::array<Entry, length> list{};
+    std::size_t plain = 0, all = 0;
+
+    constexpr Entries() {
+      for (const bool turns : {false, true}) {
+        for (std::size_t i = 0; i < n + m; ++i)
+          for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
+            const std::size_t column = T::columns[k];
+            if ((column >= first_input && column < first_acceleration) || columns.turns[column] != turns) continue;
+            list[all++] = {static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(column),
+                           static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[column]))};
+          }
+        if (!turns) plain = all;
+      }
+    }
+  };
+  static constexpr Entries places{};
 
   /// A state, the slopes there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
   struct At {
@@ -150,53 +219,78 @@ class BalanceSlopes {
     double t = 0.0, decomposed_for = none;
     Fixed<double, coordinates> q;
     Fixed<double, n> v, vdot;
+    Fixed<double, m> lambda;
     Fixed<double, given> u;
-    Fixed<double, n * coordinates> by_q;
-    Fixed<double, n * n> by_v, by_vdot;
-    Fixed<double, n * given> by_u;
-    Fixed<double, n * loaded> by_loaded;
-    Fixed<double, n * n> factors;  ///< by columns
-    Fixed<std::size_t, n> order;
-
-    dense::Triangles<double> triangles() { return {{factors.data(), n, n}, order.data()}; }
-
-    /// Decompose a matrix, which stands by rows.
-    bool decompose(double h, const Fixed<double, n * n>& matrix) {
-      for (std::size_t i = 0; i < n; ++i)
-        for (std::size_t j = 0; j < n; ++j) factors[j * n + i] = matrix[i * n + j];
-      const bool is_regular = triangles().decompose();
-      decomposed_for = is_regular ? h : none;
-      return is_regular;
-    }
-
-    template <class Number>
-    void solve(Fixed<Number, n>& x) {
-      Fixed<Number, n> room;
-      triangles().solve(x.data(), room.data());
-    }
+    Fixed<double, length> slope;
+    Bordered<T> matrix;
   };
 
-  /// The solution for the balance's changes by all but accelerations; false where one is no number.
-  template <class Numbers, class Speeds, class Inputs, class Held>
-  bool back(At& x, const Numbers& q, const Speeds& v, const Inputs& du, const Held& held, Changes& change) const {
-    for (std::size_t i = 0; i < n; ++i) {
+  bool decompose(At& x, double h, const Weights& weights) {
+    auto& entries = x.matrix.entries();
+    entries.fill(0.0);
+    for (std::size_t k = 0; k < places.plain; ++k) {
+      const auto& entry = places.list[k];
+      entries[entry.at] += x.slope[entry.slope] * weights.of[entry.column];
+    }
+    for (std::size_t k = places.plain; has_balls && k < places.all; ++k) {
+      const auto& entry = places.list[k];
+      for (std::size_t j = 0; j < 3; ++j) entries[entry.at + j] += x.slope[entry.slope] * weights.turns[3 * entry.column + j];
+    }
+    for (std::size_t i = 0; i < m; ++i) entries[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
+    const bool is_regular = x.matrix.decompose();
+    x.decomposed_for = is_regular ? h : none;
+    return is_regular;
+  }
+
+  /// The solution for the balance's changes by all but accelerations and multipliers; false where one is no number, or loops stay open.
+  template <class Q, class V, class Inputs, class Held>
+  bool back(At& x, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
+    };
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
+    for (std::size_t i = 0; i < n + m; ++i) {
       Slopes sum{};
-      const auto take = [&sum](const double* row, const auto& numbers) {
-        for (std::size_t j = 0; j < numbers.size(); ++j) sum -= row[j] * numbers[j].slope;
-      };
-      take(x.by_q.data() + i * coordinates, q);
-      take(x.by_v.data() + i * n, v);
-      take(x.by_u.data() + i * given, du);
-      take(x.by_u.data() + i * given + inputs, held);
-      if (are_changing_) take(x.by_loaded.data() + i * loaded, changes_);
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[k] * by_[T::columns[k]];
       change[i].slope = sum;
     }
-    x.solve(change);
+    x.matrix.solve(change);
     Slopes odd{};
     for (const Along& along : change) odd += 0.0 * along.slope;
     double sum = 0.0;
     for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0;
+    return sum == 0.0 && close(x, change);
+  }
+
+  /// The largest change along each direction, of so many.
+  static Slopes largest(const Changes& changes, std::size_t first, std::size_t end) {
+    Slopes size{};
+    for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[i].slope, -changes[i].slope), size);
+    return size;
+  }
+
+  static double share_of(const Slopes& part, const Slopes& whole) {
+    double share = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
+    return share;
+  }
+
+  /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
+  /// come to an end.
+  bool close(At& x, Changes& change) const {
+    if constexpr (m > 0) {
+      Changes more = change;
+      for (int iteration = 0; iteration < 8; ++iteration) {
+        const Slopes pulled = largest(more, n, n + m);
+        std::fill_n(more.begin(), n, Along{});
+        for (std::size_t i = 0; i < m; ++i) more[n + i] *= -gives_way_[i];
+        x.matrix.solve(more);
+        for (std::size_t i = 0; i < n + m; ++i) change[i] += more[i];
+        if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-13) return true;
+      }
+      return false;
+    }
+    return true;
   }
 
   C<double> plain_;
@@ -205,6 +299,8 @@ class BalanceSlopes {
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
   bool are_changing_ = false;
+  Fixed<Slopes, first_acceleration> by_;  ///< of all but accelerations and multipliers
+  Fixed<double, m> gives_way_;  ///< by how much loops do to multipliers in the matrix
 };
 
 }  // namespace cutjoint

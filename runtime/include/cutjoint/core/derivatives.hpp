@@ -27,8 +27,8 @@ namespace cutjoint {
 ///
 /// x = (z, z') are minimal coordinates, behind them first-order states.  Along a direction of x and of inputs u the dependent coordinates
 /// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
-/// accelerations and multipliers from the fixed point of the augmented update, taken for their derivatives, without equations of loops from the
-/// balance of forces `Balance` where there is one.  What controllers hold stays.
+/// accelerations and multipliers from the balance of forces `Balance` where there is one, else from the fixed point of the augmented update, taken
+/// for their derivatives.  What controllers hold stays.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
 class Derivatives {
  public:
@@ -121,7 +121,7 @@ class Derivatives {
     std::copy(simulation.penalties().begin(), simulation.penalties().end(), penalties_.begin());
     dheld_.fill(Dual());
     for (std::size_t i = 0; i < M::sizes.roads; ++i) roads_[i] = Road<Dual>(simulation.roads()[i]);
-    if constexpr (Balance::is_there) balance_.load(simulation.parameters().data(), simulation.roads());
+    if constexpr (Balance::is_there) balance_.load(simulation);
     load_parameters(simulation);
     if constexpr (given > 0) {
       mechanism_.drive_by({&fill, this});
@@ -134,7 +134,7 @@ class Derivatives {
   void load_parameters(Simulation& simulation) {
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
     if constexpr (has_system) system_.load(parameters_.data(), roads_.data());
-    if constexpr (Balance::is_there) balance_.load_changes(parameters_.data(), roads_.data());
+    if constexpr (Balance::is_there) balance_.load_changes(parameters_.data(), roads_.data(), simulation.stabilisation(), penalties_);
   }
 
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
@@ -263,9 +263,11 @@ class Derivatives {
   /// The same by the balance of forces; false where that has a slope that is no number, or masses are singular.
   bool solve_balance() {
     typename Balance::Changes change;
-    balance_.find(state_->t, state_->q, state_->v, still_, u_);
+    for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
+    balance_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
     if (!balance_.solve(q_, v_, du_, dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].slope};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].slope};
     return true;
   }
 

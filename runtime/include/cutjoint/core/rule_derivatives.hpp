@@ -160,12 +160,13 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     typename Balance::Changes change;
     if (!this->balance_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) found_[i].slope = change[i].slope;
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {stage_.lambda[i], change[n + i].slope};
     lead(h);
     vdot_ = found_;
     return true;
   }
 
-  /// The fixed point of plain accelerations from those of the end; slopes of an earlier step correct these as long as errors fall, then those of the
+  /// The fixed point of plain accelerations and multipliers from those of the end; slopes of an earlier step correct these as long as errors fall, then those of the
   /// present ones.
   bool settle(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     from_values_ = from.q;
@@ -175,15 +176,17 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       lead_stage(h);
       mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->gap_.data());
       for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->gap_[i];
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
-      if (share == 0.0 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
       if (!this->balance_.knows(h) && !this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data())) return false;
       if (share > before / 2 && !linearise_end(end.t, h)) return false;
       if (iteration > 0) share_left_ = std::min(1.0, share / before);
       before = share;
-      this->balance_.correct(values_);
+      this->balance_.correct(values_, this->room_of_forces_);
       for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += values_[i];
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->room_of_forces_[i];
       if (share * share_left_ <= 1e-12) return true;
     }
     return false;
@@ -191,7 +194,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
 
   /// Slopes of the balance at the stage, and their matrix; false where that is singular.
   bool linearise_end(double t, double h) {
-    this->balance_.find(t, stage_.q, stage_.v, stage_.vdot, this->u_);
+    this->balance_.find(t, stage_.q, stage_.v, stage_.vdot, stage_.lambda, this->u_);
     return this->balance_.decompose_end(h, charts(), from_values_.data(), place_.data());
   }
 
