@@ -237,10 +237,9 @@ class _Elimination:
     def _place(self, n: int) -> tuple[int, int | None]:
         """The scalar that a result is, or the one of which it is a lane."""
         node = self._graph.nodes[n]
-        if node.op != "lane" or n in self._targets:
-            return n, None
-        assert isinstance(node.data, int)
-        return node.args[0], node.data
+        if node.op == "lane" and n not in self._targets and isinstance(node.data, int):
+            return node.args[0], node.data
+        return n, None
 
     def _linearise(self, results: Sequence[int]) -> None:
         graph, scalars, depends = self._graph, _Scalars(self._graph), set(self._targets)
@@ -363,8 +362,7 @@ class _Elimination:
     def _slope(self, target: int, edge: _Edge, lane: int | None) -> int | None:
         """The slope that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
         graph, lanes = self._graph, self._lanes(target)
-        parts: list[int] = []
-        apart: dict[int, int] = {}
+        parts, apart = list[int](), dict[int, int]()
         for (start, end), c in edge.items():
             if end is not None and end < _ALL:
                 c = self._sum(c, -1 - end)
