@@ -25,6 +25,7 @@ import pytest
 
 import cutjoint
 from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.methods import Implementation
 from cutjoint.package import system
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.scenes import find_case
@@ -125,7 +126,9 @@ def test_the_simulators_for_windows_have_the_rows_of_this_machine(
     }
     model, scene = find_case(cutjoint.read_model(MODELS / "press.yaml"), None)
     artifact = compile_interpreted(model, scene, method=method)
-    run_file = make_run_file(model, scene, {}, task="simulate", options=PLAIN_STEPS).entries()
+    run_file = make_run_file(
+        model, scene, {}, task="simulate", method=method, implementation=Implementation.INTERPRETED, options=PLAIN_STEPS
+    ).entries()  # fmt: skip
     tables = []
     for name, program in (("here", [str(artifact.binary.path)]), ("there", ["wine", program_of(tmp_path, method)])):
         out = tmp_path / f"{name}.csv"
