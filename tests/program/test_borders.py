@@ -32,4 +32,6 @@ def test_parts_are_coupled_by_the_border_alone(seed: int) -> None:
 def test_a_border_that_saves_nothing_stays_empty() -> None:
     full = list(product(range(6), range(6)))
     assert part(6, full, [[i] for i in range(6)]) == [0] * 6
+    star = [(i, j) for i in range(10) for j in range(6)] + [(i, i) for i in range(10)]
+    assert part(10, star, [range(6), *([i] for i in range(6, 10))]) == [0] * 10  # four parts of one unknown
     assert part(3, [(0, 1)], [[i] for i in range(3)]) == [0, 0, 1]
