@@ -136,7 +136,8 @@ class TwoTrack:
         cx, cy = (c * loads * (1 - loads / 15000) for c in (25, 20))
         share = np.hypot(cx * kappa, cy * slip) / (3 * MU * loads)
         grip = np.where(share < 1, 1 - share + share**2 / 3, 1 / np.maximum(3 * share, 1e-9))
-        return dx, dy, cx * kappa * grip, -cy * slip * grip
+        shorter = np.clip(9 * share**2, 1, 9)  # the path by which a patch follows that slides
+        return shorter * dx, shorter * dy, cx * kappa * grip, -cy * slip * grip
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         u, v, r = y[3:6]

@@ -98,4 +98,4 @@ class RunFile:
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> RunFile:
         """The file from the data that `asdict` makes of it."""
-        return cls(**{**data, "settings": Settings.of(data["settings"])})
+        return cls(**{**data, "settings": Settings.of(data["settings"]), "near": tuple(data["near"])})
