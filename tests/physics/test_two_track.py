@@ -272,7 +272,7 @@ def test_a_car_on_stiff_tyres_is_the_rigid_one(manoeuvre: str) -> None:
     """Deviations from a body that neither rolls nor pitches are inverse to the stiffness, as roll, pitch and camber are: those of two
     stiffnesses lead to the limit.  Speeds have the tyres' vibrations besides."""
     runs = []
-    for stiffness in (4e6, 16e6):
+    for stiffness in (8e6, 32e6):
         load = f"load: 0, pressed: {stiffness}, damped: {0.6 * sqrt(stiffness * 330)}"
         runs.append(drive(car(lambda name, load=load: load, FREE, scene(manoeuvre, ", pose: equilibrium"))))  # type: ignore[misc]
     *_, laws, breaks = MANOEUVRES[manoeuvre]
