@@ -160,11 +160,11 @@ def test_equilibrium_says_where_the_forces_of_held_positions_are(tmp_path: Path)
         "joints: {hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y}}\n"
         "scenes: {rest: {end: 1, positions: {hinge.angle: 0}}}\n"
     )
-    sentence = "held by forces that a reaction of the joint shows: hinge.angle"
+    sentence = "held where the scene has it, by a force that a reaction of the joint shows: hinge\n"
     assert sentence in call("equilibrium", path).output
     text = path.read_text()
     path.write_text(text.replace("angle: 0}", "angle: 0}, near: [hinge.angle]"))
-    assert "held by" not in call("equilibrium", path).output
+    assert "held where" not in call("equilibrium", path).output
     path.write_text(text + sensor)
     told = call("equilibrium", path).output
     assert sentence not in told

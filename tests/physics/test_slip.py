@@ -120,7 +120,7 @@ scenes:
     positions: {along.displacement: 0}
     rates: {along.displacement_rate: SPEED, w.rolling.bearing.angle_rate: SPEED/0.31}
     states: {w.rolling.rolled: 1}
-    inputs: {moment: {table: {t: [0, 0.2, 0.201, LAST, LAST + 0.001, 9], value: [0, 0, LARGEST, LARGEST, 0, 0]}, interpolation: linear}}
+    inputs: {moment: {table: {t: [0, 0.2, 0.201, LAST, AFTER, 9], value: [0, 0, LARGEST, LARGEST, 0, 0]}, interpolation: linear}}
     numerics: {events: crossed}
 """
 
@@ -128,8 +128,10 @@ scenes:
 @pytest.mark.parametrize(("what", "speed", "last", "largest"), [("drive", 4, 0.35, 1200), ("brake", 20, 0.7, 2500)])
 def test_a_wheel_that_has_slid_rolls_on(what: str, speed: int, last: float, largest: int) -> None:
     """A wheel that has spun, or locked, and is let go: the shear of its tread does not turn it past where it rolls, nor back."""
-    text = SPUN.replace("WHAT", what).replace("SPEED", str(speed)).replace("LAST + 0.001", str(last + 0.001)).replace("LAST", str(last))
-    model = read_model_text(text.replace("LARGEST", str(largest)), "m.yaml")
+    text = SPUN
+    for name, value in (("WHAT", what), ("SPEED", speed), ("LAST", last), ("AFTER", last + 0.001), ("LARGEST", largest)):
+        text = text.replace(name, str(value))
+    model = read_model_text(text, "m.yaml")
     run = completed(simulate(compile_scene(model, model.scenes["s"])))
     power = run["w.rolling.contact.Fx"] * run["w.rolling.slides_x.value"]
     lost, given = (np.trapezoid(np.maximum(sign * power, 0), run.t) for sign in (-1, 1))

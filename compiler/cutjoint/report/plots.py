@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cutjoint.model.records import Plot
 from cutjoint.package.errors import RunError
-from cutjoint.run.figures import Line, as_png, draw
+from cutjoint.run.figures import Line, as_png, draw, labelled
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import TIME, Array, Trajectory, read_table
 
@@ -60,7 +60,7 @@ def _require_table(path: Path) -> None:
 def _chosen(run: Trajectory, title: str, plot: Plot, folder: Path, beside: Others) -> Path:
     """A picture that a scene names: a panel for each unit."""
     lines = [line for name in plot.y for line in _lines(run, name, plot.x, name, beside)]
-    figure = draw(lines, x_label=f"{plot.x} [{run.unit_of(plot.x)}]", title=f"{title}: {plot.name}")
+    figure = draw(lines, x_label=labelled(plot.x, run.unit_of(plot.x)), title=f"{title}: {plot.name}")
     return write_whole(folder / f"{plot.name}.png", as_png(figure))
 
 

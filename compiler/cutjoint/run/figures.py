@@ -35,6 +35,11 @@ class Line:
     panel: str = ""
 
 
+def labelled(name: str, unit: str) -> str:
+    """The name of an axis with its unit, if there is one."""
+    return f"{name} [{unit}]".strip() if unit else name
+
+
 def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
     """A figure with a panel for each panel and unit that lines name, in their order."""
     panels: dict[tuple[str, str], list[Line]] = {}
@@ -46,7 +51,7 @@ def draw(lines: Sequence[Line], *, x_label: str, title: str = "") -> Picture:
     for panel, ((name, unit), drawn) in zip(axes, panels.items(), strict=False):
         for line in drawn:
             panel.plot(line.x, line.y, linewidth=1.0, label=line.label)
-        panel.set_ylabel(f"{name} [{unit}]".strip())
+        panel.set_ylabel(labelled(name, unit))
         panel.grid(visible=True, linewidth=0.3)
         panel.legend(loc="upper right", fontsize="small", edgecolor="none", framealpha=0.8)
         _hide_rounding(panel)

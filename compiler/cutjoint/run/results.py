@@ -229,14 +229,14 @@ class Trajectory(Columns[Array]):
         Raises:
             KeyError: there is no such column.
         """
-        from cutjoint.run.figures import Line, draw
+        from cutjoint.run.figures import Line, draw, labelled
 
         runs = {"": self, **beside}
         lines = [
             Line(x=run[over], y=run[name], label=f"{name}, {label}" if label else name, unit=self.unit_of(name))
             for name in names or self.columns for label, run in runs.items() if name in run or run is self
         ]  # fmt: skip
-        return draw(lines, x_label=f"{over} [{self.unit_of(over)}]")
+        return draw(lines, x_label=labelled(over, self.unit_of(over)))
 
     def unit_of(self, column: str) -> str:
         """The unit of a column, s of the time."""
