@@ -170,7 +170,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
       const double left = this->largest_share(gap, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
       if (iteration > 0) factor = left / last;
-      if (left <= rounding || (factor > 0.5 && (left <= 1e-9 || is_at_most(gap, rounding)))) return true;
+      if (left <= rounding || (iteration > 0 && factor > 0.5 && (left <= 1e-9 || is_at_most(gap, rounding)))) return true;
       before = numbers;
       mechanism_.project(q_.data(), gap.data(), step_.data());
       move();
