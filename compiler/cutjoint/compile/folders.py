@@ -260,7 +260,7 @@ def make_standalone(
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts, chosen))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
-        parts = replace(parts, balance=_balance(parts, equations.scene))
+        parts = replace(parts, balance=_balance(parts, equations.scene, STEPS[parts.method][chosen]))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -345,15 +345,15 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
 
 
-def _balance(parts: SimulationCode, scene: Scene) -> Linearised | None:
-    """The slopes of the balance of forces of a mechanism; None where evaluations over numbers with derivatives take fewer operations, or
-    where Newton's iteration has the equations of loops."""
-    if parts.system is not None and parts.mechanism.equation_names:
+def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
+    """The slopes of the balance of forces of a mechanism; None where steps do not need them and evaluations over numbers with derivatives
+    take fewer operations, or Newton's iteration has the equations of loops."""
+    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
         return None
     balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if derived.program.instructions("balance_slopes") <= most else None
+    return derived if steps.by_balance or derived.program.instructions("balance_slopes") <= most else None
 
 
 # Files of compile --out
