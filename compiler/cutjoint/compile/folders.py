@@ -137,7 +137,7 @@ class Standalone:
     @property
     def record(self) -> int:
         """The numbers of a record of a run, 0 without derivatives from its end."""
-        return record_length(self.parts)
+        return record_length(self.parts, self.steps)
 
     @property
     def mark(self) -> str:
@@ -333,10 +333,11 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     Raises:
         RunError: its runs have no derivatives from their end.
     """
-    if not STEPS[parts.method][integrator].differentiable:
+    steps = STEPS[parts.method][integrator]
+    if not steps.differentiable:
         able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
         raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
-    if parts.system is not None and parts.mechanism.equation_names:
+    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
         raise RunError(f"adjoint: runs of '{parts.method}' with loops have none; use {START}")
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)

@@ -266,7 +266,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
         "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
         "balance": parts.balance and _balance_view(parts.balance, name_of_balance(Page.of(equations, parts.method).class_name)),
-        "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts), "fitted": bool(parts.mechanism.fits),
+        "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
@@ -312,10 +312,11 @@ def direction_rows(parts: SimulationCode) -> int:
     return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
 
 
-def record_length(parts: SimulationCode) -> int:
+def record_length(parts: SimulationCode, steps: Steps) -> int:
     """The numbers of a record of a run; 0 without transposed functions."""
     _, _, _, state = _lengths(parts.mechanism)
-    return 0 if parts.transposed is None else 2 * state + parts.mechanism.held
+    stages = 3 * (state - 2) if steps.by_balance else 0
+    return 0 if parts.transposed is None else 2 * state + stages + parts.mechanism.held
 
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
@@ -566,7 +567,7 @@ def _size_of_stages(parts: SimulationCode, balance: Linearised) -> int:
     """Numbers that the slopes of three coupled stages hold."""
     n, _, q, state = _lengths(parts.mechanism)
     balls = q - parts.mechanism.speeds
-    return 3 * (balance.length + n + state) + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
+    return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

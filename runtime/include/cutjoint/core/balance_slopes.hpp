@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -144,6 +145,44 @@ class BalanceSlopes {
     for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -gaps[i].slope;
     return decompose_plain(x) && solve(x.matrix, change);
   }
+
+  /// The same of transposed matrices, of numbers.
+  template <class Matrix, std::size_t size>
+  bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
+    matrix.solve_transposed(x);
+    Fixed<double, size> more = x;
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; m > 0 && iteration < 8; ++iteration) {
+      double share = 0.0, whole = 0.0;
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
+      matrix.solve_transposed(more);
+      for (std::size_t i = 0; i < size; ++i) x[i] += more[i];
+      for (std::size_t i = 0; i < size; ++i)
+        if (i % (n + m) < n) share = std::max(share, std::abs(more[i])), whole = std::max(whole, std::abs(x[i]));
+      if (share * std::min(1.0, share / before) <= 1e-14 * whole) break;
+      before = share;
+    }
+    return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
+  }
+
+  /// Slopes by gaps of loops, which `close_gaps` has closed, from those by what that moves.
+  bool pull_gaps(const Fixed<double, n>& by_move, Fixed<double, m>& by_gap) {
+    Numbers x;
+    std::copy(by_move.begin(), by_move.end(), x.begin());
+    At& at = at_[now_];
+    if (!decompose_plain(at) || !solve_transposed(at.matrix, x)) return false;
+    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -x[n + i];
+    return true;
+  }
+
+  /// Slopes by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
+  void pull(const OfSlopes& slope, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= slope[k] * by_rows[i];
+  }
+
+  /// How loaded values change along directions.
+  const Fixed<Along, loaded>& changes() const { return changes_; }
 
   double gives_way(std::size_t equation) const { return gives_way_[equation]; }
 

@@ -272,6 +272,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
     if constexpr (switches > 0)
       if (const Fault fault = end_at_event()) return fault;
+    if constexpr (Base::has_stages) known_.fill(std::numeric_limits<double>::quiet_NaN());
     if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
     if constexpr (M::sizes.held > 0) {
       const auto& state = simulation_->complete_state();
@@ -347,6 +348,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
+      std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
+      if (cut_.is_made) known_.fill(std::numeric_limits<double>::quiet_NaN());
       begins_at_event_ = cut_.left > 0;
       if (begins_at_event_ && events_.found) ++*events_.found;
       return fault;
@@ -397,8 +400,6 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     is_loaded_ = true;
     if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
     const Fault fault = for_rows([&](std::size_t first, std::size_t number) { return follow_row(from, end, h, first, number); });
-    std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
-    if (cut_.is_made) known_.fill(std::numeric_limits<double>::quiet_NaN());
     simulation_->mechanism().begin_step(end.t, 1.0);
     return fault;
   }

@@ -12,21 +12,25 @@
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/radau/table.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/transposed_charts.hpp"
 
 namespace cutjoint::radau {
 
 /// A weight of the table: what the stage j adds to the stage i, both counted from 0, for a step of length 1.
 inline double weight(std::size_t i, std::size_t j) { return Table::weights[i + 1][j + 1].as<double>(); }
 
-/// Rotation vectors of a ball in all stages, theta_i = h sum_j A_ij rho(theta_j, omega_j), and how they follow from angular velocities.
-class BallStages {
- public:
+/// How the rotation vectors of a ball in all stages, theta_i = h sum_j A_ij rho(theta_j, omega_j), follow from angular velocities in all of them, and from h.
+struct BallStages {
   static constexpr std::size_t size = 3 * Table::stages;
-  using Vectors = std::array<Along, size>;
 
-  /// Of the vectors and angular velocities of all stages in a step of length h.
+  double by_omega[size][size], by_length[size];
+
+  /// Of the vectors and angular velocities in a step of length h.
   void find(double h, const double (&theta)[size], const double (&omega)[size]) {
     constexpr Chart here{0, 0, 0, true};
+    std::array<double, size * size> matrix;
+    std::array<std::size_t, size> order;
+    std::array<Along, size> right[2], room;
     for (std::size_t j = 0; j < Table::stages; ++j) {
       Dual at[3], by[3], rate[3];
       for (std::size_t k = 0; k < 3; ++k) {
@@ -34,39 +38,25 @@ class BallStages {
         by[k] = omega[3 * j + k], by[k].slope[3 + k] = 1.0;
       }
       chart_rates<Dual>(std::span(&here, 1), at, by, rate);
-      for (std::size_t k = 0; k < 3; ++k) {
-        rate_[3 * j + k] = rate[k].value;
-        for (std::size_t c = 0; c < 3; ++c) by_omega_[j][k][c] = rate[k].slope[3 + c];
-        for (std::size_t i = 0; i < Table::stages; ++i)
-          for (std::size_t c = 0; c < 3; ++c)
-            matrix_[(3 * j + c) * size + 3 * i + k] = (i == j && c == k ? 1.0 : 0.0) - h * weight(i, j) * rate[k].slope[c];
-      }
+      for (std::size_t i = 0; i < Table::stages; ++i)
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::size_t row = 3 * i + k;
+          right[size / directions][row].slope[size % directions] += weight(i, j) * rate[k].value;
+          for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t column = 3 * j + c;
+            matrix[column * size + row] = (row == column ? 1.0 : 0.0) - h * weight(i, j) * rate[k].slope[c];
+            right[column / directions][row].slope[column % directions] = h * weight(i, j) * rate[k].slope[3 + c];
+          }
+        }
     }
-    triangles().decompose();
+    dense::Triangles<double> triangles({matrix.data(), size, size}, order.data());
+    triangles.decompose();
+    for (auto& columns : right) triangles.solve(columns.data(), room.data());
+    for (std::size_t i = 0; i < size; ++i) {
+      for (std::size_t j = 0; j < size; ++j) by_omega[i][j] = right[j / directions][i].slope[j % directions];
+      by_length[i] = right[size / directions][i].slope[size % directions];
+    }
   }
-
-  /// Changes of the vectors by those of angular velocities and of the length h.
-  void follow(const Dual& h, const Vectors& omega, Vectors& theta) const {
-    Vectors rate, room;
-    for (std::size_t j = 0; j < Table::stages; ++j)
-      for (std::size_t k = 0; k < 3; ++k) {
-        rate[3 * j + k].slope = h.slope * rate_[3 * j + k];
-        for (std::size_t c = 0; c < 3; ++c) rate[3 * j + k].slope += h.value * by_omega_[j][k][c] * omega[3 * j + c].slope;
-      }
-    for (std::size_t i = 0; i < Table::stages; ++i)
-      for (std::size_t k = 0; k < 3; ++k) {
-        theta[3 * i + k] = {};
-        for (std::size_t j = 0; j < Table::stages; ++j) theta[3 * i + k] += weight(i, j) * rate[3 * j + k];
-      }
-    triangles().solve(theta.data(), room.data());
-  }
-
- private:
-  dense::Triangles<double> triangles() const { return {{matrix_.data(), size, size}, order_.data()}; }
-
-  mutable std::array<double, size * size> matrix_{};
-  mutable std::array<std::size_t, size> order_{};
-  double rate_[size]{}, by_omega_[Table::stages][3][3]{};
 };
 
 /// Slopes by `Balance` of r(q_i, v_i, a_i, lambda_i) = 0 in all stages i of a step of length h, with a matrix of
@@ -110,15 +100,40 @@ class StageSlopes {
     std::size_t place = 0;
     for (const Chart& chart : charts) {
       if (!chart.ball) continue;
-      typename BallStages::Vectors omega, theta;
+      const BallStages& ball = balls_[place++];
       const auto at = static_cast<std::size_t>(chart.v + chart.scalars);
       for (std::size_t i = 0; i < stages; ++i)
-        for (std::size_t k = 0; k < 3; ++k) omega[3 * i + k].slope = v[i][at + k].slope;
-      balls_[place++].follow(h, omega, theta);
-      for (std::size_t i = 0; i < stages; ++i)
-        for (std::size_t k = 0; k < 3; ++k) delta[i][at + k] = {delta_[i][at + k], theta[3 * i + k].slope};
+        for (std::size_t k = 0; k < 3; ++k) {
+          Dual& theta = delta[i][at + k] = {delta_[i][at + k], h.slope * ball.by_length[3 * i + k]};
+          for (std::size_t j = 0; j < stages; ++j)
+            for (std::size_t c = 0; c < 3; ++c) theta.slope += ball.by_omega[3 * i + k][3 * j + c] * v[j][at + c].slope;
+        }
     }
     for (std::size_t i = 0; i < stages; ++i) retract<Dual>(charts, from.data(), delta[i].data(), q[i].data());
+  }
+
+  /// Slopes by coordinates and speeds of the step's start, added, and by accelerations, from those by coordinates and speeds of the stages.
+  template <class Q, class V>
+  void pull(double h, std::span<const Chart> charts, const double* from, const std::array<Q, stages>& by_q, std::array<V, stages> by_v, Q& by_from, V& by_speeds,
+            std::array<V, stages>& by_slopes) const {
+    std::array<V, stages> by_delta{};
+    for (std::size_t i = 0; i < stages; ++i) RetractionSlopes<balls>(charts, from, delta_[i].data()).pull(by_q[i].data(), by_from.data(), by_delta[i].data());
+    std::size_t place = 0;
+    for (const Chart& chart : charts) {
+      for (int k = 0; k < chart.scalars; ++k)
+        for (std::size_t i = 0; i < stages; ++i)
+          for (std::size_t j = 0; j < stages; ++j) by_v[j][static_cast<std::size_t>(chart.v + k)] += h * weight(i, j) * by_delta[i][static_cast<std::size_t>(chart.v + k)];
+      if (!chart.ball) continue;
+      const BallStages& ball = balls_[place++];
+      const auto at = static_cast<std::size_t>(chart.v + chart.scalars);
+      for (std::size_t i = 0; i < BallStages::size; ++i)
+        for (std::size_t j = 0; j < BallStages::size; ++j) by_v[j / 3][at + j % 3] += ball.by_omega[i][j] * by_delta[i / 3][at + i % 3];
+    }
+    for (std::size_t i = 0; i < stages; ++i)
+      for (std::size_t l = 0; l < n; ++l) {
+        by_speeds[l] += by_v[i][l];
+        for (std::size_t j = 0; j < stages; ++j) by_slopes[j][l] += h * weight(i, j) * by_v[i][l];
+      }
   }
 
   /// What the balance of a stage gains by changes of accelerations and multipliers in it.
@@ -166,20 +181,19 @@ class StageSlopes {
       for (std::size_t i = 0; i < stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) theta[3 * i + k] = delta_[i][at + k], omega[3 * i + k] = points[i].v[at + k];
       balls_[place].find(h, theta, omega);
-      for (std::size_t j = 0; j < stages; ++j) {
-        typename BallStages::Vectors by, change;
-        for (std::size_t i = 0; i < stages; ++i)
-          for (std::size_t k = 0; k < 3; ++k) by[3 * i + k].slope[k] = h * weight(i, j);
-        balls_[place].follow(h, by, change);
+      for (std::size_t j = 0; j < stages; ++j)
         for (std::size_t i = 0; i < stages; ++i) {
           Dual begun[4], by_theta[3], turned[4];
           for (std::size_t c = 0; c < 4; ++c) begun[c] = from[e + c];
-          for (std::size_t k = 0; k < 3; ++k) by_theta[k] = {delta_[i][at + k], change[3 * i + k].slope};
+          for (std::size_t k = 0; k < 3; ++k) {
+            by_theta[k] = delta_[i][at + k];
+            for (std::size_t c = 0; c < 3; ++c)
+              for (std::size_t l = 0; l < stages; ++l) by_theta[k].slope[c] += balls_[place].by_omega[3 * i + k][3 * l + c] * h * weight(l, j);
+          }
           cutjoint::turn<Dual>(begun, by_theta, turned);
           for (std::size_t c = 0; c < 4; ++c)
             for (std::size_t k = 0; k < 3; ++k) turns_[place][i][j].by[c][k] = turned[c].slope[k];
         }
-      }
       ++place;
     }
   }
