@@ -215,7 +215,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].slope};
     ended_ = Slopes{};
     be_at(mechanism, points_[last].t);
-    return !cut_.is_made || (close_by_balance(points_[last]) && cut(mechanism, end, length, bent, ways[last], number));
+    if constexpr (switches > 0)
+      if (cut_.is_made) {
+        StateOf<D> begin(M::sizes.coordinates, n, m);
+        begin.q = from_, begin.v = speeds_, begin.vdot = bent;
+        return close_by_balance(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
+      }
+    return true;
   }
 
   /// Be at a time that changes along directions as a part's end does.
@@ -225,34 +231,32 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     mechanism_.begin_step(Dual(t, ended_), 1.0);
   }
 
-  /// From the end of a step to where it is cut, by the interpolant that begins with accelerations `bent` and has found a `way`.
-  bool cut([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] const Dual& length, [[maybe_unused]] const Fixed<Dual, n>& bent,
-           [[maybe_unused]] const Fixed<Dual, n>& way, [[maybe_unused]] std::size_t number) {
-    if constexpr (switches > 0) {
-      StateOf<D> begin(M::sizes.coordinates, n, m), done = begin;
-      begin.q = from_, begin.v = speeds_, begin.vdot = bent;
-      done.q = q_, done.v = v_, done.vdot = vdot_;
-      stepping::Interpolant<D> between(charts(), begin);
-      typename stepping::Interpolant<D>::Vector at;
-      between.join(length, begin, done, way);
-      between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
-      std::copy_n(at.begin(), q_.size(), q_.begin());
-      std::copy_n(at.begin() + q_.size(), n, v_.begin());
-      const auto plain = [](auto numbers) {
-        for (Dual& x : numbers) x.slope = Slopes{};
-        return numbers;
+  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `way`.
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& way, std::size_t number) {
+    StateOf<D> done(M::sizes.coordinates, n, m);
+    done.q = q_, done.v = v_, done.vdot = vdot_;
+    stepping::Interpolant<D> between(charts(), begin);
+    typename stepping::Interpolant<D>::Vector at;
+    between.join(length, begin, done, way);
+    between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
+    std::copy_n(at.begin(), q_.size(), q_.begin());
+    std::copy_n(at.begin() + q_.size(), n, v_.begin());
+    const auto still = [](auto&... numbers) {
+      const auto each = [](auto& some) {
+        for (Dual& x : some) x.slope = Slopes{};
       };
-      for (StateOf<D>* state : {&begin, &done}) state->q = plain(state->q), state->v = plain(state->v), state->vdot = plain(state->vdot);
-      between.join(length.value, begin, done, plain(way));
-      Dual share(cut_.share);
-      share.slope[0] = 1.0 / length.value;
-      between.at(share, at);
-      for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].slope[0];
-      for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].slope[0];
-      be_at(mechanism, end.t);
-      if (!this->meet_event(mechanism, end, number)) return false;
-      be_at(mechanism, end.t);
-    }
+      (each(numbers), ...);
+    };
+    still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, way);
+    between.join(length.value, begin, done, way);
+    Dual share(cut_.share);
+    share.slope[0] = 1.0 / length.value;
+    between.at(share, at);
+    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].slope[0];
+    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].slope[0];
+    be_at(mechanism, end.t);
+    if (!this->meet_event(mechanism, end, number)) return false;
+    be_at(mechanism, end.t);
     return true;
   }
 
@@ -264,9 +268,9 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
       this->balance_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
       if (!this->balance_.close_gaps(phi_, change)) return false;
-      const auto open = q_;
+      from_ = q_;
       for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].slope};
-      retract<Dual>(charts(), open.data(), step_.data(), q_.data());
+      retract<Dual>(charts(), from_.data(), step_.data(), q_.data());
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
       if (!this->balance_.close_gaps(phid_, change)) return false;
       for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;

@@ -97,18 +97,15 @@ class StageSlopes {
       for (std::size_t j = 0; j < stages; ++j)
         for (std::size_t l = 0; l < n; ++l) delta[i][l] += weight(i, j) * h * v[j][l];
     }
-    std::size_t place = 0;
-    for (const Chart& chart : charts) {
-      if (!chart.ball) continue;
-      const BallStages& ball = balls_[place++];
-      const auto at = static_cast<std::size_t>(chart.v + chart.scalars);
+    for_balls(charts, [&](auto place, std::size_t, std::size_t at) {
+      const BallStages& ball = balls_[place];
       for (std::size_t i = 0; i < stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) {
           Dual& theta = delta[i][at + k] = {delta_[i][at + k], h.slope * ball.by_length[3 * i + k]};
           for (std::size_t j = 0; j < stages; ++j)
             for (std::size_t c = 0; c < 3; ++c) theta.slope += ball.by_omega[3 * i + k][3 * j + c] * v[j][at + c].slope;
         }
-    }
+    });
     for (std::size_t i = 0; i < stages; ++i) retract<Dual>(charts, from.data(), delta[i].data(), q[i].data());
   }
 
@@ -118,17 +115,14 @@ class StageSlopes {
             std::array<V, stages>& by_slopes) const {
     std::array<V, stages> by_delta{};
     for (std::size_t i = 0; i < stages; ++i) RetractionSlopes<balls>(charts, from, delta_[i].data()).pull(by_q[i].data(), by_from.data(), by_delta[i].data());
-    std::size_t place = 0;
-    for (const Chart& chart : charts) {
+    for (const Chart& chart : charts)
       for (int k = 0; k < chart.scalars; ++k)
         for (std::size_t i = 0; i < stages; ++i)
           for (std::size_t j = 0; j < stages; ++j) by_v[j][static_cast<std::size_t>(chart.v + k)] += h * weight(i, j) * by_delta[i][static_cast<std::size_t>(chart.v + k)];
-      if (!chart.ball) continue;
-      const BallStages& ball = balls_[place++];
-      const auto at = static_cast<std::size_t>(chart.v + chart.scalars);
+    for_balls(charts, [&](auto place, std::size_t, std::size_t at) {
       for (std::size_t i = 0; i < BallStages::size; ++i)
-        for (std::size_t j = 0; j < BallStages::size; ++j) by_v[j / 3][at + j % 3] += ball.by_omega[i][j] * by_delta[i / 3][at + i % 3];
-    }
+        for (std::size_t j = 0; j < BallStages::size; ++j) by_v[j / 3][at + j % 3] += balls_[place].by_omega[i][j] * by_delta[i / 3][at + i % 3];
+    });
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
         by_speeds[l] += by_v[i][l];
@@ -171,12 +165,19 @@ class StageSlopes {
     double by[4][3];
   };
 
+  /// Each ball: its number, and where its quaternion and its angular velocity begin.
+  template <class Use>
+  static void for_balls([[maybe_unused]] std::span<const Chart> charts, [[maybe_unused]] Use use) {
+    if constexpr (balls > 0) {
+      std::size_t place = 0;
+      for (const Chart& chart : charts)
+        if (chart.ball) use(place++, static_cast<std::size_t>(chart.q + chart.scalars), static_cast<std::size_t>(chart.v + chart.scalars));
+    }
+  }
+
   template <class Points>
   void find_balls(double h, std::span<const Chart> charts, const double* from, const Points& points) {
-    std::size_t place = 0;
-    for (const Chart& chart : charts) {
-      if (!chart.ball) continue;
-      const auto at = static_cast<std::size_t>(chart.v + chart.scalars), e = static_cast<std::size_t>(chart.q + chart.scalars);
+    for_balls(charts, [&](auto place, std::size_t e, std::size_t at) {
       double theta[BallStages::size], omega[BallStages::size];
       for (std::size_t i = 0; i < stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) theta[3 * i + k] = delta_[i][at + k], omega[3 * i + k] = points[i].v[at + k];
@@ -194,8 +195,7 @@ class StageSlopes {
           for (std::size_t c = 0; c < 4; ++c)
             for (std::size_t k = 0; k < 3; ++k) turns_[place][i][j].by[c][k] = turned[c].slope[k];
         }
-      ++place;
-    }
+    });
   }
 
   bool decompose(const Balance& balance, double h) {
@@ -225,8 +225,10 @@ class StageSlopes {
       for (std::size_t k = 0; k < stages; ++k) twice += weight(i, k) * weight(k, j);
       return add(unknown, slope * h * h * twice);
     }
-    const auto [ball, c] = Balance::ball_of(column);
-    for (std::size_t k = 0; k < 3; ++k) add(unknown + k, slope * turns_[ball][i][j].by[c][k]);
+    if constexpr (balls > 0) {
+      const auto [ball, c] = Balance::ball_of(column);
+      for (std::size_t k = 0; k < 3; ++k) add(unknown + k, slope * turns_[ball][i][j].by[c][k]);
+    }
   }
 
   std::array<typename Balance::OfSlopes, stages> slope_;
