@@ -27,7 +27,7 @@ _LEAST = 1e-9
 
 @table.command("gradient")
 def command(
-    model: Path, scene: str | None, integrator: str | None, dt: float | None, end: float | None, opened: tuple[str, ...],
+    model: Path, scene: str | None, method: str, integrator: str | None, dt: float | None, end: float | None, opened: tuple[str, ...],
     changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_rest: bool, check: bool,
 ) -> None:  # fmt: skip
     """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
@@ -39,7 +39,9 @@ def command(
     given = options.read_parameters(changes)
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
-        sim = load_scene(read, chosen, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES)
+        sim = load_scene(
+            read, chosen, method=method, integrator=integrator, linearise=True, adjoint=many and objective in OBJECTIVES
+        )  # fmt: skip
     sim.parameters.update({name: value for name, value in parameter_values(read, given).items() if name in sim.parameters})
     for name in given:
         if name in sim.inputs:

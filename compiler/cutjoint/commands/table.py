@@ -273,9 +273,8 @@ OPTIONS: Mapping[str, Row] = {
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
     "drive.scene": _FIRST_SCENE,
-    "drive.method": _one_of("--method", names=lambda: names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL),
-        default=DEFAULT_METHOD, show_default=True,
-        help="Formulation."),
+    **dict.fromkeys(("drive.method", "gradient.method"), _one_of("--method", default=DEFAULT_METHOD, show_default=True,
+        names=lambda: names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL), help="Formulation.")),
     "drive.out": click.option("--out", type=_FILE, help="Page (.html); MODEL's name with .html, in the present folder, otherwise."),
     "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT", help="The input or parameter that steers, and its values at full "
         "left and right; by its name otherwise."),

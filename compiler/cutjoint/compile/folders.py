@@ -137,7 +137,7 @@ class Standalone:
     @property
     def record(self) -> int:
         """The numbers of a record of a run, 0 without derivatives from its end."""
-        return record_length(self.parts)
+        return record_length(self.parts, self.steps)
 
     @property
     def mark(self) -> str:
@@ -260,7 +260,7 @@ def make_standalone(
     if adjoint:
         parts = replace(parts, transposed=_transposed(parts, chosen))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
-        parts = replace(parts, balance=_balance(parts, equations.scene))
+        parts = replace(parts, balance=_balance(parts, equations.scene, STEPS[parts.method][chosen]))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
     alone = Standalone(name=equations.topology.model.name, digest=source.digest, parts=parts, integrator=chosen, run_file=run_file)
     if not (side_by_side and alone.fits_lanes):
@@ -333,10 +333,11 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     Raises:
         RunError: its runs have no derivatives from their end.
     """
-    if not STEPS[parts.method][integrator].differentiable:
+    steps = STEPS[parts.method][integrator]
+    if not steps.differentiable:
         able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
         raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
-    if parts.system is not None and parts.mechanism.equation_names:
+    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
         raise RunError(f"adjoint: runs of '{parts.method}' with loops have none; use {START}")
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
@@ -345,15 +346,15 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     return transpose(mechanism, schedule_recursive(mechanism, lanes=parts.program.lanes))
 
 
-def _balance(parts: SimulationCode, scene: Scene) -> Linearised | None:
-    """The slopes of the balance of forces of a mechanism; None where evaluations over numbers with derivatives take fewer operations, or
-    where Newton's iteration has the equations of loops."""
-    if parts.system is not None and parts.mechanism.equation_names:
+def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
+    """The slopes of the balance of forces of a mechanism; None where steps do not need them and evaluations over numbers with derivatives
+    take fewer operations, or Newton's iteration has the equations of loops."""
+    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
         return None
     balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if derived.program.instructions("balance_slopes") <= most else None
+    return derived if steps.by_balance or derived.program.instructions("balance_slopes") <= most else None
 
 
 # Files of compile --out

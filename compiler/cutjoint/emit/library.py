@@ -41,8 +41,6 @@ _OF_DERIVATIVES = _Number(
     functions=_STAGES | {"evaluate", "constraint_residual", "project", "report", "sample"},
 )  # fmt: skip
 
-_OF_DERIVATIVES_AT_EVENTS = replace(_OF_DERIVATIVES, functions=_OF_DERIVATIVES.functions | {"events"})
-
 _OF_SYSTEM_DERIVATIVES = _Number(
     unity="system_dual", real="cutjoint::Dual", headers=("cutjoint/core/dual_lanes.hpp",),
     functions=_STAGES | {"report", "sample"},
@@ -110,8 +108,9 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
     """The classes of a library."""
     name, has_derivatives = parts.page.header, parts.freedoms is not None
     mechanism = sized_mechanism_class(parts, parts.program, header=name)
-    with_slopes = _OF_DERIVATIVES_AT_EVENTS if steps.finds_events and parts.system is None else _OF_DERIVATIVES
-    yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([with_slopes] if has_derivatives else [])])
+    of_mechanism, of_system = (replace(x, functions=x.functions | {"events"}) if steps.finds_events else x
+                               for x in (_OF_DERIVATIVES, _OF_SYSTEM_DERIVATIVES))  # fmt: skip
+    yield _Placed(made=mechanism, header=name, numbers=[_Number(unity="mechanism"), *([of_mechanism] if has_derivatives else [])])
     if parts.side_by_side is not None:
         header = f"{_SIDE}/{name}"
         instances = sized_mechanism_class(parts, parts.side_by_side, "Mask", header=header)
@@ -120,7 +119,7 @@ def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
         numbers = [_Number(unity=derived), *([_OF_LOADED] if derived == "balance" else [])]
         yield _Placed(made=made, header=f"{name}_{derived}", prefix=f"{derived}_", numbers=numbers)
     if parts.system is not None:
-        header, more = f"{name}_system", [_OF_SYSTEM_DERIVATIVES] if has_derivatives else []
+        header, more = f"{name}_system", [of_system] if has_derivatives else []
         system = sized_system_class(parts, parts.system, header=header)
         yield _Placed(made=system, header=header, prefix="system_", target="system", numbers=[_Number(unity="system"), *more])
 

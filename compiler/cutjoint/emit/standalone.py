@@ -89,7 +89,7 @@ class Steps:
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
     steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``differentiable`` whether steps have derivatives.
+    ``differentiable`` whether steps have derivatives, ``by_balance`` whether these need the slopes of the balance of forces.
     """
 
     header: str
@@ -99,6 +99,7 @@ class Steps:
     is_iterated: bool = False
     adaptive: bool = False
     differentiable: bool = False
+    by_balance: bool = False
 
 
 _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/implicit_steps.hpp"
@@ -132,8 +133,13 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
     "recursive-newton": {
         "trapezoidal": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>", differentiable=True),
         "generalised-alpha": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>"),
-        "radau5": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System, true>", finds_events=True, adaptive=True),
-        "radau5-fixed": Steps(header=_IMPLICIT, name="RadauSteps<Mechanism, System, false>", finds_events=True),
+        "radau5": Steps(
+            header=_IMPLICIT, name="RadauSteps<Mechanism, System, true>", finds_events=True, adaptive=True, differentiable=True,
+            by_balance=True,
+        ),
+        "radau5-fixed": Steps(
+            header=_IMPLICIT, name="RadauSteps<Mechanism, System, false>", finds_events=True, differentiable=True, by_balance=True
+        ),
     },
 }  # fmt: skip
 
@@ -260,7 +266,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
         "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
         "balance": parts.balance and _balance_view(parts.balance, name_of_balance(Page.of(equations, parts.method).class_name)),
-        "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts), "fitted": bool(parts.mechanism.fits),
+        "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
         "header": f"{model.name}_model" if model.name in _C_HEADERS else model.name,
@@ -306,10 +312,11 @@ def direction_rows(parts: SimulationCode) -> int:
     return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
 
 
-def record_length(parts: SimulationCode) -> int:
+def record_length(parts: SimulationCode, steps: Steps) -> int:
     """The numbers of a record of a run; 0 without transposed functions."""
     _, _, _, state = _lengths(parts.mechanism)
-    return 0 if parts.transposed is None else 2 * state + parts.mechanism.held
+    stages = 3 * (state - 2) if steps.by_balance else 0
+    return 0 if parts.transposed is None else 2 * state + stages + parts.mechanism.held
 
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
@@ -523,6 +530,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
         stored += 0 if parts.balance is None else _size_of_balance(parts, parts.balance)
+        stored += _size_of_stages(parts, parts.balance) if parts.balance is not None and steps.by_balance else 0
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
@@ -545,10 +553,21 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
     fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
-    *inner, border = (balance.parts.count(p) for p in range(max(balance.parts) + 1))
-    matrix = n + m + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
-    at_state = balance.length + matrix + q + 2 * n + m + given + 8
+    at_state = balance.length + _size_of_matrix(balance) + q + 2 * n + m + given + 8
     return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
+
+
+def _size_of_matrix(balance: Linearised, copies: int = 1) -> int:
+    """Numbers of a matrix over accelerations and multipliers, so many of each."""
+    *inner, border = (copies * balance.parts.count(p) for p in range(max(balance.parts) + 1))
+    return copies * len(balance.parts) + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
+
+
+def _size_of_stages(parts: SimulationCode, balance: Linearised) -> int:
+    """Numbers that the slopes of three coupled stages hold."""
+    n, _, q, state = _lengths(parts.mechanism)
+    balls = q - parts.mechanism.speeds
+    return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
 
 
 def _lengths(equations: Equations) -> tuple[int, int, int, int]:

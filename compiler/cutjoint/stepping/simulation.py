@@ -37,7 +37,9 @@ from cutjoint.stepping.values import (
 
 _WITHOUT_ADJOINT = "load the model with adjoint=True"
 _NOT_LINEARISED = "load the model with linearise=True"
-_WITHOUT_STEP_DERIVATIVES = "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal"
+_WITHOUT_STEP_DERIVATIVES = (
+    "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal, radau5 or radau5-fixed"
+)
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
 
@@ -574,8 +576,8 @@ class Simulation:
         ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
 
         Parameters leave the states at the beginning as they are, unless ``begin`` says how these change, (states, by), as
-        `rest_derivative` does.  Each step is differentiated as by `step_derivative`, and steps of explicit methods that end at an event
-        with its moving time.  So many ``events`` from the first on are told, where forces, guides or drives change their formulas.
+        `rest_derivative` does.  Each step is differentiated as by `step_derivative`, and steps of methods that end at an event with its
+        moving time.  So many ``events`` from the first on are told, where forces, guides or drives change their formulas.
 
         Raises:
             TypeError: the model was loaded without derivatives, its steps have none, or go over events that are asked for.

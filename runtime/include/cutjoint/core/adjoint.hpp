@@ -31,6 +31,16 @@ struct FitsWithSlopes<NoFits> {
   using type = NoFits;
 };
 
+template <class Balance, bool>
+struct LoadedOf {
+  using type = Fixed<double, 0>;
+};
+
+template <class Balance>
+struct LoadedOf<Balance, true> {
+  using type = Fixed<double, Balance::loaded>;
+};
+
 /// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up slopes by values of parameters, `loaded`
 /// of them; `Fits` are the loops whose functions are found with these.
 ///
@@ -44,12 +54,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::has_stages, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
   static constexpr std::size_t coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
   /// Doubles of a record: a part of a step, a sample or a row.
-  static constexpr std::size_t record = 4 + 2 * length + held;
+  static constexpr std::size_t stages = has_stages ? radau::Table::stages : 0, record = 4 + (2 + stages) * length + held;
 
   /// Room for records, as many as a run has parts, samples and rows.
   struct Tape {
@@ -130,8 +140,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   struct Record {
     Kind kind;
     double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope of the one before
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before
     Point from, end;            ///< in place of the end of such a part the slope, as rates of coordinates and accelerations
+    std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold meanwhile
   };
 
@@ -180,6 +191,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
       std::copy_n(x.first_slope_.begin() + coordinates, n, x.record_.end.vdot.begin());
     }
+    if constexpr (has_stages) {
+      x.record_.number = x.is_known(from);
+      for (std::size_t i = 0; i < stages; ++i) x.record_.between[i].take(x.points_[i]);
+    }
     if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
     return x.cut_.is_made ? x.write_cut(end) : Fault{};
   }
@@ -212,6 +227,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     *x++ = record_.number;
     x = record_.from.write(x);
     x = (kind == Kind::part ? record_.end : record_.from).write(x);
+    for (const Point& stage : record_.between) x = stage.write(x);
     if constexpr (held > 0) {
       M& mechanism = simulation_->mechanism();
       mechanism.begin_step(t, 1.0);
@@ -229,6 +245,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     record_.number = static_cast<int>(*x++);
     x = record_.from.read(x);
     x = record_.end.read(x);
+    for (Point& stage : record_.between) x = stage.read(x);
     std::copy_n(x, held, record_.values.begin());
   }
 
@@ -260,12 +277,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     solved_ = 0;
     owes_slope_ = false;
     read(records_ - 1);
+    if constexpr (has_stages) by_rows_.fill(0.0);
     for (std::size_t place = records_; place-- > 0;) {
+      const bool is_part = record_.kind == Kind::part || record_.kind == Kind::cut;
+      const Point behind_row = by_;
+      if (has_stages && !is_part) by_.vdot.fill(0.0), by_.lambda.fill(0.0);
       if (record_.kind == Kind::row) go_over_row(number, weights + --rows * number);
       else if (record_.kind == Kind::sample) go_over_sample();
       else if (is_at_event(place)) {
         if (const Fault fault = go_over_events(place)) return fault;
       } else if (!go_over_part()) return no_end();
+      if constexpr (has_stages) {
+        if ((!is_part || record_.number == 0) && !find_anew(record_)) return no_end();
+        if (!is_part) by_.vdot = behind_row.vdot, by_.lambda = behind_row.lambda;
+        if (place > 0) read(place - 1);
+        continue;
+      }
       if (place == 0) break;
       const Record behind = record_;
       read(place - 1);
@@ -336,6 +363,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   bool go_over_part() {
     if constexpr (is_explicit) return go_over_slopes<typename Simulation::Steps::Method>();
+    else if constexpr (has_stages) return go_over_stages();
     else if constexpr (seeks_multipliers) return false;
     else return go_over_rule();
   }
@@ -354,7 +382,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
-    constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : 0), all = moving + held + inputs + parameters;
+    constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
     Fixed<double, all> found;
     std::array<int, directions> by{};
     for (std::size_t first = 0; first < all; first += directions) {
@@ -386,6 +414,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
     by_.clear();
     take(by_.q), take(by_.v);
+    if constexpr (has_stages) take(by_.vdot);
     if constexpr (carries_slope) take(by_slope_), take(by_turn_);
     owes_slope_ = carries_slope && record_.number == 1;
     for (double& slope : by_held_) slope += *x++;
@@ -410,6 +439,11 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_slope_.begin() + coordinates);
       }
       if constexpr (held > 0) simulation_->hold(record_.values);
+      if constexpr (has_stages) {
+        put_stages(from.t, h);
+        this->known_.fill(std::numeric_limits<double>::quiet_NaN());
+        if (record_.number == 1) std::copy(from.vdot.begin(), from.vdot.end(), this->known_.begin());
+      }
       this->cut_ = {};
       this->wants_slope_ = owes_slope_ && place == last;
       if (place < last && kind_at(place + 1) == Kind::cut) {
@@ -419,6 +453,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         this->cut_ = {true, record_.h, static_cast<std::size_t>(record_.number), {}};
         for (std::size_t j = 0; j < this->cut_.left; ++j) this->cut_.which[j] = static_cast<std::size_t>(tape_.numbers[place * record + 4 + length + j]);
       }
+      if constexpr (has_stages)
+        if (!this->find_part(*simulation_, from, end, h)) return no_end();
       const Fault fault = this->follow_row(from, end, h, 0, number);
       is_slope_known_ = false;
       this->begins_at_event_ = this->cut_.left > 0;
@@ -426,6 +462,71 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (fault) return fault;
     }
     return this->end_at_event();
+  }
+
+  // Coupled stages
+
+  void put_stages([[maybe_unused]] double t, [[maybe_unused]] double h) {
+    if constexpr (has_stages)
+      for (std::size_t i = 0; i < stages; ++i) {
+        put(record_.between[i], t + radau::Table::nodes[i + 1].template as<double>() * h);
+        this->points_[i] = stage_;
+      }
+  }
+
+  /// From the end of a step to its beginning: its loops are closed as balances of forces have these, and its stages are one solution of transposed equations.
+  bool go_over_stages() {
+    if constexpr (has_stages) {
+      const double h = record_.h;
+      put_stages(record_.t, h);
+      begin_step(record_.t + h, record_.values);
+      if (!pull_balanced_loops()) return false;
+      const auto find = [&](std::size_t i) { begin_step(this->points_[i].t, record_.values); };
+      if (!this->stages_.find(this->balance_, h, charts(), record_.from.q.data(), this->points_, find)) return false;
+      std::array<Fixed<double, coordinates>, stages> by_q{};
+      std::array<Numbers, stages> by_v{}, by_vdot{};
+      Fixed<double, stages * unknowns> solution;
+      Point by;
+      by_q.back() = by_.q, by_v.back() = by_.v, by_vdot.back() = by_.vdot;
+      this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      for (std::size_t i = 0; i < stages; ++i) std::copy(by_vdot[i].begin(), by_vdot[i].end(), solution.begin() + i * unknowns);
+      std::copy(by_.lambda.begin(), by_.lambda.end(), solution.end() - m);
+      if (!this->balance_.solve_transposed(this->stages_.matrix(), solution)) return false;
+      for (std::size_t i = 0; i < stages; ++i) {
+        Fixed<double, Balance::first_acceleration> by_all;
+        this->balance_.pull(this->stages_.slope(i), solution.data() + i * unknowns, by_all);
+        const double* x = by_all.data();
+        const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
+        take(by_q[i]), take(by_v[i]);
+        for (std::size_t k = 0; k < given - held; ++k) by_input_[k] += *x++;
+        for (double& slope : by_held_) slope += *x++;
+        for (double& slope : by_rows_) slope += *x++;
+      }
+      this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
+      by_ = by;
+    }
+    return true;
+  }
+
+  /// From slopes behind loops that have been closed by the balance of forces at the end to those before.
+  bool pull_balanced_loops() {
+    if constexpr (m > 0) {
+      const Point &open = record_.between.back(), &end = record_.end;
+      this->balance_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
+      if (!this->balance_.pull_gaps(by_.v, by_gap_)) return false;
+      pull_residual(open, nothing_, by_gap_);
+      add(more_.q, by_.q), add(more_.v, by_.v);
+      add_sums();
+      Fixed<double, coordinates> behind = by_.q;
+      Numbers by_delta;
+      by_.q.fill(0.0);
+      RetractionSlopes<balls>(charts(), open.q.data(), by_delta.data()).pull(behind.data(), by_.q.data(), by_delta.data());
+      if (!this->balance_.pull_gaps(by_delta, by_gap_)) return false;
+      pull_residual(open, by_gap_, nothing_);
+      add(more_.q, by_.q);
+      add_sums();
+    }
+    return true;
   }
 
   // The trapezoidal rule
@@ -745,10 +846,18 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         const std::size_t which = first + k;
         if (which < states) by_state[which] = sum;
         else if (which < states + inputs) by_input[which - states] += sum;
-        else by_parameter[which - states - inputs] += sum + by_parameter_[which - states - inputs];
+        else by_parameter[which - states - inputs] += sum + by_rows(k) + by_parameter_[which - states - inputs];
       }
     }
     return {};
+  }
+
+  /// What slopes by values of parameters in balances of forces make along a direction.
+  double by_rows([[maybe_unused]] std::size_t k) const {
+    double sum = 0.0;
+    if constexpr (has_stages)
+      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].slope[k];
+    return sum;
   }
 
   using Base::stage_;
@@ -768,6 +877,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   bool owes_slope_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
+  typename LoadedOf<Balance, has_stages>::type by_rows_;  ///< by values of parameters in balances of forces
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -36,8 +37,14 @@ class BalanceSlopes {
   static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                given = inputs + M::sizes.held, loaded = T::loaded;
+  using Places = T;
   using Changes = Fixed<Along, n + m>;
   using Numbers = Fixed<double, n + m>;
+  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
+                               first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
+                               first_multiplier = first_acceleration + n, width = first_multiplier + m;
+  static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
+  using OfSlopes = Fixed<double, T::starts[n + m]>;  ///< by rows
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
@@ -94,26 +101,109 @@ class BalanceSlopes {
     std::copy(vdot.begin(), vdot.end(), x.vdot.begin());
     std::copy(lambda.begin(), lambda.end(), x.lambda.begin());
     std::copy(u.begin(), u.end(), x.u.begin());
-    plain_.begin_step(t, 1.0);
-    plain_.balance_slopes(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), x.slope.data());
+    find(x, x.slope);
     x.decomposed_for = none;
   }
+
+  /// The slopes at a state.
+  template <class State>
+  void find(const State& x, OfSlopes& slope) {
+    plain_.begin_step(x.t, 1.0);
+    plain_.balance_slopes(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), slope.data());
+  }
+
+  /// What the balance loses by changes of all but accelerations and multipliers, row by row.
+  template <class Q, class V, class Inputs, class Held>
+  void lose(const OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
+    };
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
+    for (std::size_t i = 0; i < n + m; ++i) {
+      Slopes sum{};
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= slope[k] * by_[T::columns[k]];
+      rows[i].slope = sum;
+    }
+  }
+
+  /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops give way to these; what they give way by is taken back.
+  /// False where a number is none, or loops stay open.
+  template <class Matrix, std::size_t size>
+  bool solve(const Matrix& matrix, Fixed<Along, size>& change) const {
+    matrix.solve(change);
+    Slopes odd{};
+    for (const Along& along : change) odd += 0.0 * along.slope;
+    double sum = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
+    return sum == 0.0 && close(matrix, change);
+  }
+
+  /// How coordinates or speeds change least, as masses see it, so that gaps of loops close; false where they stay open.
+  bool close_gaps(const Fixed<Dual, m>& gaps, Changes& change) {
+    At& x = at_[now_];
+    for (std::size_t i = 0; i < n; ++i) change[i] = {};
+    for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -gaps[i].slope;
+    return decompose_plain(x) && solve(x.matrix, change);
+  }
+
+  /// The same of transposed matrices, of numbers.
+  template <class Matrix, std::size_t size>
+  bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
+    matrix.solve_transposed(x);
+    Fixed<double, size> more = x;
+    double before = std::numeric_limits<double>::infinity();
+    for (int iteration = 0; m > 0 && iteration < 8; ++iteration) {
+      double share = 0.0, whole = 0.0;
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
+      matrix.solve_transposed(more);
+      for (std::size_t i = 0; i < size; ++i) x[i] += more[i];
+      for (std::size_t i = 0; i < size; ++i)
+        if (i % (n + m) < n) share = std::max(share, std::abs(more[i])), whole = std::max(whole, std::abs(x[i]));
+      if (share * std::min(1.0, share / before) <= 1e-14 * whole) break;
+      before = share;
+    }
+    return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
+  }
+
+  /// Slopes by gaps of loops, which `close_gaps` has closed, from those by what that moves.
+  bool pull_gaps(const Fixed<double, n>& by_move, Fixed<double, m>& by_gap) {
+    Numbers x;
+    std::copy(by_move.begin(), by_move.end(), x.begin());
+    At& at = at_[now_];
+    if (!decompose_plain(at) || !solve_transposed(at.matrix, x)) return false;
+    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -x[n + i];
+    return true;
+  }
+
+  /// Slopes by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
+  void pull(const OfSlopes& slope, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= slope[k] * by_rows[i];
+  }
+
+  /// How loaded values change along directions.
+  const Fixed<Along, loaded>& changes() const { return changes_; }
+
+  double gives_way(std::size_t equation) const { return gives_way_[equation]; }
+
+  // Columns of coordinates: the speed by whose integral one changes, of a quaternion the first of three, whether it is of one, of which ball, and its place there.
+  static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
+  static std::size_t unknown_of(std::size_t column) { return columns.unknown[column]; }
+  static bool turns(std::size_t column) { return columns.turns[column]; }
+  static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
   /// How accelerations and multipliers change with all else; false where that is no number, or masses are singular.
   template <class Q, class V, class Inputs, class Held>
   bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
-    At& x = at_[now_];
-    if (x.decomposed_for != 0.0) {
-      Weights weights;
-      if (!decompose(x, 0.0, weights)) return false;
-    }
-    return back(x, q, v, du, held, change);
+    return decompose_plain(at_[now_]) && solve_end(q, v, du, held, change);
   }
 
   /// The same where they move the state, the end of a trapezoidal step that `decompose_end` has decomposed.
   template <class Q, class V, class Inputs, class Held>
   bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
-    return back(at_[now_], q, v, du, held, change);
+    At& x = at_[now_];
+    lose(x.slope, q, v, du, held, change.data());
+    return solve(x.matrix, change);
   }
 
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
@@ -157,11 +247,6 @@ class BalanceSlopes {
 
  private:
   static constexpr double none = -1.0;
-  static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
-                               first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
-                               first_multiplier = first_acceleration + n, width = first_multiplier + m;
-  static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
-  static constexpr std::size_t length = T::starts[n + m];
 
   /// The matrix of a step's end from slopes: the share of each by its column, and of quaternions by each of three speeds.
   struct Weights {
@@ -175,8 +260,10 @@ class BalanceSlopes {
   struct Columns {
     std::array<std::uint16_t, width> unknown{};
     std::array<bool, width> turns{};
+    std::array<std::uint16_t, coordinates> ball{}, place{};
 
     constexpr Columns() {
+      std::uint16_t balls_before = 0;
       for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint16_t>(i);
       for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint16_t>(i);
       for (const Chart& chart : M::charts) {
@@ -184,7 +271,10 @@ class BalanceSlopes {
         for (int i = chart.scalars; chart.ball && i < chart.scalars + 4; ++i) {
           unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + chart.scalars);
           turns[static_cast<std::size_t>(chart.q + i)] = true;
+          ball[static_cast<std::size_t>(chart.q + i)] = balls_before;
+          place[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(i - chart.scalars);
         }
+        balls_before += chart.ball;
       }
     }
   };
@@ -195,7 +285,7 @@ class BalanceSlopes {
     struct Entry {
       std::uint32_t slope, column, at;
     };
-    std::array<Entry, length> list{};
+    std::array<Entry, OfSlopes::size()> list{};
     std::size_t plain = 0, all = 0;
 
     constexpr Entries() {
@@ -221,9 +311,11 @@ class BalanceSlopes {
     Fixed<double, n> v, vdot;
     Fixed<double, m> lambda;
     Fixed<double, given> u;
-    Fixed<double, length> slope;
+    OfSlopes slope;
     Bordered<T> matrix;
   };
+
+  bool decompose_plain(At& x) { return x.decomposed_for == 0.0 || decompose(x, 0.0, Weights()); }
 
   bool decompose(At& x, double h, const Weights& weights) {
     auto& entries = x.matrix.entries();
@@ -242,31 +334,13 @@ class BalanceSlopes {
     return is_regular;
   }
 
-  /// The solution for the balance's changes by all but accelerations and multipliers; false where one is no number, or loops stay open.
-  template <class Q, class V, class Inputs, class Held>
-  bool back(At& x, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
-    const auto put = [this](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
-    };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
-    for (std::size_t i = 0; i < n + m; ++i) {
-      Slopes sum{};
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[k] * by_[T::columns[k]];
-      change[i].slope = sum;
-    }
-    x.matrix.solve(change);
-    Slopes odd{};
-    for (const Along& along : change) odd += 0.0 * along.slope;
-    double sum = 0.0;
-    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0 && close(x, change);
-  }
-
-  /// The largest change along each direction, of so many.
-  static Slopes largest(const Changes& changes, std::size_t first, std::size_t end) {
-    Slopes size{};
-    for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[i].slope, -changes[i].slope), size);
-    return size;
+  /// The largest change along each direction of accelerations, or of multipliers.
+  template <std::size_t size>
+  static Slopes largest(const Fixed<Along, size>& changes, bool of_multipliers) {
+    Slopes most{};
+    for (std::size_t i = 0; i < size; ++i)
+      if ((i % (n + m) >= n) == of_multipliers) most = larger(larger(changes[i].slope, -changes[i].slope), most);
+    return most;
   }
 
   static double share_of(const Slopes& part, const Slopes& whole) {
@@ -277,16 +351,16 @@ class BalanceSlopes {
 
   /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
   /// come to an end.
-  bool close(At& x, Changes& change) const {
+  template <class Matrix, std::size_t size>
+  bool close(const Matrix& matrix, Fixed<Along, size>& change) const {
     if constexpr (m > 0) {
-      Changes more = change;
+      Fixed<Along, size> more = change;
       for (int iteration = 0; iteration < 8; ++iteration) {
-        const Slopes pulled = largest(more, n, n + m);
-        std::fill_n(more.begin(), n, Along{});
-        for (std::size_t i = 0; i < m; ++i) more[n + i] *= -gives_way_[i];
-        x.matrix.solve(more);
-        for (std::size_t i = 0; i < n + m; ++i) change[i] += more[i];
-        if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-13) return true;
+        const Slopes pulled = largest(more, true);
+        for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
+        matrix.solve(more);
+        for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
+        if (share_of(largest(more, false), largest(change, false)) * std::min(1.0, share_of(largest(more, true), pulled)) <= 1e-13) return true;
       }
       return false;
     }

@@ -1,6 +1,7 @@
 // L U of a matrix whose unknowns fall apart but for a border.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -88,6 +89,35 @@ class Bordered {
         room[i] = less(own[i], of + i + 1, room + i + 1, all - i - 1);
         own[i] = room[i] /= of[i];
       }
+    }
+    for (std::size_t i = 0; i < size; ++i) b[i] = y[places.first[T::parts[i]] + places.place[i]];
+  }
+
+  /// x with A^T x = b, which it takes the place of.
+  void solve_transposed(Fixed<double, size>& b) const {
+    Fixed<double, size> y;
+    for (std::size_t i = 0; i < size; ++i) y[places.first[T::parts[i]] + places.place[i]] = b[i];
+    double* const beside = y.data() + places.first[places.last];
+    for (std::size_t p = 0; p <= places.last; ++p) {
+      const std::size_t n = places.length[p], all = n + places.border[p];
+      double* const own = y.data() + places.first[p];
+      for (std::size_t i = 0; i < n; ++i) {
+        const double* const of = line(p, i);
+        const double x = own[i] /= of[i];
+        for (std::size_t j = i + 1; j < n; ++j) own[j] -= of[j] * x;
+        for (std::size_t j = n; j < all; ++j) beside[j - n] -= of[j] * x;
+      }
+    }
+    double room[places.largest];
+    for (std::size_t p = places.last + 1; p-- > 0;) {
+      const std::size_t n = places.length[p];
+      double* const own = y.data() + places.first[p];
+      for (std::size_t i = 0; i < places.border[p]; ++i)
+        for (std::size_t j = 0; j < n; ++j) own[j] -= row(p, n + i)[j] * beside[i];
+      for (std::size_t i = n; i-- > 0;)
+        for (std::size_t j = 0; j < i; ++j) own[j] -= line(p, i)[j] * own[i];
+      for (std::size_t i = 0; i < n; ++i) room[order_[places.first[p] + i]] = own[i];
+      std::copy_n(room, n, own);
     }
     for (std::size_t i = 0; i < size; ++i) b[i] = y[places.first[T::parts[i]] + places.place[i]];
   }

@@ -171,13 +171,20 @@ class Derivatives {
     take_slopes(rate_, minimal, dxdot_.data());
     take_slopes(second_, minimal, dxdot_.data() + freedoms);
     for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * freedoms + i] = vdot_[joints + i];
-    if constexpr (has_system) {
-      system_.begin_step(state_->t, 1.0);
-      system_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
-    } else {
-      mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
-    }
+    report(state_->t);
     return {};
+  }
+
+  /// What is stepped, over numbers with derivatives.
+  auto& subject() {
+    if constexpr (has_system) return system_;
+    else return mechanism_;
+  }
+
+  /// Outputs along the directions of the state, at its time; the mechanism is there.
+  void report(const Dual& t) {
+    if constexpr (has_system) system_.begin_step(t, 1.0);
+    subject().report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), columns_.data());
   }
 
   /// Coordinates, speeds and accelerations along directions; false where one is no number.

@@ -14,7 +14,7 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` by an explicit method, whose steps end where a switch g leaves its formula.
+/// `Derivatives` of a `Simulation` by a method whose steps end where a switch g leaves its formula.
 ///
 /// The method goes on from the last whole step by its interpolant x(t), to the time t at which g(x(t), t, p) stands on its level.  So along directions
 ///
@@ -30,8 +30,8 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
 
  protected:
   using Base::n, Base::mechanism_, Base::q_, Base::v_;
-  static constexpr bool is_explicit = requires { typename Steps::Scheme; };
-  static constexpr std::size_t switches = is_explicit ? M::sizes.switches : 0;
+  using Subject = typename Simulation::Subject;
+  static constexpr std::size_t switches = Base::is_stepped ? Subject::sizes.switches : 0;
 
   /// Where a part ends between the ends of the step that was made, or beyond: at a share of its length, where so many switches leave their formulas, or none.
   struct Cut {
@@ -97,7 +97,7 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
 
   /// Whether the speeds behind an event are others than those that lead there.
   bool speeds_jump([[maybe_unused]] const StateOf<M>& end) const {
-    if constexpr (can_jump<M> && switches > 0) {
+    if constexpr (can_jump<Subject> && switches > 0) {
       if (cut_.left == 0) return false;
       double most = 0.0, size = 1.0;
       for (std::size_t i = 0; i < n; ++i) most = std::max(most, std::abs(v_[i].value - end.v[i])), size = std::max(size, std::abs(end.v[i]));
@@ -141,8 +141,9 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
 
   template <class Q, class V>
   void look(double t, const Slopes& time, const Q& q, const V& v, Fixed<Dual, switches>& values) {
-    mechanism_.begin_step(Dual(t, time), 1.0);
-    mechanism_.events(q.data(), v.data(), values.data());
+    auto& subject = this->subject();
+    subject.begin_step(Dual(t, time), 1.0);
+    subject.events(q.data(), v.data(), values.data());
   }
 
   /// Whether accelerations behind the event are others than before it.

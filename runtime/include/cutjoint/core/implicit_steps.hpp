@@ -32,7 +32,12 @@ class RadauSteps : public stepping::SteppedIntegrator<RadauSteps<M, S, of_own_le
         stages_(system, solver_, other_, switches_of(system, settings.events), roads),
         stepper_(stages_, {Real(settings.tolerance), Real(settings.absolute_tolerance), nominals_of(system)}, Real(settings.end), adaptive), y_(stages_.size()), row_(design_state(system)) {}
 
-  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) { return settings.stabilisation; }
+  /// Loops are projected, not drawn together.
+  static StabilisationSettings stabilise(const SimulationSettings& settings, Cuts<M>&) {
+    StabilisationSettings stabilisation = settings.stabilisation;
+    stabilisation.frequency = 0.0;
+    return stabilisation;
+  }
 
   /// Take over a state that has accelerations and multipliers.
   void begin(const StateOf<S>& state) {

@@ -9,8 +9,27 @@
 
 #include "cutjoint/core/coefficients.hpp"
 #include "cutjoint/core/event_derivatives.hpp"
+#include "cutjoint/core/radau/stage_slopes.hpp"
+#include "cutjoint/core/stepping/interpolant.hpp"
 
 namespace cutjoint {
+
+/// What belongs to stages that are coupled: nothing where there are none.
+template <class M, class Balance, bool>
+struct StagesOf {
+  struct type {};
+  struct Points {};
+};
+
+template <class M, class Balance>
+struct StagesOf<M, Balance, true> {
+  using type = radau::StageSlopes<Balance>;
+
+  struct Points : std::array<StateOf<M>, type::stages> {
+    Points() : Points(StateOf<M>(M::sizes.coordinates, M::sizes.speeds, M::sizes.equations)) {}
+    explicit Points(const StateOf<M>& state) : std::array<StateOf<M>, type::stages>{state, state, state} {}
+  };
+};
 
 /// `Derivatives` of a `Simulation` with the formulas of its integrator, over numbers with derivatives, from the closed loops of a part's beginning to those of its end.
 ///
@@ -24,14 +43,18 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
 
  protected:
   using typename Base::Steps;
-  using Base::m, Base::n, Base::is_explicit, Base::seeks_multipliers, Base::switches;
+  using Base::m, Base::n, Base::has_stages, Base::is_explicit, Base::seeks_multipliers, Base::switches;
   using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
-  static constexpr bool goes_on = !is_explicit && !Base::has_system;
+  static constexpr bool goes_on = !is_explicit && (!Base::has_system || has_stages);
 
   /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
   static constexpr bool carries_slope = is_explicit && m > 0;
+
+  [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::type stages_;  ///< of a step, the stages of which stand at
+  [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::Points points_;
+
   Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
   bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
   bool wants_slope_ = false;                ///< it is to be there at the end
@@ -39,6 +62,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   /// Get ready for a part from a state to another; false where its end has no derivative.
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     if constexpr (is_explicit) return true;
+    else if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
     else if constexpr (seeks_multipliers) return this->find_rule(simulation, from, end, h);
     else return starts_by_balance() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
   }
@@ -47,6 +71,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     M& mechanism = simulation.mechanism();
     if constexpr (is_explicit) return go_by_slopes(mechanism, from, end, h, number);
+    else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, h, number);
     else {
       if constexpr (Base::has_balance)
@@ -57,11 +82,12 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
 
   /// Parts that follow get ready anew, not as one before.
   void forget_part() { is_stale_ = true; }
-  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !seeks_multipliers && this->inverse_at_ != end.t; }
+  bool can_get_ready_anew(const StateOf<M>& end) const { return !is_explicit && !has_stages && !seeks_multipliers && this->inverse_at_ != end.t; }
 
   /// The projection of the part's end; false where loops stay open.
-  bool close_end(Simulation& simulation) {
-    if constexpr (seeks_multipliers) return this->close_rates(), true;
+  bool close_end(Simulation& simulation, const StateOf<M>& end) {
+    if constexpr (has_stages) return close_by_balance(end);
+    else if constexpr (seeks_multipliers) return this->close_rates(), true;
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
   }
 
@@ -138,6 +164,117 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     this->take_inputs(mechanism);
     mechanism_.begin_step(Dual(stage_.t, ended_), 1.0);
     normalise<Dual>(charts(), q_.data());
+    return true;
+  }
+
+  // Coupled stages
+
+  /// Slopes of the balance of forces in the stages of a step; false where they do not determine these.
+  bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
+    return stages_.find(this->balance_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
+      mechanism.begin_step(points_[i].t, 1.0);
+      this->take_inputs(mechanism);
+    });
+  }
+
+  /// The end of a step whose stages balance forces as they do in the run.
+  bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+    using Stages = radau::StageSlopes<Balance>;
+    constexpr std::size_t last = Stages::stages - 1;
+    const Dual length(h, -begun_);
+    typename Stages::DualPlaces places;
+    typename Stages::DualSpeeds speeds, slopes, ways;
+    typename Stages::Changes change;
+    from_ = q_;
+    speeds_ = v_;
+    const auto bent = vdot_;
+    for (std::size_t i = 0; i <= last; ++i) std::copy(points_[i].vdot.begin(), points_[i].vdot.end(), slopes[i].begin());
+    stages_.lead(length, charts(), from_, speeds_, slopes, ways, places, speeds);
+    const bool moves = this->is_time_moving_;
+    for (std::size_t i = 0; i <= last; ++i) {
+      Along* const rows = change.data() + i * Stages::unknowns;
+      if (!moves) {
+        this->balance_.lose(stages_.slope(i), places[i], speeds[i], this->du_, this->dheld_, rows);
+        continue;
+      }
+      q_ = places[i];
+      v_ = speeds[i];
+      mechanism.begin_step(points_[i].t, 1.0);
+      if (!this->enter(mechanism, points_[i])) return false;
+      mechanism_.begin_step(Dual(points_[i].t, (from.t + h - points_[i].t) / h * begun_), 1.0);
+      if (!this->find_accelerations(mechanism, number)) return false;
+      stages_.gain(i, vdot_, this->lambda_, rows);
+    }
+    if (!this->balance_.solve(stages_.matrix(), change)) return false;
+    for (std::size_t i = 0; i <= last; ++i)
+      for (std::size_t l = 0; l < n; ++l) slopes[i][l].slope = change[i * Stages::unknowns + l].slope;
+    stages_.lead(length, charts(), from_, speeds_, slopes, ways, places, speeds);
+    q_ = places[last];
+    v_ = speeds[last];
+    vdot_ = slopes[last];
+    for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].slope};
+    ended_ = Slopes{};
+    be_at(mechanism, points_[last].t);
+    if constexpr (switches > 0)
+      if (cut_.is_made) {
+        StateOf<D> begin(M::sizes.coordinates, n, m);
+        begin.q = from_, begin.v = speeds_, begin.vdot = bent;
+        return close_by_balance(points_[last]) && cut(mechanism, end, length, begin, ways[last], number);
+      }
+    return true;
+  }
+
+  /// Be at a time that changes along directions as a part's end does.
+  void be_at(M& mechanism, double t) {
+    mechanism.begin_step(t, 1.0);
+    this->take_inputs(mechanism);
+    mechanism_.begin_step(Dual(t, ended_), 1.0);
+  }
+
+  /// From the end of a step to where it is cut, by the interpolant that goes on from its beginning and has found a `way`.
+  bool cut(M& mechanism, const StateOf<M>& end, const Dual& length, StateOf<D>& begin, Fixed<Dual, n>& way, std::size_t number) {
+    StateOf<D> done(M::sizes.coordinates, n, m);
+    done.q = q_, done.v = v_, done.vdot = vdot_;
+    stepping::Interpolant<D> between(charts(), begin);
+    typename stepping::Interpolant<D>::Vector at;
+    between.join(length, begin, done, way);
+    between.at(Dual(cut_.share, (cut_.share - 1.0) / length.value * begun_), at);
+    std::copy_n(at.begin(), q_.size(), q_.begin());
+    std::copy_n(at.begin() + q_.size(), n, v_.begin());
+    const auto still = [](auto&... numbers) {
+      const auto each = [](auto& some) {
+        for (Dual& x : some) x.slope = Slopes{};
+      };
+      (each(numbers), ...);
+    };
+    still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, way);
+    between.join(length.value, begin, done, way);
+    Dual share(cut_.share);
+    share.slope[0] = 1.0 / length.value;
+    between.at(share, at);
+    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].slope[0];
+    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].slope[0];
+    be_at(mechanism, end.t);
+    if (!this->meet_event(mechanism, end, number)) return false;
+    be_at(mechanism, end.t);
+    return true;
+  }
+
+  /// Slopes of a state that stay on closed loops, as the balance of forces has these; what closes them as masses do comes near to what the run's tangents do by the
+  /// gaps that steps leave.
+  bool close_by_balance(const StateOf<M>& state) {
+    if constexpr (m > 0) {
+      typename Balance::Changes change;
+      this->balance_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      if (!this->balance_.close_gaps(phi_, change)) return false;
+      from_ = q_;
+      for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].slope};
+      retract<Dual>(charts(), from_.data(), step_.data(), q_.data());
+      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+      if (!this->balance_.close_gaps(phid_, change)) return false;
+      for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;
+    }
     return true;
   }
 

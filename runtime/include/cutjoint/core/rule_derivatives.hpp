@@ -28,7 +28,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
       Base::step_, Base::still_, Base::v_, Base::values_, Base::vdot_;
   static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
-  static constexpr bool seeks_multipliers = Base::has_system && m > 0;
+  static constexpr bool is_stepped = requires { typename Simulation::Steps::Scheme; };   ///< steps end at events
+  static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
+  static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
+  static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
   static constexpr std::size_t sought = seeks_multipliers ? m : 0;
   static constexpr int most_iterations = 30;
   static constexpr bool has_balance = Balance::is_there;

@@ -11,7 +11,7 @@
 
 namespace cutjoint {
 
-/// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule or by an explicit method, of an adaptive one with the lengths that it has chosen.
+/// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule, by an explicit method or by Radau IIA, of an adaptive one with the lengths that it has chosen.
 ///
 /// The step is made, and differentiated as it was, part by part.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
@@ -143,7 +143,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto before = simulation.memory();
     const auto sample = blocks_[0].held > 0 ? &follow_sample : nullptr;
     Fault fault;
-    if constexpr (is_explicit) {
+    if constexpr (Base::is_stepped) {
       auto& stepper = simulation.steps().stepper();
       last_ = simulation.state();
       followed_ = this->refused_ = {};
@@ -191,12 +191,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto& state = simulation_->complete_state();
     const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
       if (const Fault odd = enter_row(state, first, number)) return odd;
-      if constexpr (Base::has_system) {
-        this->system_.begin_step(state.t, 1.0);
-        this->system_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
-      } else {
-        mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
-      }
+      Base::report(state.t);
       for (std::size_t i = 0; i < course.number; ++i)
         for (std::size_t k = 0; k < number; ++k)
           course.slopes[i * columns + first + k] = this->columns_[static_cast<std::size_t>(course.outputs[i])].slope[k];
@@ -277,6 +272,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   Fault sample([[maybe_unused]] std::size_t at, [[maybe_unused]] std::size_t held) {
     if constexpr (switches > 0)
       if (const Fault fault = end_at_event()) return fault;
+    if constexpr (Base::has_stages) known_.fill(std::numeric_limits<double>::quiet_NaN());
     if (recorder_.sample) return recorder_.sample(recorder_.who, at, held);
     if constexpr (M::sizes.held > 0) {
       const auto& state = simulation_->complete_state();
@@ -284,12 +280,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       bool changes = false;
       const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
         if (const Fault odd = enter_row(state, first, number)) return odd;
-        if constexpr (Base::has_system) {
-          this->system_.begin_step(state.t, 1.0);
-          this->system_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
-        } else {
-          mechanism_.sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
-        }
+        if constexpr (Base::has_system) this->system_.begin_step(state.t, 1.0);
+        this->subject().sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
         for (std::size_t i = at; i < at + held; ++i)
           for (std::size_t k = 0; k < number; ++k) {
             double& slope = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
@@ -304,15 +296,20 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     return {};
   }
 
-  /// An explicit method has made one of its steps, or the part of it before an event.
+  /// A method has made one of its steps, or the part of it before an event.
   template <class Scheme>
   static void follow_length(void* who, Scheme& scheme) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
     if (self->followed_) return;
     StateOf<M> end = self->last_;
-    std::copy_n(scheme.pose(), end.q.size(), end.q.begin());
-    std::copy_n(scheme.pose() + end.q.size(), n, end.v.begin());
-    end.t = scheme.time();
+    if constexpr (Base::has_stages) {
+      end = scheme.stages().present();
+      scheme.stages().read(self->points_);
+    } else {
+      std::copy_n(scheme.pose(), end.q.size(), end.q.begin());
+      std::copy_n(scheme.pose() + end.q.size(), n, end.v.begin());
+      end.t = scheme.time();
+    }
     self->count_switches(self->simulation_->steps().stepper());
     double h = end.t - self->last_.t;
     if constexpr (switches > 0) {
@@ -351,6 +348,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
+      std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
+      if (cut_.is_made) known_.fill(std::numeric_limits<double>::quiet_NaN());
       begins_at_event_ = cut_.left > 0;
       if (begins_at_event_ && events_.found) ++*events_.found;
       return fault;
@@ -387,7 +386,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const bool is_found = this->find_accelerations(simulation_->mechanism(), number);
     this->is_time_moving_ = false;
     if (!is_found) return this->not_finite();
-    mechanism_.report(q_.data(), v_.data(), vdot_.data(), lambda_.data(), this->columns_.data());
+    Base::report(Dual(end.t, ended_));
     for (std::size_t i = 0; i < course_->number; ++i) {
       const Dual& x = this->columns_[static_cast<std::size_t>(course_->outputs[i])];
       events_.values[at * course_->number + i] = x.value;
@@ -401,7 +400,6 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     is_loaded_ = true;
     if (count_columns() > 0 && !this->find_part(*simulation_, from, end, h)) return no_end(end);
     const Fault fault = for_rows([&](std::size_t first, std::size_t number) { return follow_row(from, end, h, first, number); });
-    std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
     simulation_->mechanism().begin_step(end.t, 1.0);
     return fault;
   }
@@ -415,7 +413,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       this->forget_part();
       if (!this->find_part(*simulation_, from, end, h)) return no_end(end);
     }
-    if (!this->close_end(*simulation_)) return {.cause = Cause::pose_singular, .t = end.t};
+    if (!this->close_end(*simulation_, end)) return {.cause = Cause::pose_singular, .t = end.t};
     if (this->speeds_jump(end)) return cut_.fault(Cause::speeds_jump, end.t);
     if (carried_) keep_row(first, number);
     else end_row(first, number);

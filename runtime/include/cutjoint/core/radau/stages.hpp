@@ -76,6 +76,15 @@ class Stages : public StepStart<S, Solver> {
     return {};
   }
 
+  /// The stages of the step that was accepted last, with accelerations and multipliers.
+  void read(std::array<StateOf<S>, Table::stages>& stages) const {
+    stages = points_;
+    for (std::size_t i = 0; i < Table::stages; ++i) {
+      stages[i].vdot = kept_[i + 1];
+      stages[i].lambda = kept_forces_[i + 1];
+    }
+  }
+
   /// Memory of the next steps.
   struct Memory {
     typename Base::Memory common;

@@ -37,6 +37,14 @@ class ImplicitScheme {
   bool adaptive() const { return adaptive_; }
   Real time() const { return present().t; }
   auto& cells() { return stages_.cells(); }
+  const Stages& stages() const { return stages_; }
+
+  /// The step that was accepted last: when it began, and its length.
+  struct LastStep {
+    Real begin, length;
+  };
+
+  LastStep last_step() const { return {before_.t, h_last_}; }
 
   /// Short enough for the accelerations to change no speed by more than the root of what is allowed.
   Real begin(Real, const Vector&, Real left) const {
