@@ -209,11 +209,16 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
  private:
-  /// A run along the courses that were given for it; inputs then are as they were before.
+  /// A run along the courses that were given for it, from where they have guides, independent coordinates and rates as they are; inputs then are as they were
+  /// before.
   template <class Run>
   static int along_courses(CheckedMinimal* s, Run run) {
     if (s->courses.number() == 0) return Base::status_of(s, run());
+    double numbers[states + 1];
+    s->minimal.read(s->sim.state(), numbers);
     Fault fault = s->sim.follow_courses(&s->courses);
+    const auto close = [s, &numbers](auto& starter, auto& found) { return s->minimal.close(s->sim.mechanism(), starter, numbers, found); };
+    if (!fault && s->courses.any_of([](std::size_t input) { return Model::Sim::Followed::is_guiding(input); })) fault = s->sim.seek(s->sim.state().t, close);
     if (!fault) fault = run();
     const Fault behind = s->sim.follow_courses(nullptr);
     s->courses.clear();

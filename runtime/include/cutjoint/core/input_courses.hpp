@@ -30,6 +30,13 @@ class InputCourses {
   enum class Along { nothing, changes, piece };
 
   std::size_t number() const { return number_; }
+
+  /// Whether the input of one is such.
+  template <class Is>
+  bool any_of(Is is) const {
+    return std::any_of(courses_.begin(), courses_.begin() + number_, [is](const InputCourse& x) { return is(static_cast<std::size_t>(x.input)); });
+  }
+
   void clear() { number_ = 0; }
 
   void add(const InputCourse& course) {
