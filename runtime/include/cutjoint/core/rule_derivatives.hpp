@@ -150,8 +150,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   /// The end of a step by the rule's fixed point along directions, by the balance of forces there; false where that has a slope that is no number.
   bool go_by_balance(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     leave_start(from, h);
-    mechanism.begin_step(end.t, 1.0);
-    this->take_inputs(mechanism);
+    enter_end(mechanism, end);
     if (!is_settled_ && !settle(mechanism, from, end, h)) return false;
     is_settled_ = true;
     lead_stage(h);
