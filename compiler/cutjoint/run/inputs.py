@@ -104,7 +104,8 @@ def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float
         if not earlier < later:
             raise RunError(f"{what}: t = {later:g} s stands after {earlier:g} s; put the times in ascending order, each once")
     if times[0] > start or times[-1] < end:
-        raise RunError(f"{what}: the table goes from {times[0]:g} s to {times[-1]:g} s, the run from {start:g} to {end:g} s; make the table longer")
+        has, needs = f"from {times[0]:g} s to {times[-1]:g} s", f"from {start:g} to {end:g} s"
+        raise RunError(f"{what}: the table goes {has}, the run {needs}; make the table longer")
 
 
 def _numbers(what: str, values: Any) -> list[float]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,8 +15,8 @@ from cutjoint.stepping.values import Array, find_place
 #: Values that are held for equal numbers of steps each, or a table over time, as of `simulate`.
 InputOverTime: TypeAlias = ArrayLike | Mapping[str, Any]
 
-#: The numbers of a piece, and of knots on which it depends at most.
-_ORDERS, _KNOTS = 4, 4
+#: The number of knots in a row on which a piece depends at most.
+_KNOTS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +75,7 @@ def _make(name: str, place: int, given: InputOverTime, start: float, steps: int,
         if values.ndim != 1 or not len(values) or steps % len(values):
             raise ValueError(f"input '{name}': {values.shape} values are not held for equal numbers of {steps} steps")
         times = start + np.arange(len(values)) * (steps // len(values)) * dt
-        numbers = partial(np.pad, pad_width=((0, 0), (0, _ORDERS - 1)))
-        return _linear(name, place, times, lambda knots: numbers(knots[name][:, None]), {name: values}, jumps=True)
+        return _linear(place, times, lambda knots: np.column_stack([knots[name], np.zeros((len(times), 3))]), {name: values}, jumps=True)
     table = read_table(f"input '{name}'", given, start, start + steps * dt * (1 - 1e-12))
     t, rate = np.array(table["t"]), f"{name}.rate"
     knots = {name: np.array(table["value"]), **({rate: np.array(table["rate"])} if "rate" in table else {})}
@@ -85,10 +83,19 @@ def _make(name: str, place: int, given: InputOverTime, start: float, steps: int,
     def pieces(knots: Mapping[str, Array]) -> Array:
         if table["interpolation"] == "linear":
             return _cubics(t, knots[name], None)
-        edge = min(2, len(t) - 1)  # of two values the line
-        return _cubics(t, knots[name], knots[rate] if rate in knots else np.gradient(knots[name], t, edge_order=edge))
+        return _cubics(t, knots[name], knots[rate] if rate in knots else _rates_at(t, knots[name]))
 
-    return _linear(name, place, t[:-1], pieces, knots, jumps=False)
+    return _linear(place, t[:-1], pieces, knots, jumps=False)
+
+
+def _rates_at(t: Array, values: Array) -> Array:
+    """Rates of parabolas through neighbouring values, as those of a run file's tables."""
+    length = np.diff(t)
+    slope = np.diff(values) / length
+    if len(slope) == 1:
+        return np.repeat(slope, 2)
+    inner = (length[1:] * slope[:-1] + length[:-1] * slope[1:]) / (length[:-1] + length[1:])
+    return np.concatenate([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
 
 
 def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
@@ -101,7 +108,9 @@ def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
     return np.column_stack([values[:-1], begin, 2 * (3 * slope - 2 * begin - end) / length, 6 * (begin + end - 2 * slope) / length**2])
 
 
-def _linear(name: str, place: int, times: Array, pieces: Any, knots: Mapping[str, Array], *, jumps: bool) -> Course:
+def _linear(
+    place: int, times: Array, pieces: Callable[[Mapping[str, Array]], Array], knots: Mapping[str, Array], *, jumps: bool
+) -> Course:  # fmt: skip
     """A course whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
     found = {}
     for kind, values in knots.items():
