@@ -108,7 +108,7 @@ def compare(sim: cutjoint.Simulation, inputs: Given, by: list[str], share: float
 
 
 def test_a_mass_that_a_piecewise_linear_force_pushes() -> None:
-    """x'' = u/m: by a knot with its hat N x(1) changes by the integral of (1 - t) N/m, and its rate by that of N/m, which rk4 has exactly."""
+    """x'' = u/m: by a knot with its hat N x(1) changes by the integral of (1 - t) N/m, its rate by that of N/m, which rk4 has exactly."""
     sim = backwards(MASS, "mass", integrator="rk4").reset(dt=0.01)
     t = np.array([0.0, 0.1, 0.25, 0.6, 1.0])
     values = np.array([1.0, -3.0, 2.0, 0.5, -1.0])

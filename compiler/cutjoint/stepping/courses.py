@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cutjoint.run.inputs import read_table
 from cutjoint.stepping.values import Array, find_place
@@ -26,7 +26,7 @@ class Knots:
 
     number: int
     slopes: Array
-    which: Any
+    which: NDArray[np.intp]
 
     def spread(self) -> Array:
         """The change of the pieces' numbers with each knot, (knots, pieces, 4)."""
@@ -39,7 +39,7 @@ class Knots:
         """Slopes by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
         found = np.zeros((len(by_pieces), self.number))
         for slopes, which in zip(self.slopes, self.which, strict=True):
-            np.add.at(found, (slice(None), which), np.einsum("opk,pk->op", by_pieces, slopes))
+            np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, slopes))
         return found
 
 
@@ -74,7 +74,7 @@ def _make(name: str, place: int, given: InputOverTime, start: float, steps: int,
         values = np.asarray(given, dtype=np.float64)
         if values.ndim != 1 or not len(values) or steps % len(values):
             raise ValueError(f"input '{name}': {values.shape} values are not held for equal numbers of {steps} steps")
-        times = start + np.arange(len(values)) * (steps // len(values)) * dt
+        times: Array = start + np.arange(float(len(values))) * ((steps // len(values)) * dt)
         return _linear(place, times, lambda knots: np.column_stack([knots[name], np.zeros((len(times), 3))]), {name: values}, jumps=True)
     table = read_table(f"input '{name}'", given, start, start + steps * dt * (1 - 1e-12))
     t, rate = np.array(table["t"]), f"{name}.rate"
@@ -115,7 +115,7 @@ def _linear(
     found = {}
     for kind, values in knots.items():
         first = np.clip(np.arange(len(times)) - 1, 0, max(len(values) - _KNOTS, 0))
-        which = np.minimum([first + (k - first) % _KNOTS for k in range(_KNOTS)], len(values) - 1)
+        which = np.minimum(np.array([first + (k - first) % _KNOTS for k in range(_KNOTS)]), len(values) - 1)
         ones = [{other: np.zeros(len(each)) for other, each in knots.items()} for _ in range(_KNOTS)]
         for k, each in enumerate(ones):
             each[kind][k::_KNOTS] = 1.0
