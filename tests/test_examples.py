@@ -176,6 +176,14 @@ def test_a_spring_and_a_point_are_found_from_a_motion() -> None:
     assert runs < 30
 
 
+def test_a_crane_stops_without_a_swing() -> None:
+    """Forces at 120 knots, of which some are at their bound."""
+    missed, most, runs = (float(x) for x in re.findall(r"\d[\d.]*(?:e[-+]\d+)?", python(EXAMPLES / "crane.py")))
+    assert missed < 1e-8
+    assert most == 12.0
+    assert runs < 30
+
+
 @pytest.mark.heavy
 def test_hardpoints_take_bump_steer_out_of_an_axle() -> None:
     """The mean of squares of a thousandfold steer (rad) and of the chassis' acceleration (m/s2)."""

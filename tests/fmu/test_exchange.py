@@ -303,6 +303,49 @@ def test_a_force_that_was_left_out_and_would_act_ends_the_simulation_as_it_ends_
 
 
 @versions
+def test_states_and_parameters_are_values_too(version: int) -> None:
+    """Hosts may set them one by one between steps: the derivatives are those of both given as the standard has it."""
+    asked, other = Exchange(fmu_of("press", version, kind="me")), Exchange(fmu_of("press", version, kind="me")).begin()
+    assert asked.initialise() == asked.set(stiffness=1500.0) == asked.update() == asked.call("EnterContinuousTimeMode") == OK
+    known, before = asked.derive(0.0, np.array([0.3, 8.0])), other.derive(0.0, np.array([0.3, 8.0]))
+    assert other.set(stiffness=1500.0) == OK
+    assert all(other.set_reference(other.references[f"state[{i + 1}]"], value) == OK for i, value in enumerate((0.3, 8.0)))
+    found = other.vector("GetDerivatives" if version == 2 else "GetContinuousStateDerivatives")
+    assert found.tolist() == known.tolist()
+    assert abs(before[1] - known[1]) > 1.0
+    slope = other.directional(["der(state[2])"], ["integrator.step"], [1.0])
+    assert slope.tolist() == [0.0]  # of the host's own integrator
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_casadi_differentiates_an_fmu(version: int, tmp_path: Path) -> None:
+    """Its function of states, and by FMI 2 of parameters, forward, backward and its Jacobian, beside differences of its values."""
+    casadi = pytest.importorskip("casadi")
+    dae = casadi.DaeBuilder("press", str(write(fmu_of("press", version, kind="me"), tmp_path)))
+    inputs = ["x", "p"] if version == 2 else ["x"]
+    f = dae.create("f", inputs, ["ode", "y"], {})
+    at = [np.array([0.3, 10.0]), np.array([2000.0, 0.01, 1e-7, 1e-7])][: len(inputs)]
+    values = f(*at)
+    blocks = f.jacobian()(*at, *values)  # of each result by each argument
+    rng = np.random.default_rng(0)
+    ways = [rng.normal(size=2), np.array([1e3 * rng.normal(), 0, 0, 0])][: len(inputs)]
+
+    def course(change: float) -> Array:
+        return np.concatenate([np.array(part)[:, 0] for part in f(*(x + change * way for x, way in zip(at, ways, strict=True)))])
+
+    ends = [course(1e-3 * k) for k in (-2, -1, 1, 2)]
+    wanted = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-3
+    rows = [sum(np.array(blocks[len(inputs) * i + j]) @ way for j, way in enumerate(ways)) for i in range(2)]
+    assert np.concatenate(rows) == pytest.approx(wanted, rel=1e-7, abs=1e-7)
+    along = f.forward(1)(*at, *values, *ways)
+    assert np.concatenate([np.array(part)[:, 0] for part in along]) == pytest.approx(wanted, rel=1e-7, abs=1e-7)
+    weights = [rng.normal(size=2), rng.normal(size=4)]
+    back = f.reverse(1)(*at, *values, *weights)
+    found = sum(np.array(part)[:, 0] @ way for part, way in zip([back] if version == 3 else back, ways, strict=True))
+    assert found == pytest.approx(np.concatenate(weights) @ wanted, rel=1e-7)
+
+
+@versions
 def test_wrong_calls(version: int) -> None:
     instance = Exchange(fmu_of("press", version, kind="both"))
     numbers, two, one = (ctypes.c_double * 2)(0.1, math.nan), ctypes.c_size_t(2), ctypes.c_size_t(1)
@@ -312,6 +355,8 @@ def test_wrong_calls(version: int) -> None:
     assert instance.step(0.0, 0.01) == instance.call("SetContinuousStates", numbers, two) == ERROR
     assert instance.log[-1].endswith("not allowed in event mode")
     assert instance.set(stiffness=1500.0) == OK
+    assert instance.set_reference(instance.references["state[1]"], 0.0) == ERROR
+    assert "a state can be set in continuous-time mode only: value reference" in instance.log[-1]
     assert instance.update() == instance.call("EnterContinuousTimeMode") == OK
     x = instance.x.tolist()
     for call, words in (
@@ -319,8 +364,8 @@ def test_wrong_calls(version: int) -> None:
         (lambda: instance.call("SetContinuousStates", numbers, one), "the array must have 2 numbers"),
         (lambda: instance.call("GetContinuousStates", None, two), "the array must have 2 numbers"),
         (lambda: instance.call("SetTime", ctypes.c_double(math.inf)), "the time is not finite"),
-        (lambda: instance.set(stiffness=1000.0), "a tunable parameter can be set in event mode only: value reference 1"),
-        (lambda: instance.set_reference(instance.references["state[1]"], 0.0), "only parameters and inputs can be set, which is none"),
+        (lambda: instance.set_reference(instance.references["der(state[1])"], 0.0), "only parameters, inputs and states can be set, which"),
+        (lambda: instance.set_reference(instance.references["state[1]"], math.nan), "the value is not finite: value reference"),
         (lambda: instance.call("EnterContinuousTimeMode"), "not allowed in continuous-time mode"),
         (lambda: instance.ask_directional([1], [instance.references["state[1]"]], [1.0])[0], "value reference 1 is no output"),
         (lambda: instance.ask_directional([instance.references["slider.x"]], [0], [1.0])[0], "value reference 0 is no state"),

@@ -522,8 +522,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
         dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
-        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 12 * len(equations.inputs)
-        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 3 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
+        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 15 * len(equations.inputs)
+        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.switches:  # at events
             stored += 2 * len(equations.switches) + q + n + 64

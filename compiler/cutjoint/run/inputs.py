@@ -39,6 +39,26 @@ def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -
     return {name: _entry(f"input '{name}'", given[name], scene.end) for name in names if name in given}
 
 
+def read_table(what: str, given: Mapping[str, Any], start: float, end: float) -> dict[str, Any]:
+    """A table over time as a run file has it, of a run between two times (s).
+
+    Raises:
+        RunError: it does not hold together, or is shorter than the run.
+    """
+    if unknown := [key for key in given if key not in (*_SERIES, "interpolation")]:
+        raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")
+    if missing := [key for key in ("t", "value") if key not in given]:
+        raise RunError(f"{what}: the table has no '{missing[0]}'; give as many values as times")
+    table = {key: _numbers(f"{what}: {key}", given[key]) for key in _SERIES if key in given}
+    _require_table(what, table, start, end)
+    kind = given.get("interpolation", INTERPOLATIONS[0])
+    if kind not in INTERPOLATIONS:
+        raise RunError(f"{what}: interpolation '{kind}' is not one of {', '.join(INTERPOLATIONS)}")
+    if kind == "linear" and "rate" in table:
+        raise RunError(f"{what}: a linear table has no rates of its own; leave out rate, or make it cubic")
+    return {**table, "interpolation": kind}
+
+
 def given_inputs(model: Model, changes: Mapping[str, float]) -> dict[str, float]:
     """The inputs among ``changes``, by name: they hold them constant.
 
@@ -69,23 +89,10 @@ def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]
 
 
 def _entry(what: str, given: GivenInput, end: float) -> float | dict[str, Any]:
-    if not isinstance(given, Mapping):
-        return _number(what, given)
-    if unknown := [key for key in given if key not in (*_SERIES, "interpolation")]:
-        raise RunError(f"{what}: unknown key '{unknown[0]}'; a table has t, value, and perhaps rate and interpolation")
-    if missing := [key for key in ("t", "value") if key not in given]:
-        raise RunError(f"{what}: the table has no '{missing[0]}'; give as many values as times")
-    table = {key: _numbers(f"{what}: {key}", given[key]) for key in _SERIES if key in given}
-    _require_table(what, table, end)
-    kind = given.get("interpolation", INTERPOLATIONS[0])
-    if kind not in INTERPOLATIONS:
-        raise RunError(f"{what}: interpolation '{kind}' is not one of {', '.join(INTERPOLATIONS)}")
-    if kind == "linear" and "rate" in table:
-        raise RunError(f"{what}: a linear table has no rates of its own; leave out rate, or make it cubic")
-    return {**table, "interpolation": kind}
+    return read_table(what, given, 0.0, end) if isinstance(given, Mapping) else _number(what, given)
 
 
-def _require_table(what: str, table: Mapping[str, Sequence[float]], end: float) -> None:
+def _require_table(what: str, table: Mapping[str, Sequence[float]], start: float, end: float) -> None:
     """Check that times ascend from the start of a run to its end, with a value and perhaps a rate at each."""
     times = table["t"]
     if len(times) < 2:
@@ -96,8 +103,9 @@ def _require_table(what: str, table: Mapping[str, Sequence[float]], end: float) 
     for earlier, later in pairwise(times):
         if not earlier < later:
             raise RunError(f"{what}: t = {later:g} s stands after {earlier:g} s; put the times in ascending order, each once")
-    if times[0] > 0 or times[-1] < end:
-        raise RunError(f"{what}: the table goes from {times[0]:g} s to {times[-1]:g} s, the run from 0 to {end:g} s; make the table longer")
+    if times[0] > start or times[-1] < end:
+        has, needs = f"from {times[0]:g} s to {times[-1]:g} s", f"from {start:g} to {end:g} s"
+        raise RunError(f"{what}: the table goes {has}, the run {needs}; make the table longer")
 
 
 def _numbers(what: str, values: Any) -> list[float]:

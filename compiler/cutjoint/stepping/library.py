@@ -28,7 +28,16 @@ class EffortRecord(ctypes.Structure):
     )  # fmt: skip
 
 
-#: The numbers of it that have limits, in their order.
+class CourseRecord(ctypes.Structure):
+    """The course of an input in C."""
+
+    _fields_ = (
+        ("input", ctypes.c_int), ("jumps", ctypes.c_int), ("pieces", ctypes.c_long),
+        *((name, ctypes.c_void_p) for name in ("times", "numbers", "changes", "slopes")),
+    )  # fmt: skip
+
+
+#: The numbers of an effort that have limits, in their order.
 LIMITED = ("gap", "rate", "change", "pivot", "iterations", "evaluations")
 
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
@@ -154,6 +163,8 @@ class Library:
             self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
             lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
             self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
+            if has_inputs:
+                self.follow_courses = self._function("follow_courses", index, sim, index, ctypes.POINTER(CourseRecord))
             self.tells_events = hasattr(self._library, f"{model}_tell_events")
             if self.tells_events:
                 places = (ctypes.POINTER(index), *[ctypes.c_void_p] * 5)

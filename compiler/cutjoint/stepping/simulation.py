@@ -14,7 +14,8 @@ import numpy as np
 from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
 from cutjoint.run.settings import StepSettings
-from cutjoint.stepping.library import LIMITED, EffortRecord, Library
+from cutjoint.stepping.courses import Columns, Course, InputOverTime, make_courses
+from cutjoint.stepping.library import LIMITED, CourseRecord, EffortRecord, Library
 from cutjoint.stepping.values import (
     STEPS_BESIDE,
     Array,
@@ -570,10 +571,15 @@ class Simulation:
         )  # fmt: skip
 
     def play_derivative(
-        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None, events: int = 0
+        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None, events: int = 0,
+        inputs: Mapping[str, InputOverTime] | None = None,
     ) -> RunDerivative:  # fmt: skip
         """Take so many steps, with the derivatives of ``outputs``, at the beginning and behind each ``every`` steps, by the numbers named
         ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
+
+        ``inputs`` over time hold in this run alone: values, each for an equal number of steps, or a table, as of `simulate`, by times of
+        the simulation.  Such an input among ``by`` stands for all its values, a column each, ``name[0]`` on, and with ``.rate`` behind its
+        name for the rates of its table.
 
         Parameters leave the states at the beginning as they are, unless ``begin`` says how these change, (states, by), as
         `rest_derivative` does.  Each step is differentiated as by `step_derivative`, and steps of methods that end at an event with its
@@ -592,24 +598,50 @@ class Simulation:
             if not by:
                 raise ValueError("events are told with their derivatives: name numbers by which they change")
         chosen = self._chosen(steps, outputs, every)
+        courses = self._courses(inputs, steps)
+        columns = Columns.of(by, courses)
         places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
-        numbers = np.array([find_place(places, name) for name in by], dtype=np.intc)
+        numbers = np.full(len(columns.names), -1, dtype=np.intc)
         matrix = np.zeros((self.library.direction_rows, len(numbers)))
-        of_states = numbers - len(places) + len(states)
-        matrix[of_states[of_states >= 0], np.flatnonzero(of_states >= 0)] = 1.0
-        numbers[of_states >= 0] = -1
+        for column, name in columns.plain.items():
+            place = find_place(places, name)
+            if name in states:
+                matrix[states.place(name), column] = 1.0
+            else:
+                numbers[column] = place
         if begin is not None:
-            matrix[: len(states)] += self._begun(begin, states, by)
+            matrix[: len(states)] += self._begun(begin, states, columns.names)
         start, rows = self.time, steps // every + 1
         values, slopes = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
-        tell = self._tell_events(events, len(by), len(chosen))
+        tell = self._tell_events(events, len(numbers), len(chosen))
+        changes = columns.changes(courses)
+        self._follow(courses, changes=changes)
         self._call(
             self.library.play_derivative, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen), chosen.ctypes.data,
             every, values.ctypes.data, slopes.ctypes.data,
         )  # fmt: skip
         at = tell() if events else None
         times = np.linspace(start, self.time, rows)
-        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=tuple(by), events=at)
+        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=columns.names, events=at)
+
+    def _courses(self, inputs: Mapping[str, InputOverTime] | None, steps: int) -> tuple[Course, ...]:
+        """The courses of inputs of a run of so many steps from now on."""
+        return make_courses(self.library.names["input"], inputs or {}, self.time, steps, self.settings.step)
+
+    def _follow(
+        self, courses: Sequence[Course], *, changes: Sequence[Array | None] = (), slopes: Sequence[Array] = ()
+    ) -> None:  # fmt: skip
+        """Let the next run follow courses, which change along its directions, or whose slopes it finds."""
+        if not courses:
+            return
+        records = (CourseRecord * len(courses))()
+        for i, (record, course) in enumerate(zip(records, courses, strict=True)):
+            change = changes[i] if changes else None
+            record.input, record.jumps, record.pieces = course.place, course.jumps, len(course.times)
+            record.times, record.numbers = course.times.ctypes.data, course.numbers.ctypes.data
+            record.changes = None if change is None else change.ctypes.data
+            record.slopes = slopes[i].ctypes.data if slopes else None
+        self._call(self.library.follow_courses, len(courses), records)
 
     def _tell_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventDerivative]:
         """Let the next run tell its events, ``most`` at most; returns the maker of their record behind it."""
@@ -628,10 +660,10 @@ class Simulation:
 
     def play_adjoint(
         self, steps: int, outputs: Sequence[str], by: Sequence[str], weights: Array | str | Callable[[Array, Array], Array], *,
-        every: int = 1, begin: Array | None = None,
+        every: int = 1, begin: Array | None = None, inputs: Mapping[str, InputOverTime] | None = None,
     ) -> RunAdjoint:  # fmt: skip
-        """Take so many steps, with the derivatives of objectives by the numbers named ``by``, as of `play_derivative`, in the time of some
-        runs for each objective, however many numbers there are.
+        """Take so many steps, with the derivatives of objectives by the numbers named ``by``, as of `play_derivative`, with its ``inputs``
+        over time, in the time of some runs for each objective, however many numbers there are.
 
         An objective is the sum of ``outputs`` at the beginning and behind each ``every`` steps by its ``weights``, (objectives, rows,
         outputs): an array, or what a function makes of times and values, (rows) and (rows, outputs), the derivatives of objectives by
@@ -651,22 +683,26 @@ class Simulation:
         rows, size = steps // every + 1, (len(states), len(self.library.names["input"]), len(self.library.names["parameter"]))
         names = (*states, *self.library.names["input"], *self.library.names["parameter"])
         places = {name: i for i, name in enumerate(names)}
-        numbers = [find_place(places, name) for name in by]
+        courses = self._courses(inputs, steps)
+        columns = Columns.of(by, courses)
+        numbers = [find_place(places, name) for name in columns.plain.values()]
         start = self.time
         if isinstance(weights, str):
             weights = partial(weigh_each, weights, outputs=outputs)
         if callable(weights):
             begun = self.snapshot()
-            values = np.vstack([self.outputs.array, self.play(steps)[every - 1 :: every]])[:, chosen]
-            weights = weights(np.linspace(start, self.time, rows), values)
+            run = self.play_derivative(steps, outputs, [], every=every, inputs=inputs)
+            weights = weights(run.times, run.values)
             self.restore(begun)
         weighed = np.ascontiguousarray(weights, dtype=np.float64)
         if weighed.ndim != 3 or weighed.shape[1:] != (rows, len(chosen)):
             raise ValueError(f"weights are {weighed.shape}, not (objectives, {rows}, {len(chosen)})")
         values, slopes = np.empty((rows, len(chosen))), [np.empty((len(weighed), each)) for each in size]
+        by_pieces = [np.empty((len(weighed), *course.numbers.shape)) for course in courses]
         records = 2 * (steps + rows)
         while True:
             tape, begun = np.empty((records, self.library.record)), self.snapshot()
+            self._follow(courses, slopes=by_pieces)
             status = self.library.play_adjoint(
                 self.address, steps, len(chosen), chosen.ctypes.data, every, len(weighed), weighed.ctypes.data, values.ctypes.data,
                 tape.ctypes.data, records, *(each.ctypes.data for each in slopes),
@@ -678,11 +714,15 @@ class Simulation:
         if status:
             self._fail(status)
         times = np.linspace(start, self.time, rows)
-        by_all = np.hstack(slopes)[:, numbers]
+        by_all = np.zeros((len(weighed), len(columns.names)))
+        by_all[:, list(columns.plain)] = np.hstack(slopes)[:, numbers]
+        for i, by_piece in enumerate(by_pieces):
+            for part, knots in columns.parts(i):
+                by_all[:, part] = knots.gather(by_piece)
         return RunAdjoint(
             times=times, values=values, objectives=np.tensordot(weighed, values, 2),
-            slopes=by_all if begin is None else by_all + slopes[0] @ self._begun(begin, states, by),
-            outputs=tuple(outputs), by=tuple(by),
+            slopes=by_all if begin is None else by_all + slopes[0] @ self._begun(begin, states, columns.names),
+            outputs=tuple(outputs), by=columns.names,
         )  # fmt: skip
 
     @staticmethod

@@ -55,7 +55,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
  private:
   using Base::m, Base::n, Base::switches, Base::is_explicit, Base::has_stages, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
-  static constexpr std::size_t coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
+  static constexpr std::size_t orders = InputCourses<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
   /// Doubles of a record: a part of a step, a sample or a row.
@@ -88,8 +88,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     if (missed) return missed;
     load_transposed();
     const std::size_t rows = static_cast<std::size_t>(steps / course.every) + 1;
+    begun_at_ = simulation.state().t;
     Fault fault;
     for (std::size_t i = 0; i < objectives.number && !fault; ++i) {
+      objective_ = i;
       fault = go_back(course.number, objectives.weights + i * rows * course.number, rows);
       if (!fault) fault = begin_of(objectives, i);
     }
@@ -140,7 +142,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   struct Record {
     Kind kind;
     double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before, -1 of one that begins anew
     Point from, end;            ///< in place of the end of such a part the slope, as rates of coordinates and accelerations
     std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold meanwhile
@@ -186,6 +188,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     Adjoint& x = *static_cast<Adjoint*>(who);
     x.record_.from.take(from);
     x.record_.end.take(end);
+    x.record_.number = x.begins_anew(from) ? -1 : 0;
     if constexpr (carries_slope) {
       x.record_.number = x.is_slope_known_;
       std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
@@ -274,11 +277,13 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
     by_.clear();
     by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
+    if (this->courses_) this->courses_->clear_slopes(objective_);
     solved_ = 0;
     owes_slope_ = false;
     read(records_ - 1);
     if constexpr (has_stages) by_rows_.fill(0.0);
     for (std::size_t place = records_; place-- > 0;) {
+      be_within(record_);
       const bool is_part = record_.kind == Kind::part || record_.kind == Kind::cut;
       const Point behind_row = by_;
       if (has_stages && !is_part) by_.vdot.fill(0.0), by_.lambda.fill(0.0);
@@ -296,7 +301,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (place == 0) break;
       const Record behind = record_;
       read(place - 1);
-      const bool goes_on = !is_explicit && record_.kind != Kind::sample && behind.from.vdot == record_.end.vdot;
+      const bool is_new = record_.kind == Kind::sample || (behind.kind == Kind::part && behind.number < 0);
+      const bool goes_on = !is_explicit && !is_new && behind.from.vdot == record_.end.vdot;
       if (!goes_on && !find_anew(behind)) return no_end();
     }
     return {};
@@ -306,12 +312,21 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   /// Accelerations and multipliers have been found anew from the rest of a state: its slopes by them become those by that.
   bool find_anew(const Record& at) {
+    be_within(at);
     begin_step(at.t, at.values);
     put(at.from, at.t);
     if (!this->enter(simulation_->mechanism(), stage_)) return false;
     Point of = by_;
     by_.vdot.fill(0.0), by_.lambda.fill(0.0);
     return pull_accelerations(of.vdot, of.lambda, by_);
+  }
+
+  /// Courses of inputs are in the part of a record, or where one ends or the run begins.
+  void be_within(const Record& at) {
+    if (!this->courses_) return;
+    if (at.kind == Kind::part) this->courses_->be_within(at.t, at.t + at.h);
+    else if (at.t > begun_at_) this->courses_->be_behind(at.t);
+    else this->courses_->be_within(at.t, std::numeric_limits<double>::infinity());
   }
 
   void put(const Point& point, double t) {
@@ -357,7 +372,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   void add_sums() {
     add(more_loaded_, by_loaded_);
+    add_inputs();
+  }
+
+  void add_inputs() {
     for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
+    if (this->courses_) this->courses_->pull(objective_, more_input_.data());
     for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
   }
 
@@ -385,30 +405,43 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
     Fixed<double, all> found;
     std::array<int, directions> by{};
-    for (std::size_t first = 0; first < all; first += directions) {
-      const std::size_t number = std::min(directions, all - first);
+    const auto open_rows = [&](std::size_t number) {
       matrix_.fill(0.0);
+      by.fill(-1);
       blocks_ = {};
       blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
       this->carried_ = matrix_.data() + (states + held) * number;
       this->loaded_ = Base::no_row;
-      for (std::size_t k = 0; k < number; ++k) {
-        const std::size_t which = first + k;
-        by[k] = which < moving + held ? -1 : static_cast<int>(which - moving - held);
-        if (which < moving) this->carried_[which * number + k] = 1.0;
-        else if (which < moving + held) matrix_[(states + which - moving) * number + k] = 1.0;
-      }
+    };
+    const auto follow = [&](std::size_t number, double* slopes) {
       if (const Fault fault = follow_parts(place, last, number)) return fault;
       for (std::size_t k = 0; k < number; ++k) {
         const double* row = this->carried_ + k;
-        const auto add_rows = [&](const auto& slopes) {
-          for (const double slope : slopes) found[first + k] += slope * *row, row += number;
+        const auto add_rows = [&](const auto& by_end) {
+          for (const double slope : by_end) slopes[k] += slope * *row, row += number;
         };
         add_rows(by_.q), add_rows(by_.v);
         if constexpr (carries_slope)
           if (owes_slope_) add_rows(by_slope_), add_rows(by_turn_);
       }
+      return Fault{};
+    };
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      open_rows(number);
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        if (which >= moving + held) by[k] = static_cast<int>(which - moving - held);
+        if (which < moving) this->carried_[which * number + k] = 1.0;
+        else if (which < moving + held) matrix_[(states + which - moving) * number + k] = 1.0;
+      }
+      if (const Fault fault = follow(number, found.data() + first)) return fault;
     }
+    const auto by_piece = [&](double* slopes) {
+      open_rows(orders);
+      return follow(orders, slopes);
+    };
+    if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
     read(place);
     const double* x = found.data();
     const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
@@ -423,11 +456,37 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     return {};
   }
 
+  /// Add slopes by the numbers of each piece of a course that parts touch, as `follow` finds them along these.
+  template <class Follow>
+  Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
+    if constexpr (inputs > 0) {
+      auto* const courses = this->courses_;
+      for (std::size_t i = 0; courses && i < courses->number(); ++i) {
+        const auto piece_at = [&](std::size_t place, bool is_end) {
+          read(place);
+          be_within(record_);
+          return courses->find(i, record_.t + (is_end && record_.kind == Kind::part ? record_.h : 0.0));
+        };
+        const std::size_t end = piece_at(last, true);
+        for (std::size_t piece = piece_at(first, false); piece <= end; ++piece) {
+          double* const slopes = courses->slopes_of(objective_, i, piece);
+          if (!slopes) continue;
+          courses->change_piece(i, piece);
+          const Fault fault = follow(slopes);
+          courses->change_along(InputCourses<inputs>::Along::nothing);
+          if (fault) return fault;
+        }
+      }
+    }
+    return {};
+  }
+
   /// The same parts along directions.
   Fault follow_parts(std::size_t place, std::size_t last, std::size_t number) {
     this->begins_at_event_ = false;
     for (; place <= last; ++place) {
       read(place);
+      be_within(record_);
       put(record_.from, record_.t);
       const StateOf<M> from = stage_;
       StateOf<M> end = from;
@@ -497,10 +556,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         this->balance_.pull(this->stages_.slope(i), solution.data() + i * unknowns, by_all);
         const double* x = by_all.data();
         const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
-        take(by_q[i]), take(by_v[i]);
-        for (std::size_t k = 0; k < given - held; ++k) by_input_[k] += *x++;
-        for (double& slope : by_held_) slope += *x++;
+        take(by_q[i]), take(by_v[i]), take(more_input_);
         for (double& slope : by_rows_) slope += *x++;
+        find(i);
+        add_inputs();
       }
       this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
       by_ = by;
@@ -820,17 +879,15 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
     constexpr std::size_t all = states + inputs + parameters;
     std::array<int, directions> by{};
-    for (std::size_t first = 0; first < all; first += directions) {
-      const std::size_t number = std::min(directions, all - first);
+    const auto open_rows = [&](std::size_t number) {
       matrix_.fill(0.0);
-      for (std::size_t k = 0; k < number; ++k) {
-        const std::size_t which = first + k;
-        by[k] = which < states ? -1 : static_cast<int>(which - states);
-        if (which < states) matrix_[which * number + k] = 1.0;
-      }
+      by.fill(-1);
       blocks_ = {};
       blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
-      double* const carried = this->carried_ = matrix_.data() + (states + held) * number;
+      this->carried_ = matrix_.data() + (states + held) * number;
+    };
+    const auto follow = [&](std::size_t number, auto put) {
+      const double* const carried = this->carried_;
       this->load_all();
       if (const Fault fault = this->find_carried()) return fault;
       const Dual* series = nullptr;
@@ -843,13 +900,31 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         };
         for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].slope[k];
         add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda);
+        put(k, sum);
+      }
+      return Fault{};
+    };
+    for (std::size_t first = 0; first < all; first += directions) {
+      const std::size_t number = std::min(directions, all - first);
+      open_rows(number);
+      for (std::size_t k = 0; k < number; ++k) {
+        const std::size_t which = first + k;
+        if (which >= states) by[k] = static_cast<int>(which - states);
+        else matrix_[which * number + k] = 1.0;
+      }
+      const auto put = [&](std::size_t k, double sum) {
         const std::size_t which = first + k;
         if (which < states) by_state[which] = sum;
         else if (which < states + inputs) by_input[which - states] += sum;
         else by_parameter[which - states - inputs] += sum + by_rows(k) + by_parameter_[which - states - inputs];
-      }
+      };
+      if (const Fault fault = follow(number, put)) return fault;
     }
-    return {};
+    const auto by_piece = [&](double* slopes) {
+      open_rows(orders);
+      return follow(orders, [&](std::size_t k, double sum) { slopes[k] += sum; });
+    };
+    return visit_pieces(0, 0, by_piece);
   }
 
   /// What slopes by values of parameters in balances of forces make along a direction.
@@ -868,7 +943,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   [[no_unique_address]] typename FitsWithSlopes<Fits>::type fits_{};
   Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
   Tape tape_{};
-  std::size_t records_ = 0;
+  std::size_t records_ = 0, objective_ = 0;
+  double begun_at_ = 0.0;
   const int* outputs_ = nullptr;
   Record record_{};
   Point by_, more_;

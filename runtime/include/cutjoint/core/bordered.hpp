@@ -139,7 +139,7 @@ class Bordered {
   /// Take a part's unknowns out of its front; false where they are not determined.
   bool eliminate(std::size_t p) {
     const std::size_t n = places.length[p], all = n + places.border[p], stride = places.stride[p];
-    double* rows[places.largest];
+    double* rows[places.largest]{};
     for (std::size_t i = 0; i < all; ++i) rows[i] = row(p, i);
     for (std::size_t k = 0; k < n; ++k) {
       std::size_t largest = k;

@@ -22,6 +22,7 @@ class CheckedMinimal : public CheckedSimulation<Model> {
 
   Minimal minimal{};
   Derivatives derivatives{};
+  typename Model::Sim::Courses courses{};  ///< of inputs in the next run
 
   static int start(CheckedMinimal* s) {
     if (!Base::holds_one(s)) return no_simulation;
@@ -124,8 +125,30 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     for (int i = 0; i < reported; ++i)
       if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
     if (!all_finite(matrix, Derivatives::rows * static_cast<std::size_t>(directions))) return not_finite;
-    return Base::status_of(s, s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
-                                                  {static_cast<std::size_t>(reported), outputs, every, values, slopes}));
+    return along_courses(s, [&] {
+      return s->derivatives.play(s->sim, s->minimal, steps, {matrix, static_cast<std::size_t>(directions), by},
+                                 {static_cast<std::size_t>(reported), outputs, every, values, slopes});
+    });
+  }
+
+  /// `courses` are records of C with the members of `InputCourse`, of different inputs.
+  template <class Record>
+  static int follow_courses(CheckedMinimal* s, int number, const Record* courses) {
+    if (!Base::holds_one(s)) return no_simulation;
+    s->courses.clear();
+    if (number > 0 && !courses) return no_array;
+    Fixed<bool, Model::inputs> taken;
+    for (int i = 0; i < number; ++i) {
+      const Record& x = courses[i];
+      if (x.input < 0 || x.input >= Model::inputs || taken[static_cast<std::size_t>(x.input)] || x.pieces < 1) return no_such_index;
+      if (!x.times || !x.numbers) return no_array;
+      if (!all_finite(x.times, static_cast<std::size_t>(x.pieces)) || !all_finite(x.numbers, 4 * static_cast<std::size_t>(x.pieces))) return not_finite;
+      for (long k = 1; k < x.pieces; ++k)
+        if (!(x.times[k - 1] < x.times[k])) return not_finite;
+      taken[static_cast<std::size_t>(x.input)] = true;
+    }
+    for (int i = 0; i < number; ++i) s->courses.add({courses[i].input, courses[i].jumps, courses[i].pieces, courses[i].times, courses[i].numbers, courses[i].changes, courses[i].slopes});
+    return call_ok;
   }
 
   static int tell_events(CheckedMinimal* s, int most, int* found, int* events, double* times, double* time_slopes, double* values, double* slopes) {
@@ -146,8 +169,10 @@ class CheckedMinimal : public CheckedSimulation<Model> {
       if (outputs[i] < 0 || outputs[i] >= Model::outputs) return no_such_index;
     const std::size_t rows = static_cast<std::size_t>(steps / every) + 1;
     if (!all_finite(weights, static_cast<std::size_t>(objectives) * static_cast<std::size_t>(reported) * rows)) return not_finite;
-    return Base::status_of(s, s->derivatives.play_adjoint(s->sim, s->minimal, steps, {static_cast<std::size_t>(reported), outputs, every, values, nullptr},
-                                                          {static_cast<std::size_t>(objectives), weights, by_state, by_input, by_parameter}, {tape, records}));
+    return along_courses(s, [&] {
+      return s->derivatives.play_adjoint(s->sim, s->minimal, steps, {static_cast<std::size_t>(reported), outputs, every, values, nullptr},
+                                         {static_cast<std::size_t>(objectives), weights, by_state, by_input, by_parameter}, {tape, records});
+    });
   }
 
   static int event_values(CheckedMinimal* s, double* values) {
@@ -184,6 +209,22 @@ class CheckedMinimal : public CheckedSimulation<Model> {
   }
 
  private:
+  /// A run along the courses that were given for it, from where they have guides, independent coordinates and rates as they are; inputs then are as they were
+  /// before.
+  template <class Run>
+  static int along_courses(CheckedMinimal* s, Run run) {
+    if (s->courses.number() == 0) return Base::status_of(s, run());
+    double numbers[states + 1];
+    s->minimal.read(s->sim.state(), numbers);
+    Fault fault = s->sim.follow_courses(&s->courses);
+    const auto close = [s, &numbers](auto& starter, auto& found) { return s->minimal.close(s->sim.mechanism(), starter, numbers, found); };
+    if (!fault && s->courses.any_of([](std::size_t input) { return Model::Sim::Followed::is_guiding(input); })) fault = s->sim.seek(s->sim.state().t, close);
+    if (!fault) fault = run();
+    const Fault behind = s->sim.follow_courses(nullptr);
+    s->courses.clear();
+    return Base::status_of(s, fault ? fault : behind);
+  }
+
   struct Memory {
     typename Model::Sim::Memory sim;
     typename Minimal::Choice choice;

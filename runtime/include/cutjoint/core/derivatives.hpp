@@ -12,6 +12,7 @@
 #include "cutjoint/core/balance_slopes.hpp"
 #include "cutjoint/core/dual_road.hpp"
 #include "cutjoint/core/fault.hpp"
+#include "cutjoint/core/input_courses.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/minimal.hpp"
@@ -140,9 +141,25 @@ class Derivatives {
   /// Go to a state, at whose time the mechanism is; false where an acceleration is no number.
   bool enter(M& mechanism, const StateOf<M>& state) {
     state_ = &state;
-    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
+    take_inputs(mechanism);
     gap_.fill(0.0);
     return find_values(mechanism);
+  }
+
+  /// Inputs where the mechanism is, and how they change along directions.
+  void take_inputs([[maybe_unused]] M& mechanism) {
+    if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
+    if constexpr (inputs > 0)
+      if (courses_ && along_.number > 0) {
+        du_ = shift_;
+        courses_->add_changes(along_.first, along_.number, du_);
+      }
+  }
+
+  /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their courses do.
+  void change_courses(std::size_t first, std::size_t number) {
+    along_ = {first, number};
+    shift_ = du_;
   }
 
   Fault not_finite() const { return {.cause = Cause::accelerations_not_finite, .t = state_->t}; }
@@ -152,6 +169,7 @@ class Derivatives {
     for (std::size_t i = 0; i < x.du_.size(); ++i) {
       Slopes by_time{};
       if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.slope;
+      else if (const double* const jerk = x.courses_ ? x.courses_->jerk(i - 2) : nullptr) by_time = *jerk * t.slope;
       else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others stay
         for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.slope[k] == 0.0 ? 0.0 : input[i].slope[k];
       input[i] = {x.u_[i], x.du_[i].slope + by_time};
@@ -359,7 +377,11 @@ class Derivatives {
   Fixed<Road<Dual>, M::sizes.roads> roads_;
   Fixed<Dual, states> dx_, dxdot_;
   Fixed<double, given> u_;
-  Fixed<Dual, numbers_per_input * inputs> du_;
+  Fixed<Dual, numbers_per_input * inputs> du_, shift_;
+  InputCourses<inputs>* courses_ = nullptr;
+  struct {
+    std::size_t first = 0, number = 0;
+  } along_;  ///< directions of courses
   Fixed<Dual, M::sizes.held> dheld_;
   Fixed<Dual, M::sizes.coordinates> reference_, q_;
   Fixed<Dual, n> delta_, rate_, second_, v_, vdot_;

@@ -108,6 +108,9 @@ class FollowedInputs {
   /// Whether any input moves a guide.
   static constexpr bool any = sizeof...(guiding) > 0;
 
+  /// Whether one does.
+  static constexpr bool is_guiding(std::size_t i) { return ((static_cast<std::size_t>(guiding) == i) || ...); }
+
   /// The inputs that drive steps.
   Inputs& used() { return used_; }
 
@@ -218,8 +221,6 @@ class FollowedInputs {
   };
 
   static constexpr std::size_t places[sizeof...(guiding) + 1] = {static_cast<std::size_t>(guiding)..., 0};
-
-  static constexpr bool is_guiding(std::size_t i) { return ((static_cast<std::size_t>(guiding) == i) || ...); }
 
   template <class Do>
   void each(Do visit) {

@@ -194,6 +194,10 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     for (std::size_t i = 0; i <= last; ++i) {
       Along* const rows = change.data() + i * Stages::unknowns;
       if (!moves) {
+        if (this->courses_) {
+          mechanism.begin_step(points_[i].t, 1.0);
+          this->take_inputs(mechanism);
+        }
         this->balance_.lose(stages_.slope(i), places[i], speeds[i], this->du_, this->dheld_, rows);
         continue;
       }

@@ -92,6 +92,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       way_[i] = h * from.v[i] + h * h / 4 * from.vdot[i];
     }
     du_.fill(Dual());
+    this->along_ = {};
     this->dheld_.fill(Dual());
     for (Dual& x : this->parameters_) x.slope = Slopes{};
     this->load_parameters(simulation);
@@ -133,7 +134,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
 
   void enter_end(M& mechanism, const StateOf<M>& end) {
     mechanism.begin_step(end.t, 1.0);
-    take_inputs(mechanism);
+    this->take_inputs(mechanism);
     mechanism_.begin_step(end.t, 1.0);
   }
 
@@ -152,8 +153,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   /// The end of a step by the rule's fixed point along directions, by the balance of forces there; false where that has a slope that is no number.
   bool go_by_balance(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     leave_start(from, h);
-    mechanism.begin_step(end.t, 1.0);
-    take_inputs(mechanism);
+    enter_end(mechanism, end);
     if (!is_settled_ && !settle(mechanism, from, end, h)) return false;
     is_settled_ = true;
     lead_stage(h);
@@ -407,11 +407,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       odd.value += 0.0 * x.value;
     }
     return most + odd;
-  }
-
-  /// Inputs where the mechanism is.
-  void take_inputs([[maybe_unused]] M& mechanism) {
-    if constexpr (Base::given > 0) std::copy_n(mechanism.last_inputs(), this->u_.size(), this->u_.begin());
   }
 
   std::size_t loaded_ = no_row;  ///< the first of the directions with whose changes parameters are loaded

@@ -14,6 +14,7 @@
 #include "cutjoint/core/gap.hpp"
 #include "cutjoint/core/host_inputs.hpp"
 #include "cutjoint/core/initialisation.hpp"
+#include "cutjoint/core/input_courses.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
@@ -68,6 +69,7 @@ class Simulation {
   using Steps = Integrator;
   using Settings = typename SettingsOf<Integrator>::type;
   using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
+  using Courses = InputCourses<static_sizes<M>().inputs>;
 
   /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
   Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
@@ -88,6 +90,19 @@ class Simulation {
   {
     mechanism_.drive_by(sampling_.source(source));
   }
+
+  /// Take inputs from courses over time, guides included, until none is given; the present state has the accelerations of what they give.
+  Fault follow_courses(Courses* courses)
+    requires Sized<M>
+  {
+    heed_changes();
+    courses_ = courses;
+    if (courses) courses->begin(static_cast<double>(state_.t), settings_.dt);
+    drive_by(followed_.used());
+    return accelerate();
+  }
+
+  Courses* courses() const { return courses_; }
 
   /// What looks on where a controller has taken its sample.
   struct SampleWatch {
@@ -468,6 +483,7 @@ class Simulation {
   static constexpr Sizes sizes = static_sizes<Subject>(), start_sizes = static_sizes<M>();
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
   static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
+  static constexpr bool has_courses = Sized<M> && std::is_same_v<Real, double> && start_sizes.inputs > 0;
 
   struct None {};
 
@@ -533,10 +549,18 @@ class Simulation {
     if constexpr (has_system) system_.load(parameters_.data(), roads_);
   }
 
+  static void fill_by_courses(void* self, Real t, Real* input) {
+    Simulation& own = *static_cast<Simulation*>(self);
+    HostInputs<Real, static_sizes<M>().inputs>::fill(own.host_, t, input);
+    own.courses_->fill(t, input);
+  }
+
   void drive_by(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
     if constexpr (Sized<M> && (sizes.inputs > 0 || may_sample<Subject>)) {
       InputSource<Real> given{};
       if constexpr (sizes.inputs > 0) given = {&HostInputs<Real, sizes.inputs>::fill, &inputs};
+      if constexpr (has_courses)
+        if (courses_) host_ = &inputs, given = {&fill_by_courses, this};
       const InputSource<Real> source = sampling_.source(given);
       mechanism_.drive_by(source);
       if constexpr (has_system) system_.drive_by(source);
@@ -726,7 +750,24 @@ class Simulation {
       next = std::min(next, followed_.next_end());
     }
     if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
-    return next < until - rounding() ? next : until;
+    if constexpr (has_courses)
+      if (courses_) next = std::min(next, begin_part_of_courses());
+    next = next < until - rounding() ? next : until;
+    if constexpr (has_courses)
+      if (courses_) courses_->end_part(next);
+    return next;
+  }
+
+  /// Courses go on to the next part of a step, which begins with the accelerations of what they give where they may jump; when they may next.
+  Real begin_part_of_courses() {
+    if (courses_->begin_part(state_.t)) restart_exactly();
+    return courses_->next_jump();
+  }
+
+  /// The present state has its accelerations, and multipliers that belong to these.
+  void restart_exactly() {
+    if constexpr (sizes.equations == 0 || Integrator::finds_events) steps_->restart_after_input_jump(state_);
+    else steps_->accelerate(state_, initialisation_->starter());
   }
 
   /// Controllers that are due take their samples.
@@ -916,6 +957,8 @@ class Simulation {
   [[no_unique_address]] SamplingOf<Subject> sampling_;
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
   PartWatch part_watch_;
+  Courses* courses_ = nullptr;
+  HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside courses
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;

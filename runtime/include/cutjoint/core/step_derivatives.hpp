@@ -72,6 +72,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   Fault play(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Course course) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
     open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
+    if (this->courses_) this->courses_->change_along(InputCourses<inputs>::Along::changes);
     course_ = &course;
     if (events_.found) *events_.found = 0;
     const Fault lacks = find_carried();
@@ -110,6 +111,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     this->wants_slope_ = carries_slope && carried;
     begins_at_event_ = false;
     last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
+    this->courses_ = simulation.courses();
+    this->along_ = {};
     simulation.complete_state();
     load_all();
     this->forget_part();
@@ -290,11 +293,17 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
           }
         return {};
       });
-      if (changes) known_.fill(std::numeric_limits<double>::quiet_NaN()), last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
+      if (changes) forget_carried();
       return fault;
     }
     return {};
   }
+
+  /// Accelerations are found anew.
+  void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_slope_.fill(std::numeric_limits<double>::quiet_NaN()); }
+
+  /// Whether the part that begins at a state does so with accelerations that the course of an input has made others.
+  bool begins_anew(const StateOf<M>& from) const { return this->courses_ && this->courses_->begins_anew(from.t); }
 
   /// A method has made one of its steps, or the part of it before an event.
   template <class Scheme>
@@ -345,6 +354,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
     if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_divided, from.t);
+    if (begins_anew(from)) forget_carried();
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
@@ -496,6 +506,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     });
     if (row != loaded_) this->load_parameters(*simulation_);
     loaded_ = row;
+    if (this->courses_) this->change_courses(first, number);
   }
 
   /// Independent coordinates and rates at the end.

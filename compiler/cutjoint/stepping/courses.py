@@ -1,0 +1,167 @@
+"""Inputs over the time of a run: pieces that a library takes, and derivatives by the numbers that give them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cutjoint.run.inputs import read_table
+from cutjoint.stepping.values import Array, find_place
+
+#: Values that are held for equal numbers of steps each, or a table over time, as of `simulate`.
+InputOverTime: TypeAlias = ArrayLike | Mapping[str, Any]
+
+#: The number of knots in a row on which a piece depends at most.
+_KNOTS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knots:
+    """The numbers by which a course is given, ``number`` of them, and the pieces' dependence on these: that of each piece on four of
+    them in a row, ``slopes`` (4, pieces, 4), whose numbers are ``which`` (4, pieces)."""
+
+    number: int
+    slopes: Array
+    which: NDArray[np.intp]
+
+    def spread(self) -> Array:
+        """The change of the pieces' numbers with each knot, (knots, pieces, 4)."""
+        found = np.zeros((self.number, *self.slopes.shape[1:]))
+        for slopes, which in zip(self.slopes, self.which, strict=True):
+            found[which, np.arange(len(which))] += slopes
+        return found
+
+    def gather(self, by_pieces: Array) -> Array:
+        """Slopes by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
+        found = np.zeros((len(by_pieces), self.number))
+        for slopes, which in zip(self.slopes, self.which, strict=True):
+            np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, slopes))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """The input at a ``place`` over time: value, rate, acceleration and third derivative, ``numbers`` (pieces, 4), of cubics that begin
+    at ``times`` (s); ``jumps`` says whether it may from one to the next.  ``knots`` are the numbers that gave it, by name."""
+
+    place: int
+    times: Array
+    numbers: Array
+    jumps: bool
+    knots: Mapping[str, Knots]
+
+
+def make_courses(
+    names: Sequence[str], given: Mapping[str, InputOverTime], start: float, steps: int, dt: float
+) -> tuple[Course, ...]:  # fmt: skip
+    """Courses of inputs from those ``given`` by name, of a run of so many steps from a time on (s).
+
+    Raises:
+        KeyError: there is no such input.
+        RunError: a table does not hold together, or is shorter than the run.
+        ValueError: values are not held for equal numbers of steps each.
+    """
+    places = {name: i for i, name in enumerate(names)}
+    return tuple(_make(name, find_place(places, name), each, start, steps, dt) for name, each in given.items())
+
+
+def _make(name: str, place: int, given: InputOverTime, start: float, steps: int, dt: float) -> Course:
+    if not isinstance(given, Mapping):
+        values = np.asarray(given, dtype=np.float64)
+        if values.ndim != 1 or not len(values) or steps % len(values):
+            raise ValueError(f"input '{name}': {values.shape} values are not held for equal numbers of {steps} steps")
+        times: Array = start + np.arange(float(len(values))) * ((steps // len(values)) * dt)
+        return _linear(place, times, lambda knots: np.column_stack([knots[name], np.zeros((len(times), 3))]), {name: values}, jumps=True)
+    table = read_table(f"input '{name}'", given, start, start + steps * dt * (1 - 1e-12))
+    t, rate = np.array(table["t"]), f"{name}.rate"
+    knots = {name: np.array(table["value"]), **({rate: np.array(table["rate"])} if "rate" in table else {})}
+
+    def pieces(knots: Mapping[str, Array]) -> Array:
+        if table["interpolation"] == "linear":
+            return _cubics(t, knots[name], None)
+        return _cubics(t, knots[name], knots[rate] if rate in knots else _rates_at(t, knots[name]))
+
+    return _linear(place, t[:-1], pieces, knots, jumps=False)
+
+
+def _rates_at(t: Array, values: Array) -> Array:
+    """Rates of parabolas through neighbouring values, as those of a run file's tables."""
+    length = np.diff(t)
+    slope = np.diff(values) / length
+    if len(slope) == 1:
+        return np.repeat(slope, 2)
+    inner = (length[1:] * slope[:-1] + length[:-1] * slope[1:]) / (length[:-1] + length[1:])
+    return np.concatenate([2 * slope[:1] - inner[:1], inner, 2 * slope[-1:] - inner[-1:]])
+
+
+def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
+    """The numbers of cubics through values at times, with rates there or, without, of lines."""
+    length = np.diff(t)
+    slope = np.diff(values) / length
+    if rates is None:
+        return np.column_stack([values[:-1], slope, np.zeros((len(slope), 2))])
+    begin, end = rates[:-1], rates[1:]
+    return np.column_stack([values[:-1], begin, 2 * (3 * slope - 2 * begin - end) / length, 6 * (begin + end - 2 * slope) / length**2])
+
+
+def _linear(
+    place: int, times: Array, pieces: Callable[[Mapping[str, Array]], Array], knots: Mapping[str, Array], *, jumps: bool
+) -> Course:  # fmt: skip
+    """A course whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
+    found = {}
+    for kind, values in knots.items():
+        first = np.clip(np.arange(len(times)) - 1, 0, max(len(values) - _KNOTS, 0))
+        which = np.minimum(np.array([first + (k - first) % _KNOTS for k in range(_KNOTS)]), len(values) - 1)
+        ones = [{other: np.zeros(len(each)) for other, each in knots.items()} for _ in range(_KNOTS)]
+        for k, each in enumerate(ones):
+            each[kind][k::_KNOTS] = 1.0
+        found[kind] = Knots(number=len(values), slopes=np.array([pieces(each) for each in ones]), which=which)
+    return Course(place=place, times=times, numbers=pieces(knots), jumps=jumps, knots=found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """The numbers by which a run is differentiated: columns by ``names``, each of ``by`` but a course with a column for each of its
+    knots, ``name[0]`` on; ``plain`` are columns of other numbers with their names, ``of_knots`` the first column, the course and the
+    knots of each other."""
+
+    names: tuple[str, ...]
+    plain: Mapping[int, str]
+    of_knots: tuple[tuple[int, int, Knots], ...]
+
+    @classmethod
+    def of(cls, by: Sequence[str], courses: Sequence[Course]) -> Columns:
+        """Columns of the numbers ``by``."""
+        known = {name: (i, knots) for i, course in enumerate(courses) for name, knots in course.knots.items()}
+        names: list[str] = []
+        plain, of_knots = {}, []
+        for name in by:
+            if name in known:
+                of_knots.append((len(names), *known[name]))
+                names += [f"{name}[{k}]" for k in range(known[name][1].number)]
+            else:
+                plain[len(names)] = name
+                names.append(name)
+        return cls(names=tuple(names), plain=plain, of_knots=tuple(of_knots))
+
+    def parts(self, course: int) -> Iterator[tuple[slice, Knots]]:
+        """The columns of a course, by its number, and their knots."""
+        for first, i, knots in self.of_knots:
+            if i == course:
+                yield slice(first, first + knots.number), knots
+
+    def changes(self, courses: Sequence[Course]) -> list[Array | None]:
+        """The change of the numbers of each course along all columns, (columns, pieces, 4); None of one that has none."""
+        found: list[Array | None] = []
+        for i, course in enumerate(courses):
+            parts = list(self.parts(i))
+            change = np.zeros((len(self.names), *course.numbers.shape)) if parts else None
+            for columns, knots in parts:
+                assert change is not None
+                change[columns] = knots.spread()
+            found.append(change)
+        return found
