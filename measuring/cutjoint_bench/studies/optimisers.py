@@ -1,7 +1,7 @@
 """Runs that optimisers without gradients take to what `examples/hardpoints.py` finds with them.
 
-`python -m cutjoint_bench.studies.optimisers`: L-BFGS-B by differences of runs, SciPy's default, and CMA-ES (`pip install cma`), from the same points within the same bounds, until a cost
-is within a thousandth of that found, or for `MOST` runs.
+`python -m cutjoint_bench.studies.optimisers`: L-BFGS-B by differences of runs, SciPy's default, and CMA-ES (`pip install cma`), from the
+same points within the same bounds, until a cost is within a thousandth of that found, or for `MOST` runs.
 """
 
 from __future__ import annotations

@@ -532,7 +532,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       const double share = change / (1.0 + size);
       if (m == 0 && (h != settled_for_ || (iteration > 1 && share > before))) settled_for_ = h, inverse_of_end_.forget();
       correct_end(iteration > 1);
-      if (share <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      const double left = iteration > 1 ? share * std::min(1.0, share / before) : share;
+      if (left <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
       before = share;
     }
     return false;
