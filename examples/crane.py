@@ -1,4 +1,4 @@
-"""Carry a hanging load by two metres and stop without a swing: 120 forces of a cart, by SciPy with exact gradients from the run's end on."""
+"""Carry a hanging load by two metres and stop without a swing: 120 forces of a cart, by SciPy with gradients from the run's end on."""
 
 from functools import lru_cache
 from pathlib import Path

@@ -214,6 +214,16 @@ def test_gradients_in_other_packages(package: str) -> None:
 
 
 @pytest.mark.heavy
+def test_jax_maps_over_runs() -> None:
+    """`vmap` of a gradient under `jit` has the rows of single calls."""
+    jax = pytest.importorskip("jax")
+    known = runpy.run_path(str(EXAMPLES / "gradient_jax.py"))
+    slope = jax.jit(jax.grad(lambda x: (known["course"](x) ** 2).mean()))
+    x = np.array([[2000.0, 0.1], [2500.0, 0.1], [2000.0, 0.11]])
+    assert np.asarray(jax.jit(jax.vmap(slope))(x)) == pytest.approx(np.array([slope(row) for row in x]), rel=1e-12)
+
+
+@pytest.mark.heavy
 def test_pytorch_checks_the_course_of_the_press() -> None:
     torch = pytest.importorskip("torch")
     known = runpy.run_path(str(EXAMPLES / "gradient_torch.py"))

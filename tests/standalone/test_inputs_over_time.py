@@ -131,7 +131,7 @@ def test_a_mass_that_a_piecewise_linear_force_pushes() -> None:
 
 @pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
 def test_held_values_are_those_of_a_host(integrator: str) -> None:
-    """The same run as of a host that gives each value before its steps, and a shift of all is the sum of their slopes."""
+    """A run has the end of one whose host gives each value before its steps, and the slope by a shift is the sum of those by values."""
     settings: dict[str, float] = {"iterations": 40} if integrator == "trapezoidal" else {}
     sim = loaded(OSCILLATOR, "oscillator", "recursive", integrator).reset(dt=0.01, **settings)
     values, start = np.random.default_rng(0).normal(size=20), sim.snapshot()

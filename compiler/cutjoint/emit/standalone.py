@@ -543,7 +543,7 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
-    numbers += len(parts.mechanism.parameters)
+    numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16)
     return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
 
 

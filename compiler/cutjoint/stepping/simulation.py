@@ -631,7 +631,7 @@ class Simulation:
     def _follow(
         self, courses: Sequence[Course], *, changes: Sequence[Array | None] = (), slopes: Sequence[Array] = ()
     ) -> None:  # fmt: skip
-        """Let the next run follow courses, which change along its directions, or whose slopes it finds."""
+        """Let the next run follow courses, with their changes along its directions, or room for slopes."""
         if not courses:
             return
         records = (CourseRecord * len(courses))()

@@ -1,7 +1,7 @@
 """Gradients of a run of a closed four-bar beside differences of its runs.  `python -m cutjoint_bench.studies.gradients`.
 
 The crank's angle at 1 s by the stiffness of a spring on it, steps of 1 ms.  Programs that are not installed are left out: MJX
-(`mujoco-mjx`) and mujoco_warp (`mujoco-warp`).
+(`mujoco-mjx`), mujoco_warp (`mujoco-warp`) and Nimble (`nimblephysics`, which needs NumPy 1).
 """
 
 from __future__ import annotations
@@ -141,8 +141,51 @@ def by_mujoco_warp() -> Iterator[tuple[str, float | str, float]]:
     yield "tape", run(STIFFNESS, warp.Tape())[1], own
 
 
+def by_nimble() -> Iterator[tuple[str, float | str, float]]:
+    """Products of the Jacobians of steps, the spring a force from outside, the loop closed by a `BallJointConstraint` or open."""
+    import nimblephysics_libs._nimblephysics as nimble
+
+    def make(*, closed: bool) -> Any:
+        world, skeleton = nimble.simulation.World(), nimble.dynamics.Skeleton()
+        world.setGravity([0, 0, -9.81])
+        world.setTimeStep(DT)
+
+        def link(parent: Any, at: list[float], centre: list[float], mass: float, inertia: list[float]) -> Any:
+            joint, body = skeleton.createRevoluteJointAndBodyNodePair(*([] if parent is None else [parent]))
+            place = nimble.math.Isometry3()
+            place.set_translation(at)
+            joint.setAxis([0, 1, 0])
+            joint.setTransformFromParentBodyNode(place)
+            body.setInertia(nimble.dynamics.Inertia(mass, centre, np.diag(inertia)))
+            return body
+
+        arm = link(None, [0, 0, 0], [0.15, 0, 0], 1, [0.001, 0.01, 0.01])
+        rod = link(arm, [0.3, 0, 0], [0.1, 0, 0.15], 0.5, [0.001, 0.01, 0.01])
+        rocker = link(None, [0.5, 0, 0], [0, 0, 0.15], 0.5, [0.001, 0.005, 0.005])
+        world.addSkeleton(skeleton)
+        if closed:
+            world.getConstraintSolver().addConstraint(nimble.constraint.BallJointConstraint(rod, rocker, [0.5, 0, 0.3]))
+        return world, skeleton
+
+    def run(k: float, *, closed: bool, steps: int, derive: bool = False) -> tuple[float, float]:
+        world, _skeleton = make(closed=closed)
+        change = np.zeros(6)
+        for _ in range(steps):
+            angle = world.getPositions()[0]
+            world.setControlForces([-k * angle, 0, 0])
+            if derive:
+                change = world.getStateJacobian() @ change + world.getActionJacobian() @ [-angle - k * change[0], 0, 0]
+            world.step()
+        return float(world.getPositions()[0]), float(change[0])
+
+    for closed, steps, how in ((False, 300, "loop open, 0.3 s"), (True, STEPS, "loop closed")):
+        own = difference(lambda k, closed=closed, steps=steps: run(k, closed=closed, steps=steps)[0])  # type: ignore[misc]
+        yield f"products of steps' Jacobians, {how}", run(STIFFNESS, closed=closed, steps=steps, derive=True)[1], own
+
+
 PROGRAMS: dict[str, tuple[Callable[[], Iterator[tuple[str, float | str, float]]], str]] = {
     "cutjoint": (by_cutjoint, "cutjoint"), "MJX": (by_mjx, "mujoco-mjx"), "mujoco_warp": (by_mujoco_warp, "mujoco-warp"),
+    "Nimble": (by_nimble, "nimblephysics"),
 }  # fmt: skip
 
 

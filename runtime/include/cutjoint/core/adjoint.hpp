@@ -634,13 +634,26 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         size = std::max(size, std::abs(found_values_[i]));
       }
       if (!(change - change == 0.0)) return false;
-      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += gap_[i];
       const double share = change / (1.0 + size);
-      if (share <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
+      if (m == 0 && (h != settled_for_ || (iteration > 1 && share > before))) settled_for_ = h, inverse_of_end_.forget();
+      correct_end(iteration > 1);
+      const double left = iteration > 1 ? share * std::min(1.0, share / before) : share;
+      if (left <= 1e-12 || (iteration > 2 && share > before / 2 && share <= 1e-5)) return true;
       before = share;
     }
     return false;
+  }
+
+  /// Go on to the fixed point from accelerations that are found from those of the stage: without loops by Broyden's method, which has learnt from the parts behind.
+  void correct_end(bool learns) {
+    if constexpr (m == 0) {
+      for (std::size_t i = 0; i < n; ++i) left_[i] = found_values_[i] - stage_.vdot[i];
+      const auto& step = inverse_of_end_.find_step(left_, learns);
+      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += step[i];
+    } else {
+      std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += gap_[i];
+    }
   }
 
   /// The root of what `measure` finds left, by Broyden's method, from those of the two parts behind; what it has learnt of these holds for the next.
@@ -962,7 +975,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   Unknowns solution_, last_;
   typename SecantInverse<unknowns>::Numbers left_;
   SecantInverse<unknowns> inverse_of_rule_;
-  double solved_for_ = 0.0;  ///< the length of part of which it has learnt
+  SecantInverse<m == 0 ? n : 0> inverse_of_end_;
+  double solved_for_ = 0.0, settled_for_ = 0.0;  ///< the length of part of which these have learnt
   int solved_ = 0;           ///< how many solutions there are behind, two at most
   Fixed<double, Base::rows * directions> matrix_;
 };
