@@ -17,6 +17,7 @@ from cutjoint.package.errors import RunError
 from tests.conftest import needs_cpp, with_heavy
 from tests.standalone.folders import HERE, compile_object, folder_of, link, run, write
 from tests.standalone.test_derivatives import SANITIZE
+from tests.standalone.test_radau_derivatives import by_radau
 from tests.standalone.test_run_adjoints import backwards
 from tests.standalone.test_run_derivatives import CART, fourth_order
 from tests.standalone.test_step_derivatives import OSCILLATOR, SHARP, loaded
@@ -164,10 +165,11 @@ def test_states_and_controllers(integrator: str, kind: str) -> None:
     compare(sim, {"push": given}, [*by, "pin.angle"], 1e-6 if integrator == "dormand-prince" else 1e-9, 1e-2, 1e-12)
 
 
-@pytest.mark.parametrize("integrator", with_heavy(["rk4", "trapezoidal"], "trapezoidal"))
+@pytest.mark.parametrize("integrator", with_heavy(["rk4", "trapezoidal", "radau5-fixed"], "trapezoidal", "radau5-fixed"))
 def test_a_motor_and_a_guide_of_a_loop(integrator: str) -> None:
     """A guide's values move the start, too: independent states stay, and the loop closes where it has the guide."""
-    sim = backwards(BAR, "bar", integrator=integrator).reset(dt=5e-3)
+    method = "recursive-newton" if integrator == "radau5-fixed" else "recursive"
+    sim = backwards(BAR, "bar", method, integrator).reset(dt=5e-3)
     sim.choose(["crank.angle_rate"])
     t = np.linspace(0, 0.5, 11)
     guide = {"t": t, "value": 0.02 * np.sin(6 * t), "rate": 0.12 * np.cos(6 * t)}
@@ -189,15 +191,28 @@ def test_loops_of_newtons_iteration() -> None:
     compare(sim, {"torque": np.random.default_rng(1).normal(size=20)}, ["torque"], 1e-5, 1e-2, None)
 
 
+@pytest.mark.parametrize("integrator", with_heavy(["radau5-fixed", "radau5"], "radau5"))
+@pytest.mark.parametrize("kind", ["held", "with rates"])
+def test_coupled_stages(integrator: str, kind: str) -> None:
+    """Each stage has the input at its own time."""
+    sim = by_radau(CART, "cart", integrator).reset(dt=5e-3)
+    sim.choose()
+    values, rates = np.random.default_rng(2).normal(size=(2, 20))
+    given: Any = values if kind == "held" else {"t": np.linspace(0, 0.5, 20), "value": values, "rate": rates}
+    by = ["k", "push", *(["push.rate"] if kind == "with rates" else [])]
+    compare(sim, {"push": given}, [*by, "pin.angle"], 1e-6, 1e-2, 1e-11)
+
+
 #: That mass with a stop on its way.
 STOP = MASS.replace("name: mass", "name: stop").replace(
     "law: push}", "law: 'push - where(rail.displacement > 0.2, 400*(rail.displacement - 0.2) + 5, 0)'}"
 )
 
 
-@pytest.mark.parametrize("integrator", with_heavy(["rk4", "dormand-prince"], "dormand-prince"))
+@pytest.mark.parametrize("integrator", with_heavy(["rk4", "dormand-prince", "radau5-fixed"], "dormand-prince"))
 def test_events_that_move(integrator: str) -> None:
-    sim = backwards(STOP, "stop", integrator=integrator).reset(dt=2e-3)
+    stop = by_radau if integrator == "radau5-fixed" else backwards
+    sim = stop(STOP, "stop", integrator=integrator).reset(dt=2e-3)
     t = np.linspace(0, 1, 21)
     given = {"t": t, "value": 4 + np.random.default_rng(4).normal(size=21)}
     compare(sim, {"push": given}, ["load", "push"], 1e-6, 1e-3, 1e-11, steps=500)

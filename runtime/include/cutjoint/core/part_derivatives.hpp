@@ -171,6 +171,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
 
   /// Slopes of the balance of forces in the stages of a step; false where they do not determine these.
   bool find_stages(M& mechanism, const StateOf<M>& from, double h) {
+    this->along_ = {};
     return stages_.find(this->balance_, h, charts(), from.q.data(), points_, [&](std::size_t i) {
       mechanism.begin_step(points_[i].t, 1.0);
       this->take_inputs(mechanism);
