@@ -347,14 +347,13 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
 
 
 def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
-    """The slopes of the balance of forces of a mechanism; None where steps do not need them and evaluations over numbers with derivatives
-    take fewer operations, or Newton's iteration has the equations of loops."""
-    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
-        return None
+    """The slopes of the balance of forces of a mechanism; None where steps do not need them, as they do where Newton's iteration has the
+    equations of loops, and evaluations over numbers with derivatives take fewer operations."""
+    needed = steps.by_balance or (parts.system is not None and parts.mechanism.equation_names)
     balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if steps.by_balance or derived.program.instructions("balance_slopes") <= most else None
+    return derived if needed or derived.program.instructions("balance_slopes") <= most else None
 
 
 # Files of compile --out
