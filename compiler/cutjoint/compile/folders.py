@@ -31,7 +31,6 @@ from cutjoint.methods import (
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
-    START,
     Events,
     Formulation,
     Implementation,
@@ -333,12 +332,9 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     Raises:
         RunError: its runs have no derivatives from their end.
     """
-    steps = STEPS[parts.method][integrator]
-    if not steps.differentiable:
+    if not STEPS[parts.method][integrator].differentiable:
         able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
         raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
-    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
-        raise RunError(f"adjoint: runs of '{parts.method}' with loops have none; use {START}")
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
