@@ -31,7 +31,6 @@ from cutjoint.methods import (
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
-    START,
     Events,
     Formulation,
     Implementation,
@@ -333,12 +332,9 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
     Raises:
         RunError: its runs have no derivatives from their end.
     """
-    steps = STEPS[parts.method][integrator]
-    if not steps.differentiable:
+    if not STEPS[parts.method][integrator].differentiable:
         able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
         raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
-    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
-        raise RunError(f"adjoint: runs of '{parts.method}' with loops have none; use {START}")
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
@@ -347,14 +343,13 @@ def _transposed(parts: SimulationCode, integrator: str) -> Derived:
 
 
 def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
-    """The slopes of the balance of forces of a mechanism; None where steps do not need them and evaluations over numbers with derivatives
-    take fewer operations, or Newton's iteration has the equations of loops."""
-    if parts.system is not None and parts.mechanism.equation_names and not steps.by_balance:
-        return None
+    """The slopes of the balance of forces of a mechanism; None where steps do not need them, as they do where Newton's iteration has the
+    equations of loops, and evaluations over numbers with derivatives take fewer operations."""
+    needed = steps.by_balance or (parts.system is not None and parts.mechanism.equation_names)
     balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
     derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if steps.by_balance or derived.program.instructions("balance_slopes") <= most else None
+    return derived if needed or derived.program.instructions("balance_slopes") <= most else None
 
 
 # Files of compile --out

@@ -527,10 +527,9 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.switches:  # at events
             stored += 2 * len(equations.switches) + q + n + 64
-        stored += 0 if parts.system is None else m * (3 * n + 2 * m + 9)
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
         stored += 0 if parts.balance is None else _size_of_balance(parts, parts.balance)
-        stored += _size_of_stages(parts, parts.balance) if parts.balance is not None and steps.by_balance else 0
+        stored += 0 if parts.balance is None or parts.system is None else _size_of_ends(parts, parts.balance, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
     stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
@@ -563,10 +562,12 @@ def _size_of_matrix(balance: Linearised, copies: int = 1) -> int:
     return copies * len(balance.parts) + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
 
 
-def _size_of_stages(parts: SimulationCode, balance: Linearised) -> int:
-    """Numbers that the slopes of three coupled stages hold."""
+def _size_of_ends(parts: SimulationCode, balance: Linearised, steps: Steps) -> int:
+    """Numbers that the slopes of coupled stages, or of the end of a step of Newton's iteration, hold."""
     n, _, q, state = _lengths(parts.mechanism)
     balls = q - parts.mechanism.speeds
+    if not steps.by_balance:
+        return 4 * balance.length + 2 * _size_of_matrix(balance) + n + balance.loaded + 64
     return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
 
 

@@ -31,14 +31,17 @@ struct FitsWithSlopes<NoFits> {
   using type = NoFits;
 };
 
+/// Slopes by all that the balance of forces reads, and by values of parameters among these.
 template <class Balance, bool>
-struct LoadedOf {
+struct ColumnsOf {
   using type = Fixed<double, 0>;
+  using OfLoaded = Fixed<double, 0>;
 };
 
 template <class Balance>
-struct LoadedOf<Balance, true> {
-  using type = Fixed<double, Balance::loaded>;
+struct ColumnsOf<Balance, true> {
+  using type = Fixed<double, Balance::first_acceleration>;
+  using OfLoaded = Fixed<double, Balance::loaded>;
 };
 
 /// `StepDerivatives` with the transposed functions T of the mechanism (formulate/transposed.py), which sum up slopes by values of parameters, `loaded`
@@ -107,6 +110,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
+  static constexpr bool by_balance = has_stages || seeks_multipliers;  ///< parts go back by balances of forces
+  using ByColumns = typename ColumnsOf<Balance, by_balance>::type;
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or slopes by one.
@@ -139,13 +144,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     }
   };
 
+  static constexpr int anew = 2;  ///< more of a part's number, where it begins anew
+
   struct Record {
     Kind kind;
     double h = 0.0, t = 0.0;  ///< the length of a part, and when it begins
-    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before, -1 of one that begins anew
+    int first = 0, number = 0;  ///< values of a sample; 1 of a part that begins with the slope, or the accelerations, of the one before, by Newton's iteration of one that does not end with its own
     Point from, end;            ///< in place of the end of such a part the slope, as rates of coordinates and accelerations
     std::array<Point, stages> between;
     Fixed<double, held> values;  ///< that controllers hold meanwhile
+    bool begins_anew = false;    ///< a part
   };
 
   // The record
@@ -180,6 +188,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     const double* known = simulation_->report();
     for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
     outputs_ = course.outputs;
+    record_.number = 0;
     record_.from.take(simulation_->complete_state());
     return write(Kind::row, simulation_->state().t, 0.0);
   }
@@ -188,16 +197,18 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     Adjoint& x = *static_cast<Adjoint*>(who);
     x.record_.from.take(from);
     x.record_.end.take(end);
-    x.record_.number = x.begins_anew(from) ? -1 : 0;
+    x.record_.number = 0;
     if constexpr (carries_slope) {
       x.record_.number = x.is_slope_known_;
       std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
       std::copy_n(x.first_slope_.begin() + coordinates, n, x.record_.end.vdot.begin());
     }
+    if constexpr (seeks_multipliers) x.record_.number = x.is_short(h);
     if constexpr (has_stages) {
       x.record_.number = x.is_known(from);
       for (std::size_t i = 0; i < stages; ++i) x.record_.between[i].take(x.points_[i]);
     }
+    if (x.begins_anew(from)) x.record_.number += anew;
     if (const Fault fault = x.write(Kind::part, from.t, h)) return fault;
     return x.cut_.is_made ? x.write_cut(end) : Fault{};
   }
@@ -246,6 +257,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     record_.h = *x++, record_.first = static_cast<int>(record_.h);
     record_.t = *x++;
     record_.number = static_cast<int>(*x++);
+    record_.begins_anew = record_.kind == Kind::part && record_.number >= anew;
+    if (record_.begins_anew) record_.number -= anew;
     x = record_.from.read(x);
     x = record_.end.read(x);
     for (Point& stage : record_.between) x = stage.read(x);
@@ -281,7 +294,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     solved_ = 0;
     owes_slope_ = false;
     read(records_ - 1);
-    if constexpr (has_stages) by_rows_.fill(0.0);
+    by_rows_.fill(0.0);
     for (std::size_t place = records_; place-- > 0;) {
       be_within(record_);
       const bool is_part = record_.kind == Kind::part || record_.kind == Kind::cut;
@@ -301,8 +314,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (place == 0) break;
       const Record behind = record_;
       read(place - 1);
-      const bool is_new = record_.kind == Kind::sample || (behind.kind == Kind::part && behind.number < 0);
-      const bool goes_on = !is_explicit && !is_new && behind.from.vdot == record_.end.vdot;
+      const bool is_new = record_.kind == Kind::sample || behind.begins_anew;
+      const bool ends_otherwise = seeks_multipliers && record_.number == 1;
+      const bool goes_on = !is_explicit && !is_new && !ends_otherwise && behind.from.vdot == record_.end.vdot;
       if (!goes_on && !find_anew(behind)) return no_end();
     }
     return {};
@@ -384,7 +398,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   bool go_over_part() {
     if constexpr (is_explicit) return go_over_slopes<typename Simulation::Steps::Method>();
     else if constexpr (has_stages) return go_over_stages();
-    else if constexpr (seeks_multipliers) return false;
+    else if constexpr (seeks_multipliers) return go_over_closed_end();
     else return go_over_rule();
   }
 
@@ -552,19 +566,27 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       std::copy(by_.lambda.begin(), by_.lambda.end(), solution.end() - m);
       if (!this->balance_.solve_transposed(this->stages_.matrix(), solution)) return false;
       for (std::size_t i = 0; i < stages; ++i) {
-        Fixed<double, Balance::first_acceleration> by_all;
+        ByColumns by_all;
         this->balance_.pull(this->stages_.slope(i), solution.data() + i * unknowns, by_all);
-        const double* x = by_all.data();
-        const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
-        take(by_q[i]), take(by_v[i]), take(more_input_);
-        for (double& slope : by_rows_) slope += *x++;
+        by_q[i].fill(0.0), by_v[i].fill(0.0);
         find(i);
-        add_inputs();
+        add_columns(by_all, by_q[i], by_v[i]);
       }
       this->stages_.pull(h, charts(), record_.from.q.data(), by_q, by_v, by.q, by.v, by_vdot);
       by_ = by;
     }
     return true;
+  }
+
+  /// Add slopes by all that the balance of forces reads to those by coordinates, speeds, inputs, held values and values of parameters.
+  void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
+    const double* x = by.data();
+    const auto add_next = [&x](auto& slopes, std::size_t number) {
+      for (std::size_t i = 0; i < number; ++i) slopes[i] += *x++;
+    };
+    more_input_.fill(0.0);
+    add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_rows_, by_rows_.size());
+    add_inputs();
   }
 
   /// From slopes behind loops that have been closed by the balance of forces at the end to those before.
@@ -584,6 +606,48 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       pull_residual(open, by_gap_, nothing_);
       add(more_.q, by_.q);
       add_sums();
+    }
+    return true;
+  }
+
+  // The trapezoidal rule with multipliers that close the loops
+
+  bool go_over_closed_end() {
+    if constexpr (seeks_multipliers) {
+      const double h = record_.h;
+      put(record_.from, record_.t);
+      const StateOf<M> from = stage_;
+      put(record_.end, record_.t + h);
+      const StateOf<M> end = stage_;
+      begin_step(end.t, record_.values);
+      if (!this->find_rule(simulation_->mechanism(), from, end, h)) return false;
+      const auto& balance = this->balance_;
+      ByColumns by, projected;
+      if (!this->ends_.pull_accelerations(balance, by_.vdot, by, projected)) return false;
+      add_columns(projected, by_.q, by_.v);
+      if (!this->ends_.pull_speeds(balance, by_.v, by, by_gap_)) return false;
+      pull_residual(record_.end, nothing_, by_gap_);
+      add(more_.q, by_.q), add(more_.v, by_.v);
+      add_sums();
+      add_columns(by, by_.q, by_.v);
+      Point rule, begun;
+      rule.take(stage_);
+      Numbers by_delta, by_a;
+      const RetractionSlopes<balls> turning(charts(), from.q.data(), this->ends_.delta());
+      turning.pull(by_.q.data(), begun.q.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) by_a[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      by.fill(0.0);
+      if (!this->ends_.pull_rule(balance, by_a, by_.lambda, by, by_gap_)) return false;
+      pull_residual(rule, by_gap_, nothing_);
+      by_.q = more_.q;
+      add_sums();
+      add_columns(by, by_.q, by_.v);
+      turning.pull(by_.q.data(), begun.q.data(), by_delta.data());
+      for (std::size_t i = 0; i < n; ++i) {
+        begun.v[i] = by_.v[i] + h * by_delta[i];
+        begun.vdot[i] = h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
+      }
+      by_ = begun;
     }
     return true;
   }
@@ -943,7 +1007,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   /// What slopes by values of parameters in balances of forces make along a direction.
   double by_rows([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
-    if constexpr (has_stages)
+    if constexpr (by_rows_.size() > 0)
       for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].slope[k];
     return sum;
   }
@@ -966,7 +1030,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   bool owes_slope_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename LoadedOf<Balance, has_stages>::type by_rows_;  ///< by values of parameters in balances of forces
+  typename ColumnsOf<Balance, by_balance>::OfLoaded by_rows_;  ///< by values of parameters in balances of forces
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;

@@ -152,15 +152,18 @@ class BalanceSlopes {
     matrix.solve_transposed(x);
     Fixed<double, size> more = x;
     double before = std::numeric_limits<double>::infinity();
-    for (int iteration = 0; m > 0 && iteration < 8; ++iteration) {
-      double share = 0.0, whole = 0.0;
+    for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
+      double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
       for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
       matrix.solve_transposed(more);
-      for (std::size_t i = 0; i < size; ++i) x[i] += more[i];
-      for (std::size_t i = 0; i < size; ++i)
-        if (i % (n + m) < n) share = std::max(share, std::abs(more[i])), whole = std::max(whole, std::abs(x[i]));
-      if (share * std::min(1.0, share / before) <= 1e-14 * whole) break;
-      before = share;
+      for (std::size_t i = 0; i < size; ++i) {
+        x[i] += more[i];
+        const std::size_t of = i % (n + m) < n ? 0 : 1;
+        share[of] = std::max(share[of], std::abs(more[i])), whole[of] = std::max(whole[of], std::abs(x[i]));
+      }
+      const double left = std::max(share[0] / std::max(whole[0], 1e-300), share[1] / std::max(whole[1], 1e-300));
+      if (left <= 1e-15 || !(left < before)) break;
+      before = left;
     }
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
   }

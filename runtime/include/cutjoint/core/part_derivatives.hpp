@@ -47,7 +47,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   using Base::begun_, Base::charts, Base::cut_, Base::ended_, Base::from_, Base::is_stale_, Base::mechanism_, Base::phi_, Base::phid_, Base::q_, Base::speeds_, Base::stage_, Base::step_, Base::v_, Base::vdot_;
 
   /// Whether a step begins with the accelerations that the one before has found, before loops are closed at its end.
-  static constexpr bool goes_on = !is_explicit && (!Base::has_system || has_stages);
+  static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
 
   /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
   static constexpr bool carries_slope = is_explicit && m > 0;
@@ -63,7 +63,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
     if constexpr (is_explicit) return true;
     else if constexpr (has_stages) return find_stages(simulation.mechanism(), from, h);
-    else if constexpr (seeks_multipliers) return this->find_rule(simulation, from, end, h);
+    else if constexpr (seeks_multipliers) return this->find_rule(simulation.mechanism(), from, end, h);
     else return starts_by_balance() || (!is_stale_ && h == this->inverse_of_) || this->find_inverse(simulation, from, end, h);
   }
 
@@ -72,7 +72,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     M& mechanism = simulation.mechanism();
     if constexpr (is_explicit) return go_by_slopes(mechanism, from, end, h, number);
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
-    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, h, number);
+    else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
     else {
       if constexpr (Base::has_balance)
         if (this->by_balance_) return !(this->has_no_slope_ = !this->go_by_balance(mechanism, from, end, h));
@@ -87,7 +87,7 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   /// The projection of the part's end; false where loops stay open.
   bool close_end(Simulation& simulation, const StateOf<M>& end) {
     if constexpr (has_stages) return close_by_balance(end);
-    else if constexpr (seeks_multipliers) return this->close_rates(), true;
+    else if constexpr (seeks_multipliers) return true;
     else return !(is_explicit || simulation.settings().fixed_point.proximal) || close_loops();
   }
 

@@ -9,13 +9,25 @@
 
 #include "cutjoint/core/dense.hpp"
 #include "cutjoint/core/derivatives.hpp"
+#include "cutjoint/core/newton/closed_end_slopes.hpp"
 
 namespace cutjoint {
 
+/// What belongs to ends whose multipliers close the loops.
+template <class Balance, bool>
+struct EndsOf {
+  struct type {};
+};
+
+template <class Balance>
+struct EndsOf<Balance, true> {
+  using type = ClosedEndSlopes<Balance>;
+};
+
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
-/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It closes the rates of loops at the smallest cost in the
-/// norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
+/// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It then closes the rates of loops, and theirs by accelerations, at the
+/// smallest cost in the norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
 template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
 class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> {
  public:
@@ -24,7 +36,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
 
  protected:
   using typename Base::Progress;
-  using Base::m, Base::n;
+  using Base::joints, Base::m, Base::n;
   using Base::charts, Base::correction_, Base::delta_, Base::du_, Base::lambda_, Base::mechanism_, Base::phi_, Base::phid_, Base::place_, Base::q_,
       Base::step_, Base::still_, Base::v_, Base::values_, Base::vdot_;
   static constexpr std::size_t no_row = std::numeric_limits<std::size_t>::max();
@@ -32,57 +44,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   static constexpr bool is_explicit = requires { typename Simulation::Steps::Method; };
   static constexpr bool has_stages = is_stepped && !is_explicit;  ///< that are coupled
   static constexpr bool seeks_multipliers = Base::has_system && m > 0 && !has_stages;
-  static constexpr std::size_t sought = seeks_multipliers ? m : 0;
   static constexpr int most_iterations = 30;
   static constexpr bool has_balance = Balance::is_there;
-
-  /// What multipliers move, by columns, and the pull that closes gaps; where equations depend on each other some pull in vain.
-  struct Pulls {
-    Fixed<double, sought * n> moves;
-    Fixed<double, sought * sought> closed;
-    Fixed<double, sought> scales, left, right;
-    Fixed<std::size_t, sought> order;
-    std::optional<dense::LeastSquares<double>> squares;
-
-    /// Of what moves close, by columns.
-    void decompose(const Fixed<double, sought * n>& loops) {
-      for (std::size_t j = 0; j < sought; ++j) {
-        double most = 0.0;
-        for (std::size_t i = 0; i < sought; ++i) {
-          double& sum = closed[j * sought + i] = 0.0;
-          for (std::size_t l = 0; l < n; ++l) sum += loops[l * sought + i] * moves[j * n + l];
-          most = std::max(most, std::abs(sum));
-        }
-        scales[j] = most > 0.0 ? 1.0 / most : 1.0;
-        for (std::size_t i = 0; i < sought; ++i) closed[j * sought + i] *= scales[j];
-      }
-      squares.emplace(dense::Matrix<double>{closed.data(), sought, sought}, order.data(), left.data(), right.data());
-      squares->decompose(1e-9);
-    }
-
-    /// The pull for a gap, which is overwritten.
-    template <class Numbers>
-    void solve(Numbers& gap, Numbers& pull) const {
-      Numbers room;
-      squares->solve(gap.data(), pull.data(), room.data());
-      for (std::size_t j = 0; j < sought; ++j) pull[j] *= scales[j];
-    }
-  };
-
-  /// The end of a step by the trapezoidal rule as Newton's iteration has it, and how accelerations and multipliers found there follow from those that lead there:
-  /// 1 less that is decomposed.  False where there is no number, or no derivative.
-  bool find_rule(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    M& mechanism = simulation.mechanism();
-    set_out(simulation, from, h);
-    from_values_ = from.q;
-    stage_ = end;
-    mechanism.begin_step(end.t, 1.0);
-    if (!go_to_end(mechanism)) return false;
-    std::copy(this->force_.begin(), this->force_.end(), stage_.lambda.begin());
-    if (!decompose_rule(h) || !solve_rule(mechanism, h) || !decompose_rule(h)) return false;
-    find_projection();
-    return true;
-  }
 
   /// From the beginning of a part that does not change along directions.
   void set_out(Simulation& simulation, const StateOf<M>& from, double h) {
@@ -228,97 +191,39 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     return false;
   }
 
-  /// Newton's solution, with multipliers that close the loops at the end: by the decomposition, from the end of the step, whose accelerations are projected.
-  bool solve_rule(M& mechanism, double h) {
-    Fixed<double, n> left, change;
-    Fixed<double, m> open, rate, pull;
-    double factor = 1.0;
-    Progress progress(factor);
-    for (int iteration = 0; iteration < 50 && !progress.is_over(); ++iteration) {
-      lead_stage(h);
-      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), left.data(), pull.data());
-      mechanism.constraint_residual(stage_.q.data(), stage_.v.data(), open.data(), rate.data());
-      for (std::size_t i = 0; i < n; ++i) left[i] -= stage_.vdot[i];
-      solve(left, open, change, pull);
-      for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += change[i];
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += pull[i];
-      progress.add(this->size_of(change), this->size_of(stage_.vdot));
+  /// The end of a step as Newton's iteration has left it, its accelerations as its places tell them, with the slopes of balances of forces there.
+  bool find_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
+    stage_ = end;
+    displacement<double>(charts(), from.q.data(), end.q.data(), place_.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      stage_.vdot[i] = (i < joints ? 4 / (h * h) * (place_[i] - h * from.v[i]) : 2 / h * (end.v[i] - from.v[i])) - from.vdot[i];
+      stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
     }
-    return progress.is_finite();
+    mechanism.begin_step(end.t, 1.0);
+    take_inputs(mechanism);
+    return ends_.find(this->balance_, h, charts(), from.q.data(), stage_, end);
   }
 
-  /// How what the rule leaves of found accelerations and multipliers follows from these.
-  bool decompose_rule(double h) {
-    for (std::size_t first = 0; first < n + sought; first += directions) {
-      const std::size_t number = std::min(directions, n + sought - first);
-      for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
-      for (std::size_t k = 0; k < number; ++k) (first + k < n ? found_[first + k] : lambda_[first + k - n]).slope[k] = 1.0;
-      if (!leave(h, number)) return false;
-      for (std::size_t k = 0, j = first; k < number; ++k, ++j) {
-        for (std::size_t i = 0; i < n; ++i) (j < n ? matrix_[j * n + i] : rates_.moves[(j - n) * n + i]) = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
-        for (std::size_t i = 0; i < sought && j < n; ++i) loops_[j * m + i] = phi_[i].slope[k];
-      }
-    }
-    squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
-    squares_->decompose(1e-14);
-    for (std::size_t j = 0; j < sought; ++j) {
-      std::copy_n(rates_.moves.begin() + j * n, n, place_.begin());
-      squares_->solve(place_.data(), values_.data(), still_.data());
-      for (std::size_t i = 0; i < n; ++i) ends_.moves[j * n + i] = -values_[i];
-    }
-    ends_.decompose(loops_);
-    return squares_->rank() == n;
-  }
-
-  /// The projection of speeds at the end, by the masses there, and the pull that it takes.
-  void find_projection() {
-    Fixed<double, sought * n> by_speeds;
-    for (std::size_t i = 0; i < n; ++i) v_[i] = stage_.v[i];
-    for (std::size_t first = 0; first < n; first += directions) {
-      const std::size_t number = std::min(directions, n - first);
-      for (std::size_t k = 0; k < number; ++k) v_[first + k].slope[k] = 1.0;
-      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      for (std::size_t k = 0; k < number; ++k) {
-        for (std::size_t i = 0; i < m; ++i) by_speeds[(first + k) * m + i] = phid_[i].slope[k];
-        v_[first + k].slope = Slopes{};
-      }
-    }
-    rates_.decompose(by_speeds);
-    Fixed<double, m> gap;
-    for (std::size_t i = 0; i < m; ++i) gap[i] = phid_[i].value;
-    rates_.solve(gap, pull_);
-  }
-
-  /// How accelerations and multipliers have to change so that nothing is left of both equations; what is left is overwritten.
-  template <class Number>
-  void solve(Fixed<Number, n>& left, Fixed<Number, m>& open, Fixed<Number, n>& change, Fixed<Number, m>& pull) {
-    Fixed<Number, n> room;
-    squares_->solve(left.data(), change.data(), room.data());
-    for (std::size_t i = 0; i < m; ++i) {
-      open[i] *= -1.0;
-      for (std::size_t j = 0; j < n; ++j) open[i] -= loops_[j * m + i] * change[j];
-    }
-    ends_.solve(open, pull);
-    for (std::size_t j = 0; j < m; ++j)
-      for (std::size_t i = 0; i < n; ++i) change[i] += ends_.moves[j * n + i] * pull[j];
-  }
-
-  /// Its end along directions.
-  bool go_by_rule(M& mechanism, const StateOf<M>& from, double h, std::size_t number) {
+  /// Its end along directions, with projected speeds and accelerations.
+  bool go_by_rule(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
     leave_start(from, h);
     for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
-    mechanism.begin_step(stage_.t, 1.0);
-    if (!go_to_end(mechanism)) return false;
-    for (std::size_t i = 0; i < sought; ++i) lambda_[i] = stage_.lambda[i];
-    if (!leave(h, number)) return false;
-    Fixed<Along, n> left, step;
-    Fixed<Along, m> open, pull;
-    for (std::size_t i = 0; i < n; ++i) left[i].slope = vdot_[i].slope;
-    for (std::size_t i = 0; i < m; ++i) open[i].slope = phi_[i].slope;
-    solve(left, open, step, pull);
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = step[i].slope;
+    enter_end(mechanism, end);
     lead(h);
+    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+    typename Balance::Changes change;
+    auto& held = this->dheld_;
+    if (!ends_.solve_rule(this->balance_, q_, v_, phi_, du_, held, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = change[i].slope;
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], change[n + i].slope};
+    lead(h);
+    speeds_ = v_;
+    for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
+    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
+    if (!ends_.solve_speeds(this->balance_, q_, speeds_, phid_, du_, held, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;
+    if (!ends_.solve_accelerations(this->balance_, q_, speeds_, v_, du_, held, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], change[i].slope};
     return true;
   }
 
@@ -330,40 +235,6 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       way_[i] = h * v_[i] + h * h / 4 * before;
     }
     from_ = q_;
-  }
-
-  /// The accelerations of the coordinates and speeds to which found ones lead, with the multipliers that are sought; false where one is no number.
-  bool leave(double h, std::size_t number) {
-    lead(h);
-    mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-    mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    for (const Dual& x : vdot_)
-      for (std::size_t k = 0; k < number; ++k)
-        if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
-    return true;
-  }
-
-  /// Speeds that the projection of Newton's iteration leaves: v less what the masses let a pull move, by which the rates of loops stay closed.
-  void close_rates() {
-    if constexpr (seeks_multipliers) {
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i] + pull_[i];
-      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), found_.data(), correction_.data());
-      for (std::size_t i = 0; i < m; ++i) lambda_[i] = stage_.lambda[i];
-      mechanism_.evaluate(q_.data(), v_.data(), lambda_.data(), vdot_.data(), correction_.data());
-      for (std::size_t i = 0; i < n; ++i) v_[i] += found_[i] - vdot_[i];
-      mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      Fixed<Along, m> open, pull;
-      for (std::size_t i = 0; i < m; ++i) open[i].slope = phid_[i].slope;
-      rates_.solve(open, pull);
-      for (std::size_t j = 0; j < m; ++j)
-        for (std::size_t i = 0; i < n; ++i) v_[i].slope -= rates_.moves[j * n + i] * pull[j].slope;
-    }
-  }
-
-  bool go_to_end(M& mechanism) {
-    if (!this->enter(mechanism, stage_)) return false;
-    mechanism_.begin_step(stage_.t, 1.0);
-    return true;
   }
 
   /// Coordinates and speeds to which accelerations at the end lead, of the stage as numbers; `place_` is the way to these.
@@ -421,12 +292,10 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   bool by_balance_ = false, is_settled_ = false;  ///< whether the balance of forces has the slopes of a part, and its end is found
   bool has_no_slope_ = false;                     ///< it has none for this one
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
+  [[no_unique_address]] typename EndsOf<Balance, seeks_multipliers>::type ends_;
   Fixed<double, n> left_, right_;
   Fixed<std::size_t, n> order_;
   std::optional<dense::LeastSquares<double>> squares_;
-  Fixed<double, sought * n> loops_;  ///< what accelerations at the end close of the loops, by columns
-  Pulls ends_, rates_;               ///< of the rule and of its projection
-  Fixed<double, sought> pull_;       ///< that of the projection
 };
 
 }  // namespace cutjoint

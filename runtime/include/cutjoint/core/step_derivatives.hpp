@@ -359,7 +359,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const auto goes_on_to_event = [&] {
       const Fault fault = go();
       std::copy(end.vdot.begin(), end.vdot.end(), known_.begin());
-      if (cut_.is_made) known_.fill(std::numeric_limits<double>::quiet_NaN());
+      if (cut_.is_made || is_short(h)) known_.fill(std::numeric_limits<double>::quiet_NaN());
       begins_at_event_ = cut_.left > 0;
       if (begins_at_event_ && events_.found) ++*events_.found;
       return fault;
@@ -431,6 +431,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       if (cut_.left > 0) return keep_event(end, first, number);
     return {};
   }
+
+  /// Whether accelerations at the end of a part of this length are found anew by Newton's iteration.
+  bool is_short(double h) const { return Base::seeks_multipliers && h < simulation_->settings().dt / 100; }
 
   static Fault no_end(const StateOf<M>& end) { return {.cause = Cause::accelerations_not_finite, .t = end.t}; }
 
