@@ -39,7 +39,8 @@ joints:
 forces:
   drive: {kind: joint_force, joint: pin, law: push - 0.02*rate}
   hold: {kind: joint_force, joint: foot, law: -3*position}
-  bush: {kind: bushing, bodies: [crank, coupler], at: [0, 0, 0.2], stiffness: [0, 0, 0, 0.1, 0.1, 0.1], damping: [0, 0, 0, 0.05, 0.05, 0.05]}
+  bush: {kind: bushing,
+         bodies: [crank, coupler], at: [0, 0, 0.2], stiffness: [0, 0, 0, 0.1, 0.1, 0.1], damping: [0, 0, 0, 0.05, 0.05, 0.05]}
 outputs: [pin.angle, foot.angle, coupler.z]
 scenes: {run: {end: 1, NUMERICS}}
 """
@@ -72,9 +73,10 @@ def test_the_press_and_its_hardpoint() -> None:
 
 @pytest.mark.parametrize("integrator", with_heavy(["trapezoidal", "radau5-fixed"], "radau5-fixed"))
 def test_balls_in_a_loop(integrator: str) -> None:
-    sim = (by_newton(CROSSED, "crossed") if integrator == "trapezoidal" else by_radau(CROSSED.replace(", NUMERICS", ""), "crossed")).reset(dt=5e-3)
-    sim.choose()
-    independent = list(sim.states)[len(sim.states) // 2 :]
+    by_rule = integrator == "trapezoidal"
+    sim = by_newton(CROSSED, "crossed") if by_rule else by_radau(CROSSED.replace(", NUMERICS", ""), "crossed")
+    sim.reset(dt=5e-3)
+    independent = ["pin.angle_rate", "knee.wx"]
     compare(sim, independent, ["pin.angle", "foot.angle", "coupler.z"], {"heavy": 1e-3, "push": 1e-3}, 1e-7, steps=40)
     sim.reset()
     sim.choose(independent)

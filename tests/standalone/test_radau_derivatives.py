@@ -39,7 +39,7 @@ def known_step(stiffness: complex, h: float) -> tuple[NDArray[np.complex128], ND
     """The matrices of a step of the oscillator, R(h A) with the Pade approximant (2, 3) of the exponential, and what a push adds."""
     A, one = np.array([[0, 1], [-stiffness / MASS, -DAMPING / MASS]], dtype=complex), np.eye(2)
     z = h * A
-    R: NDArray[np.complex128] = np.linalg.solve(one - 3 * z / 5 + 3 * z @ z / 20 - z @ z @ z / 60, one + 2 * z / 5 + z @ z / 20)
+    R = np.linalg.solve(one - 3 * z / 5 + 3 * z @ z / 20 - z @ z @ z / 60, one + 2 * z / 5 + z @ z / 20).astype(complex)
     return R, np.linalg.solve(A, (R - one) @ np.array([[0j], [1 / MASS]]))
 
 
