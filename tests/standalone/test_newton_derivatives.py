@@ -48,7 +48,7 @@ scenes: {run: {end: 1, NUMERICS}}
 
 @cache
 def by_newton(text: str, name: str) -> cutjoint.Simulation:
-    """A model whose iterations end near rounding, so that each projection has a tangent of its own, and whose derivatives go both ways."""
+    """A model with derivatives both ways.  Its iterations end near rounding, so that each projection has a tangent of its own."""
     return backwards(text.replace("{NUMERICS}", f"{{{SHARP}}}").replace("NUMERICS", f"numerics: {{{SHARP}}}"), name, "recursive-newton")
 
 

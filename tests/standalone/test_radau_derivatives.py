@@ -111,8 +111,8 @@ def test_a_loop_and_its_hardpoint() -> None:
 
 
 def test_loops_near_a_dead_centre_come_nearer_with_shorter_steps() -> None:
-    """The run closes its loops in the norm of a tangent that may be that of an earlier step; derivatives do in that of the masses.  What
-    that makes is below what the rule leaves of the derivative of the motion."""
+    """The run closes its loops in the norm of a tangent that may be that of an earlier step; derivatives do in that of the masses.  The
+    difference is below the error of the rule itself."""
     sim = by_radau(PUSHER.replace(", numerics: {NUMERICS}", ""), "pusher")
     slopes = {}
     for dt in (1e-2, 5e-3, 2.5e-3, 6.25e-4):
