@@ -39,7 +39,7 @@ def known_step(stiffness: complex, h: float) -> tuple[NDArray[np.complex128], ND
     """The matrices of a step of the oscillator, R(h A) with the Pade approximant (2, 3) of the exponential, and what a push adds."""
     A, one = np.array([[0, 1], [-stiffness / MASS, -DAMPING / MASS]], dtype=complex), np.eye(2)
     z = h * A
-    R: NDArray[np.complex128] = np.linalg.solve(one - 3 * z / 5 + 3 * z @ z / 20 - z @ z @ z / 60, one + 2 * z / 5 + z @ z / 20)
+    R = np.linalg.solve(one - 3 * z / 5 + 3 * z @ z / 20 - z @ z @ z / 60, one + 2 * z / 5 + z @ z / 20).astype(complex)
     return R, np.linalg.solve(A, (R - one) @ np.array([[0j], [1 / MASS]]))
 
 
@@ -111,8 +111,8 @@ def test_a_loop_and_its_hardpoint() -> None:
 
 
 def test_loops_near_a_dead_centre_come_nearer_with_shorter_steps() -> None:
-    """The run closes its loops in the norm of a tangent that may be that of an earlier step; derivatives do in that of the masses.  What
-    that makes is below what the rule leaves of the derivative of the motion."""
+    """The run closes its loops in the norm of a tangent that may be that of an earlier step; derivatives do in that of the masses.  The
+    difference is below the error of the rule itself."""
     sim = by_radau(PUSHER.replace(", numerics: {NUMERICS}", ""), "pusher")
     slopes = {}
     for dt in (1e-2, 5e-3, 2.5e-3, 6.25e-4):

@@ -211,19 +211,19 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     enter_end(mechanism, end);
     lead(h);
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    typename Balance::Changes change;
+    typename Balance::Changes first, change;
     auto& held = this->dheld_;
-    if (!ends_.solve_rule(this->balance_, q_, v_, phi_, du_, held, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = change[i].slope;
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], change[n + i].slope};
+    if (!ends_.solve_rule(this->balance_, q_, v_, phi_, du_, held, first)) return false;
+    for (std::size_t i = 0; i < n; ++i) found_[i].slope = first[i].slope;
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], first[n + i].slope};
     lead(h);
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-    if (!ends_.solve_speeds(this->balance_, q_, speeds_, phid_, du_, held, change)) return false;
+    if (!ends_.solve_speeds(this->balance_, q_, speeds_, phid_, du_, held, first, change)) return false;
     for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;
-    if (!ends_.solve_accelerations(this->balance_, q_, speeds_, v_, du_, held, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], change[i].slope};
+    if (!ends_.solve_accelerations(this->balance_, q_, speeds_, v_, du_, held, first, change)) return false;
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].slope + change[i].slope};
     return true;
   }
 

@@ -15,17 +15,19 @@
 namespace cutjoint {
 
 /// Slopes by `Balance` of all that Newton's iteration leaves at the end of a step of length h.  With accelerations a and multipliers that lead to coordinates q
-/// and speeds v, and a momentum and accelerations that projections in the norm of the masses leave, these are
+/// and speeds v, and the projections of speeds and accelerations in the norm of the tangent A there, these are
 ///
-///     f(q, v, a, lambda) = 0    Phi(q) = 0        M (v_1 - v) + Phi_q^T mu = 0    Phid(q, v_1) = 0        f(q, v, vdot, lambda_1) = 0    Phidd(q, v_1, vdot) = 0
+///     f(q, v, a, lambda) = 0     Phi(q) = 0         A (v_1 - v) + Phi_q^T mu = 0     Phid(q, v_1) = 0         A (vdot - a) + Phi_q^T nu = 0     Phidd(q, v_1, vdot) = 0
 ///
-/// f being the balance of forces, which is affine in accelerations and multipliers.
+/// f being the balance of forces.  A times a move is how f changes on the way of it, so that slopes of that are the differences of slopes there.  Where the run has
+/// the tangent of another pose, what that makes is missing.
 template <class Balance>
 class ClosedEndSlopes {
  public:
   static constexpr std::size_t n = Balance::n, m = Balance::m, coordinates = Balance::coordinates, all = n + m;
   using Changes = typename Balance::Changes;
   using Columns = Fixed<double, Balance::first_acceleration>;
+  using First = Fixed<double, all>;  ///< by accelerations and multipliers that lead to the end
 
   /// Of a step from coordinates; `rule` has what leads to its end, in which the balance is.  False where a matrix is singular.
   template <class State>
@@ -40,17 +42,21 @@ class ClosedEndSlopes {
       pushed[row].slope[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
       moved[row].slope[0] += end_[k] * (end.v[column] - rule.v[column]);
     });
-    if (!balance.solve(masses_, pushed) || !balance.solve(masses_, moved)) return false;
-    State at = rule;
-    at.vdot = end.vdot;
-    for (std::size_t i = 0; i < m; ++i) at.lambda[i] += pushed[n + i].slope[0];
-    balance.find(at, forces_);
-    const double scale = 2 / h;
-    at = end;
-    for (std::size_t i = 0; i < n; ++i) at.vdot[i] += scale * moved[i].slope[0];
-    for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * moved[n + i].slope[0];
-    balance.find(at, momentum_);
-    for (std::size_t k = 0; k < momentum_.size(); ++k) momentum_[k] = (momentum_[k] - end_[k]) / scale;
+    if (!balance.solve(projections_, pushed) || !balance.solve(projections_, moved)) return false;
+    const auto move = [&](double scale, const Changes& by, typename Balance::OfSlopes& slope) {
+      State at = rule;
+      Fixed<double, n> way;
+      for (std::size_t i = 0; i < n; ++i) {
+        const double x = scale * by[i].slope[0];
+        at.vdot[i] += x, at.v[i] += h / 2 * x, way[i] = h * h / 4 * x;
+      }
+      retract<double>(charts, rule.q.data(), way.data(), at.q.data());
+      for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * by[n + i].slope[0];
+      balance.find(at, slope);
+      for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = (slope[k] - rule_[k]) / scale;
+    };
+    move(2 / h, moved, speeds_);
+    move(1.0, pushed, accelerations_);
     return true;
   }
 
@@ -62,45 +68,52 @@ class ClosedEndSlopes {
     return balance.solve(matrix_, change);
   }
 
-  /// How speeds change by their projection, whose rates of loops open by `gaps` along directions without it.
+  /// How speeds change by their projection, whose rates of loops open by `gaps` along directions without it; `first` are the changes that lead to the end.
   template <class Q, class V, class Inputs, class Held>
-  bool solve_speeds(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& gaps, const Inputs& du, const Held& held, Changes& change) const {
-    balance.lose(momentum_, q, v, du, held, change.data());
+  bool solve_speeds(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& gaps, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+    lose(balance, speeds_, q, v, du, held, first, change);
     for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -gaps[i].slope;
-    return balance.solve(masses_, change);
+    return balance.solve(projections_, change);
   }
 
-  /// Accelerations at the end, by speeds before and behind their projection.
+  /// How accelerations do, by speeds before and behind their projection.
   template <class Q, class V, class Inputs, class Held>
-  bool solve_accelerations(Balance& balance, const Q& q, const V& v, const V& projected, const Inputs& du, const Held& held, Changes& change) const {
-    Changes curvature;
-    balance.lose(forces_, q, v, du, held, change.data());
-    balance.lose(end_, q, projected, du, held, curvature.data());
-    std::copy_n(curvature.begin() + n, m, change.begin() + n);
-    return balance.solve(masses_, change);
+  bool solve_accelerations(Balance& balance, const Q& q, const V& v, const V& projected, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+    Changes loops;
+    lose(balance, accelerations_, q, v, du, held, first, change);
+    balance.lose(end_, q, projected, du, held, loops.data());
+    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { loops[row].slope -= end_[k] * first[column].slope; });
+    std::copy_n(loops.begin() + n, m, change.begin() + n);
+    return balance.solve(projections_, change);
   }
 
-  /// From slopes by accelerations at the end to those by all that `lose` reads, with speeds before their projection, and behind it.
-  bool pull_accelerations(const Balance& balance, const Fixed<double, n>& by_vdot, Columns& by, Columns& by_projected) const {
-    Fixed<double, all> x;
-    std::copy(by_vdot.begin(), by_vdot.end(), x.begin());
-    if (!balance.solve_transposed(masses_, x)) return false;
-    Fixed<double, all> loops;
+  /// From slopes by the move of accelerations to those by all that `lose` reads, with speeds before their projection and behind it, and by what leads to the end.
+  bool pull_accelerations(const Balance& balance, const Fixed<double, n>& by_move, Columns& by, Columns& by_projected, First& by_first) const {
+    First x, loops;
+    if (!pull(balance, projections_, accelerations_, by_move, {}, x, by, &by_first)) return false;
     std::copy_n(x.begin() + n, m, loops.begin() + n);
-    std::fill_n(x.begin() + n, m, 0.0);
-    balance.pull(forces_, x.data(), by);
     balance.pull(end_, loops.data(), by_projected);
+    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { by_first[column] -= end_[k] * loops[row]; });
     return true;
   }
 
-  /// From slopes by projected speeds to those by all that `lose` reads, and by gaps of the rates of loops.
-  bool pull_speeds(const Balance& balance, const Fixed<double, n>& by_v, Columns& by, Fixed<double, m>& by_gap) const {
-    return pull(balance, masses_, momentum_, by_v, {}, -1.0, by, by_gap);
+  /// From slopes by the move of speeds to those by all that `lose` reads, by what leads to the end, and by gaps of the rates of loops.
+  bool pull_speeds(const Balance& balance, const Fixed<double, n>& by_move, Columns& by, First& by_first, Fixed<double, m>& by_gap) const {
+    First x;
+    if (!pull(balance, projections_, speeds_, by_move, {}, x, by, &by_first)) return false;
+    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -x[n + i];
+    return true;
   }
 
   /// From slopes by accelerations and multipliers that lead to the end to those by all that `lose` reads, and by gaps of loops.
-  bool pull_rule(const Balance& balance, const Fixed<double, n>& by_a, const Fixed<double, m>& by_lambda, Columns& by, Fixed<double, m>& by_gap) const {
-    return pull(balance, matrix_, rule_, by_a, by_lambda, -4 / (h_ * h_), by, by_gap);
+  bool pull_rule(const Balance& balance, const First& by_first, Columns& by, Fixed<double, m>& by_gap) const {
+    First x;
+    Fixed<double, n> by_a;
+    Fixed<double, m> by_lambda;
+    std::copy_n(by_first.begin(), n, by_a.begin()), std::copy_n(by_first.begin() + n, m, by_lambda.begin());
+    if (!pull(balance, matrix_, rule_, by_a, by_lambda, x, by, nullptr)) return false;
+    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -4 / (h_ * h_) * x[n + i];
+    return true;
   }
 
   const double* delta() const { return delta_.data(); }
@@ -109,13 +122,24 @@ class ClosedEndSlopes {
   using Places = typename Balance::Places;
   using Matrix = Bordered<Places>;
 
-  bool pull(const Balance& balance, const Matrix& matrix, const typename Balance::OfSlopes& slope, const Fixed<double, n>& by_x, const Fixed<double, m>& by_lambda,
-            double scale, Columns& by, Fixed<double, m>& by_gap) const {
-    Fixed<double, all> x;
-    std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_x.begin(), by_x.end(), x.begin()));
+  /// What forces lose by changes of all, `first` being those of accelerations and multipliers.
+  template <class Q, class V, class Inputs, class Held>
+  void lose(Balance& balance, const typename Balance::OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+    balance.lose(slope, q, v, du, held, change.data());
+    for (std::size_t i = 0; i < n; ++i)
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].slope -= slope[k] * first[Places::columns[k] - Balance::first_acceleration].slope;
+  }
+
+  /// The solution x of transposed equations, and from it slopes by all that forces read, with `by_first` those by accelerations and multipliers, which are added.
+  bool pull(const Balance& balance, const Matrix& matrix, const typename Balance::OfSlopes& slope, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
+            First& x, Columns& by, First* by_first) const {
+    std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_move.begin(), by_move.end(), x.begin()));
     if (!balance.solve_transposed(matrix, x)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_gap[i] = scale * x[n + i], x[n + i] = 0.0;
-    balance.pull(slope, x.data(), by);
+    First forces;
+    std::copy_n(x.begin(), n, forces.begin());
+    balance.pull(slope, forces.data(), by);
+    for (std::size_t i = 0; by_first && i < n; ++i)
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - Balance::first_acceleration] -= slope[k] * x[i];
     return true;
   }
 
@@ -128,9 +152,9 @@ class ClosedEndSlopes {
   }
 
   bool decompose(const Balance& balance, std::span<const Chart> charts, const double* from) {
-    auto &rule = matrix_.entries(), &masses = masses_.entries();
+    auto &rule = matrix_.entries(), &projections = projections_.entries();
     const auto at = [](std::size_t i, std::size_t j) { return Matrix::places.of(i, j); };
-    rule.fill(0.0), masses.fill(0.0);
+    rule.fill(0.0), projections.fill(0.0);
     Fixed<double, 9 * balls> turned;
     turn_matrices<double>(charts, delta_.data(), turned.data());
     const double by_speed = h_ / 2, by_place = h_ * h_ / 4;
@@ -138,18 +162,22 @@ class ClosedEndSlopes {
       for (std::size_t k = Places::starts[i]; i < n && k < Places::middles[i]; ++k) {
         const std::size_t column = Places::columns[k];
         if (column >= Balance::first_input) continue;
-        if (column >= Balance::first_speed) rule[at(i, column - Balance::first_speed)] += by_speed * rule_[k];
-        else if (!Balance::turns(column)) rule[at(i, Balance::unknown_of(column))] += by_place * rule_[k];
+        if (column < Balance::first_speed && Balance::turns(column)) continue;
+        const bool is_speed = column >= Balance::first_speed;
+        const std::size_t place = at(i, is_speed ? column - Balance::first_speed : Balance::unknown_of(column));
+        const double share = (is_speed ? by_speed : by_place) * rule_[k];
+        rule[place] += share, projections[place] += share;
       }
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
         const std::size_t column = Places::columns[k] - Balance::first_acceleration;
-        masses[at(i, column)] += end_[k];
-        if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += (i < n ? rule_ : end_)[k];
+        const double slope = (i < n ? rule_ : end_)[k];
+        projections[at(i, column)] += slope;
+        if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += slope;
       }
-      if (i >= n) rule[at(i, i)] -= balance.gives_way(i - n), masses[at(i, i)] -= balance.gives_way(i - n);
+      if (i >= n) rule[at(i, i)] -= balance.gives_way(i - n), projections[at(i, i)] -= balance.gives_way(i - n);
     }
-    if constexpr (balls > 0) put_balls(charts, from, turned.data(), rule);
-    return matrix_.decompose() && masses_.decompose();
+    if constexpr (balls > 0) put_balls(charts, from, turned.data());
+    return matrix_.decompose() && projections_.decompose();
   }
 
   static bool is_turn(std::span<const Chart> charts, std::size_t speed) {
@@ -159,8 +187,8 @@ class ClosedEndSlopes {
   }
 
   /// What depends on turns of balls.
-  template <class Entries>
-  void put_balls(std::span<const Chart> charts, const double* from, const double* turned, Entries& rule) const {
+  void put_balls(std::span<const Chart> charts, const double* from, const double* turned) {
+    auto &rule = matrix_.entries(), &projections = projections_.entries();
     for (const Chart& chart : charts) {
       if (!chart.ball) continue;
       const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
@@ -171,7 +199,10 @@ class ClosedEndSlopes {
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t k = Places::starts[i]; k < Places::middles[i]; ++k)
           if (const std::size_t column = Places::columns[k]; column >= e && column < e + 4)
-            for (std::size_t l = 0; l < 3; ++l) rule[Matrix::places.of(i, w + l)] += rule_[k] * to[column - e].slope[l];
+            for (std::size_t l = 0; l < 3; ++l) {
+              const double share = rule_[k] * to[column - e].slope[l];
+              rule[Matrix::places.of(i, w + l)] += share, projections[Matrix::places.of(i, w + l)] += share;
+            }
       for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
         if (column >= w && column < w + 3)
           for (std::size_t l = 0; l < 3; ++l) rule[Matrix::places.of(row, w + l)] += end_[k] * turned[3 * (column - w) + l];
@@ -184,8 +215,8 @@ class ClosedEndSlopes {
 
   double h_ = 0.0;
   Fixed<double, n> delta_;
-  typename Balance::OfSlopes rule_, end_, forces_, momentum_;
-  Matrix matrix_, masses_;  ///< of what leads to the end, and of masses and loops there
+  typename Balance::OfSlopes rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
+  Matrix matrix_, projections_;  ///< of what leads to the end, and of projections
 };
 
 }  // namespace cutjoint
