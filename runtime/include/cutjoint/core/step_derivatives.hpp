@@ -448,7 +448,8 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     if (!carried_ || !is_known(state))
       if (!this->enter(mechanism, state)) return this->not_finite();
     if (!carried_) {
-      if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
+      if (first == 0)
+        if (const Fault fault = minimal_->decompose(simulation_->starter(), state)) return fault;
       return this->derive_motion(mechanism, *minimal_, number) ? Fault{} : this->not_finite();
     }
     return take_row(mechanism, state, first, number) ? Fault{} : this->not_finite();
