@@ -1,34 +1,76 @@
 // Derivatives of a folder's interface beside differences of its equations in 113 bits; prints the largest errors of A, B, C, D and of derivatives and
-// outputs along a direction, which has rates of inputs too, as shares of the largest entries; then those of a step's derivatives by states, inputs and parameters, beside
-// differences of the integrator in 113 bits.  Arguments: the difference, how many steps are taken first, then speeds that are independent, unless the folder chooses.
-// With `*100` in place of steps the errors are the largest of a hundred states behind steps at random, of parameters at random near those of the scene.
+// outputs along a direction, which has rates of inputs too, as shares of the largest entries; those of E and F, by parameters; then those of a step's derivatives by
+// states, inputs and parameters, beside differences of the integrator in 113 bits.  Columns by parameters are by shares of these.  Arguments: the difference, how many
+// steps are taken first, then speeds that are independent, unless the folder chooses.  With `*100` in place of steps the errors are the largest of a hundred states
+// behind steps at random, of parameters at random near those of the scene, `*100/4` along four columns of each kind, drawn anew at each.
 #include <cstdio>
 #include <cstdlib>
 #include <cmath>
+#include <cstring>
+#include <algorithm>
+#include <numeric>
 #include <random>
-
 #include <vector>
 
 #include "quads.hpp"
 
 using Reference = InQuad<code::Mechanism>::type;
 
+using Numbers = std::vector<Quad>;
+
+static Quad largest(const Numbers& numbers) {
+  Quad most = 0;
+  for (const Quad& x : numbers) most = abs(x) > most ? abs(x) : most;
+  return most;
+}
+
+/// Accelerations, and multipliers from near ones, to the end of their iteration.
+static void find_accelerations(Reference& mechanism, const Quad* q, const Quad* v, Numbers& lambda, Numbers& vdot) {
+  Numbers correction(lambda.size());
+  for (int iteration = 0; iteration < (lambda.empty() ? 1 : 400); ++iteration) {
+    mechanism.evaluate(q, v, lambda.data(), vdot.data(), correction.data());
+    for (std::size_t i = 0; i < lambda.size(); ++i) lambda[i] += correction[i];
+    if (largest(correction) <= Quad(1e-29) * largest(lambda)) break;
+  }
+}
+
 /// A step by the trapezoidal rule, or by the explicit method of a folder.
 template <class Steps>
 struct StepInQuad {
   static core::Fault go(Reference& mechanism, const core::SimulationSettings& settings, core::StateOf<Reference>& state, Quad h) {
-    return core::Trapezoidal<Reference>(mechanism, h, settings.fixed_point).step(state, 1);
+    core::Trapezoidal<Reference> steps(mechanism, h, settings.fixed_point);
+    steps.projection().close_fully(true);
+    return steps.step(state, 1);
   }
 };
 template <template <class, class> class Steps, class Mechanism, class Method>
 struct StepInQuad<Steps<Mechanism, Method>> {
-  static core::Fault go(Reference& mechanism, const core::SimulationSettings& settings, core::StateOf<Reference>& state, Quad h) {
-    Steps<Reference, Method> steps(mechanism, settings, nullptr);
-    steps.begin(state);
-    return steps.step(state, settings, h, state.t + h, 1);
+  static core::Fault go(Reference& mechanism, const core::SimulationSettings&, core::StateOf<Reference>& state, Quad h) {
+    constexpr int last = Method::stages - 1;
+    const Numbers q(state.q.begin(), state.q.end()), v(state.v.begin(), state.v.end());
+    const Quad begin = state.t;
+    Numbers rates[last], accelerations[last], lambda(state.lambda.begin(), state.lambda.end());
+    for (int stage = 0; stage <= last; ++stage) {
+      std::copy(q.begin(), q.end(), state.q.begin());
+      std::copy(v.begin(), v.end(), state.v.begin());
+      for (int k = 0; k < stage; ++k) {
+        const Quad weight = h * Method::weights[stage][k].template as<Quad>();
+        for (std::size_t i = 0; i < q.size(); ++i) state.q[i] += weight * rates[k][i];
+        for (std::size_t i = 0; i < v.size(); ++i) state.v[i] += weight * accelerations[k][i];
+      }
+      state.t = begin + Method::nodes[stage].template as<Quad>() * h;
+      mechanism.begin_step(state.t, Quad(1));
+      if (stage == last) break;
+      rates[stage].resize(q.size()), accelerations[stage].resize(v.size());
+      find_accelerations(mechanism, state.q.data(), state.v.data(), lambda, accelerations[stage]);
+      core::coordinate_rates<Quad>(Reference::charts, state.q.data(), state.v.data(), rates[stage].data());
+    }
+    core::normalise<Quad>(Reference::charts, state.q.data());
+    core::Projection<Reference> projection(mechanism);
+    projection.close_fully(true);
+    return projection.close(state);
   }
 };
-using Numbers = std::vector<Quad>;
 
 constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(FREEDOMS), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
 constexpr int joints = n - (states - 2 * f);            ///< speeds of joints; first-order states are behind them
@@ -106,9 +148,10 @@ struct Motion {
       if (dependent.empty()) break;
       const Numbers step = solve(residual(Numbers(n), false));
       for (std::size_t i = 0; i < step.size(); ++i) delta[dependent[i]] -= step[i];
+      if (largest(step) < Quad(1e-18)) break;  // the next one would be the square of that
     }
     core::retract<Quad>(Reference::charts, reference.data(), delta.data(), q.data());
-    Numbers rate(n), correction(m), second(n), result(states + outputs);
+    Numbers rate(n), second(n), result(states + outputs);
     for (int i = 0; i < f; ++i) rate[independent[i]] = x[f + i];
     if (!dependent.empty()) {
       const Numbers step = solve(residual(speeds(rate), true));
@@ -116,10 +159,7 @@ struct Motion {
     }
     v = speeds(rate);
     for (int i = 2 * f; i < states; ++i) v[joints - 2 * f + i] = x[i];
-    for (int iteration = 0; iteration < (m > 0 ? 400 : 1); ++iteration) {
-      mechanism.evaluate(q.data(), v.data(), lambda.data(), vdot.data(), correction.data());
-      for (int i = 0; i < m; ++i) lambda[i] += correction[i];
-    }
+    find_accelerations(mechanism, q.data(), v.data(), lambda, vdot);
     core::chart_accelerations<Quad>(Reference::charts, delta.data(), v.data(), vdot.data(), second.data());
     for (int i = 0; i < f; ++i) result[i] = rate[independent[i]], result[f + i] = second[independent[i]];
     for (int i = 2 * f; i < states; ++i) result[i] = vdot[joints - 2 * f + i];
@@ -150,18 +190,34 @@ struct Motion {
 
 static double memory[COUNT(SIZE) / sizeof(double)];
 
-static double errors[10];
+constexpr int kinds = 12;
+static double errors[kinds];
+static std::mt19937 draw(1);
+
+/// Columns that are compared, at most so many of each kind; 0 is all.
+static int most_columns = 0;
+static std::vector<int> columns_of(int number) {
+  std::vector<int> columns(number);
+  std::iota(columns.begin(), columns.end(), 0);
+  if (most_columns > 0 && number > most_columns) {
+    std::shuffle(columns.begin(), columns.end(), draw);
+    columns.resize(most_columns);
+  }
+  return columns;
+}
+
 static int printed = 0;
 
 /// The error as a share of the largest entry, the largest until now.
 static void print_error(const std::vector<double>& found, const std::vector<double>& exact) {
   double error = 0.0, size = 0.0;
   for (std::size_t i = 0; i < found.size(); ++i) {
-    error = std::isfinite(found[i]) ? std::fmax(error, std::fabs(found[i] - exact[i])) : INFINITY;
+    const double off = std::fabs(found[i] - exact[i]);
+    error = std::isfinite(off) ? std::fmax(error, off) : INFINITY;
     size = std::fmax(size, std::fabs(exact[i]));
   }
-  double& largest = errors[printed++ % 10];
-  largest = std::fmax(largest, error > 0.0 ? error / std::fmax(size, 1e-300) : 0.0);
+  double& largest = errors[printed++ % kinds];
+  largest = std::fmax(largest, error > 0.0 ? error / std::fmax(size, 1e-12) : 0.0);  // what stays has differences of rounding
 }
 
 /// Inputs and what controllers hold, of the present time.
@@ -184,15 +240,17 @@ void take_later_inputs(Sim& sim, Driven& motion) {
     }
 }
 
-/// At a state behind so many steps.
+/// At a state behind so many steps; 2 where the next one has no derivative, since it ends at an event.
 template <class Sim>
 int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen) {
+  printed = 0;
   int status = OF(start)(sim);
   if (!status) status = OF(play)(sim, steps, nullptr);
   if (!status) status = chosen.empty() ? OF(choose)(sim) : OF(choose_speeds)(sim, chosen.data());
   std::vector<double> A(states * states), B(states * inputs), C(outputs * states), D(outputs * inputs), x(states + 1);
-  if (!status) status = OF(linearise)(sim, A.data(), B.data(), C.data(), D.data());
   if (!status) status = OF(get_minimal)(sim, x.data());
+  if (!status) status = OF(set_minimal)(sim, OF(time)(sim), x.data());  // runs leave loops open by what their closure lets them
+  if (!status) status = OF(linearise)(sim, A.data(), B.data(), C.data(), D.data());
   if (status) return std::printf("%s\n", OF(status_text)(status)), 1;
 
   Motion motion;
@@ -201,7 +259,8 @@ int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen)
   for (std::size_t i = 0; i < COUNT(PARAMETERS); ++i) parameters.push_back(sim->sim.parameters()[i]);
   for (const double penalty : sim->sim.penalties()) penalties.push_back(penalty);
   static const core::Road<Quad> roads[Reference::sizes.roads + 1];
-  core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties);
+  const auto load = [&] { core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties); };
+  load();
   take_inputs(sim->sim, motion);
   motion.t = sim->sim.state().t;
   motion.q.assign(sim->sim.state().q.begin(), sim->sim.state().q.end());
@@ -212,31 +271,37 @@ int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen)
   motion.guess.assign(delta.begin(), delta.begin() + n);
   for (int i = 0; i < joints; ++i) (choice.independent[static_cast<std::size_t>(i)] ? motion.independent : motion.dependent).push_back(i);
 
-  std::vector<double> exact_A(A.size()), exact_B(B.size()), exact_C(C.size()), exact_D(D.size());
-  for (int j = 0; j < states + inputs; ++j) {
-    Numbers at(x.begin(), x.begin() + states), by[2];
-    Quad& changed = j < states ? at[j] : motion.u[3 * (j - states)];
-    const Quad was = changed;
-    for (int side = 0; side < 2; ++side) {
-      changed = was + (side ? h : -h);
-      by[side] = motion.derive(at);
+  const int p = COUNT(PARAMETERS);
+  std::vector<double> E(states * p), F(outputs * p), exact[9];
+  if ((status = OF(linearise_parameters)(sim, E.data(), F.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
+  Numbers moved(x.begin(), x.begin() + states), by[2];
+  /// Columns of two matrices, the second below the first, by numbers that change; those that are not drawn stay as they were found.
+  const auto differ = [&](std::vector<double>& upper, std::vector<double>& lower, int width, auto change, auto find) {
+    const int rows = states, rows_below = width > 0 ? static_cast<int>(lower.size()) / width : 0;
+    for (const int j : columns_of(width)) {
+      for (int side = 0; side < 2; ++side) {
+        change(j, side ? h : -h);
+        by[side] = find();
+        change(j, side ? -h : h);
+      }
+      for (int i = 0; i < rows + rows_below; ++i)
+        (i < rows ? upper : lower)[(i < rows ? i : i - rows) * width + j] = static_cast<double>((by[1][i] - by[0][i]) / (2 * h));
     }
-    changed = was;
-    const int width = j < states ? states : inputs, column = j < states ? j : j - states;
-    for (int i = 0; i < states + outputs; ++i) {
-      const double slope = static_cast<double>((by[1][i] - by[0][i]) / (2 * h));
-      if (i < states) (j < states ? exact_A : exact_B)[i * width + column] = slope;
-      else (j < states ? exact_C : exact_D)[(i - states) * width + column] = slope;
-    }
-  }
+  };
+  const auto derive = [&] { return motion.derive(moved); };
+  const auto by_state = [&](int j, Quad by) { moved[j] += by; };
+  const auto by_input = [&](int j, Quad by) { motion.u[3 * j] += by, motion.later[0][3 * j] += by, motion.later[1][3 * j] += by; };
+  const auto by_parameter = [&](int j, Quad by) { parameters[j] += by, load(); };
+  differ(exact[0] = A, exact[2] = C, states, by_state, derive);
+  differ(exact[1] = B, exact[3] = D, inputs, by_input, derive);
+  differ(exact[4] = E, exact[5] = F, p, by_parameter, derive);
   std::vector<double> dx(states + 1), du(3 * inputs + 1), dxdot(states + 1), dy(outputs + 1), exact_dxdot(states + 1), exact_dy(outputs + 1);
   for (int i = 0; i < states; ++i) dx[i] = std::cos(1.0 + i);
   for (int i = 0; i < 3 * inputs; ++i) du[i] = std::sin(2.0 + i);
   if ((status = OF(directional)(sim, dx.data(), du.data(), dxdot.data(), dy.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
-  Numbers by[2];
   const Numbers u = motion.u;
   for (int side = 0; side < 2; ++side) {
-    Numbers at(x.begin(), x.begin() + states);
+    Numbers at = moved;
     for (int i = 0; i < states; ++i) at[i] += (side ? h : -h) * Quad(dx[i]);
     for (int i = 0; i < 3 * inputs; ++i) motion.u[i] = u[i] + (side ? h : -h) * Quad(du[i]);
     by[side] = motion.derive(at);
@@ -244,41 +309,33 @@ int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen)
   for (int i = 0; i < states + outputs; ++i)
     (i < states ? exact_dxdot[i] : exact_dy[i - states]) = static_cast<double>((by[1][i] - by[0][i]) / (2 * h));
   print_error(dxdot, exact_dxdot), print_error(dy, exact_dy);
-  print_error(A, exact_A), print_error(B, exact_B), print_error(C, exact_C), print_error(D, exact_D);
-
   motion.u = u;
+  print_error(A, exact[0]), print_error(B, exact[1]), print_error(C, exact[2]), print_error(D, exact[3]);
+  const auto by_share = [&](std::vector<double>& matrix) {
+    for (std::size_t i = 0; i < matrix.size(); ++i)
+      if (const double size = std::fabs(static_cast<double>(parameters[i % p])); size > 0.0) matrix[i] *= size;
+  };
+  by_share(E), by_share(F), by_share(exact[4]), by_share(exact[5]);
+  print_error(E, exact[4]), print_error(F, exact[5]);
+
   motion.h = Quad(sim->sim.settings().dt);
   take_later_inputs(sim->sim, motion);
-  Numbers moved(x.begin(), x.begin() + states);
-  const Numbers first = motion.step(moved, sim->sim.settings());
-  const int p = COUNT(PARAMETERS);
-  std::vector<double> X(states * states), U(states * inputs), P(states * p), exact_X(X.size()), exact_U(U.size()), exact_P(P.size());
+  const auto step = [&] { return motion.step(moved, sim->sim.settings()); };
+  const Numbers first = step();
+  std::vector<double> X(states * states), U(states * inputs), P(states * p), none;
   sim->sim.settings().fixed_point.tolerance = 1e-11;  // as the other step: a derivative has the errors of what it is of
   const std::vector<double> q(sim->sim.state().q.begin(), sim->sim.state().q.end()), v(sim->sim.state().v.begin(), sim->sim.state().v.end());
   if (!status) status = OF(set_state)(sim, OF(time)(sim), q.data(), v.data());
-  if ((status = OF(step_derivative)(sim, X.data(), U.data(), P.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
-  const auto put = [&](std::vector<double>& matrix, int width, int column, auto at) {
-    at(h);
-    by[0] = motion.step(moved, sim->sim.settings());
-    at(-h);
-    by[1] = motion.step(moved, sim->sim.settings());
-    at(Quad(0));
-    for (int i = 0; i < states; ++i) matrix[i * width + column] = static_cast<double>((by[0][i] - by[1][i]) / (2 * h));
-  };
-    for (int j = 0; j < states; ++j) put(exact_X, states, j, [&, was = moved[j]](Quad by) { moved[j] = was + by; });
-  for (int j = 0; j < inputs; ++j)
-    put(exact_U, inputs, j, [&, was = motion.u[3 * j], middle = motion.later[0][3 * j], end = motion.later[1][3 * j]](Quad by) {
-      motion.u[3 * j] = was + by, motion.later[0][3 * j] = middle + by, motion.later[1][3 * j] = end + by;
-    });
-  for (int j = 0; j < p; ++j)
-    put(exact_P, p, j, [&, was = parameters[j]](Quad by) {
-      parameters[j] = was + by;
-      core::load_mechanism(motion.mechanism, parameters.data(), roads, sim->sim.stabilisation(), penalties);
-    });
+  if ((status = OF(step_derivative)(sim, X.data(), U.data(), P.data())) == COUNT(STEP_DIVIDED)) return 2;
+  if (status) return std::printf("%s\n", OF(status_text)(status)), 1;
+  differ(exact[6] = X, none, states, by_state, step);
+  differ(exact[7] = U, none, inputs, by_input, step);
+  differ(exact[8] = P, none, p, by_parameter, step);
+  by_share(P), by_share(exact[8]);
   std::vector<double> end(states), exact_end(states);
   OF(get_minimal)(sim, end.data());
   for (int i = 0; i < states; ++i) exact_end[i] = static_cast<double>(first[i]);
-  print_error(X, exact_X), print_error(U, exact_U), print_error(P, exact_P), print_error(end, exact_end);
+  print_error(X, exact[6]), print_error(U, exact[7]), print_error(P, exact[8]), print_error(end, exact_end);
   return 0;
 }
 
@@ -290,14 +347,17 @@ int main(int count, char** arguments) {
   if (arguments[2][0] != '*') {
     if (compare(sim, h, std::atol(arguments[2]), chosen)) return 1;
   } else {
-    std::mt19937 draw(1);
+    if (const char* most = std::strchr(arguments[2], '/')) most_columns = std::atoi(most + 1);
     std::vector<double> scene(COUNT(PARAMETERS));
     for (int i = 0; i < COUNT(PARAMETERS); ++i) scene[i] = OF(parameters)(sim)[i];
     const auto settings = sim->sim.settings();
+    int events = 0;
     for (int left = std::atoi(arguments[2] + 1); left > 0; --left) {
       for (int i = 0; i < COUNT(PARAMETERS); ++i) OF(set_parameter)(sim, i, scene[i] * (0.95 + 0.1 * (draw() / 4294967296.0)));
       sim->sim.settings() = settings;
-      if (compare(sim, h, 1 + static_cast<long>(draw() % 150), chosen)) return 1;
+      const int failed = compare(sim, h, 1 + static_cast<long>(draw() % 150), chosen);
+      if (failed == 1 || (failed && ++events > 50)) return 1;
+      left += failed == 2;
     }
   }
   for (const double error : errors) std::printf("%g ", error);

@@ -50,14 +50,35 @@ def test_derivatives_are_those_of_differences_in_113_bits(
     compare(write(folder_of(text_of(name), f"{name}.yaml", scene, integrator, linearise=True), tmp_path), name, states)
 
 
-@pytest.mark.parametrize(("name", "integrator", "number"), with_heavy(
-    [("press", None, 5), ("press", None, 100), ("spinning", None, 100), ("flyball", "rk4", 100)],
-    ("press", None, 100), ("spinning", None, 100), ("flyball", "rk4", 100),
-))  # fmt: skip
-def test_derivatives_at_random_states_and_parameters(name: str, integrator: str | None, number: int, tmp_path: Path) -> None:
-    """Of accelerations and of steps, by states, inputs and parameters."""
-    place = write(folder_of(text_of(name), f"{name}.yaml", None, integrator, linearise=True), tmp_path)
-    errors = [float(x) for x in run(in_quads(place, name, "derivatives", ""), "1e-9", f"*{number}").split()]
+#: Models, scenes, integrators, and numbers of the file that are parameters too: masses, rates of springs, hardpoints.
+RANDOM = [
+    ("press", None, "rk4", ("A.z", "rod.mass")), ("press", None, None, ("A.z", "rod.mass")), ("spinning", None, None, ()),
+    ("pendulum", None, None, ("bob.mass", "bob.centre_of_mass.x")), ("flyball", None, "rk4", ("slider.mass", "right.side.z")),
+    ("flyball", None, None, ("slider.mass", "right.side.z")), ("gantry", None, None, ("rope_length", "load.shapes.0.mass")),
+    ("leg", None, "rk4", ("trunk.mass", "K.z")), ("six_bar", None, None, ("ram.shapes.0.mass", "distance", "cutting")),
+    ("four_bar", None, None, ("crank_0.bar.mass", "crank_1.x_to", "coupler_2.bar.inertia.principal.z")),
+    ("slider_crank", None, None, ("slider.mass", "rod.mass", "B.z", "C.x")), ("slider_crank", None, "rk4", ("slider.mass", "B.z")),
+    ("andrews", None, None, ("spring.law.stiffness", "K3.mass", "C.x", "H.y")),
+    ("excavator", None, None, ("boom.mass", "B.x", "L2.x", "bc_slide.limits.stiffness")),
+    ("delta", None, None, ("plate.mass", "l1.upper.shapes.0.mass", "l2.motor.limits.stiffness")),
+    ("stewart", None, None, ("platform.mass", "rb")), ("axle", "chirp", None, ("chassis.mass", "left.UB.z", "left.TO.z")),
+    ("car", None, None, ("front_left.stiffness", "chassis.mass", "front_left.upper_outer.z")),
+    ("iltis", "iavsd_sine_2mm", "rk4", ("front_left.carrier.mass", "front_left.D1.z")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "scene", "integrator", "opened", "states"),
+    [(*RANDOM[0], "*5"), *(pytest.param(*case, "*100/4", marks=pytest.mark.heavy) for case in RANDOM)],
+)
+def test_derivatives_at_random_states_and_parameters(
+    name: str, scene: str | None, integrator: str | None, opened: tuple[str, ...], states: str, tmp_path: Path
+) -> None:
+    """Of accelerations, outputs and steps, by states, inputs and parameters."""
+    model = read_model_text(text_of(name), f"{name}.yaml", opened=opened)
+    place = write(folder_of_model(model, scene, integrator, linearise=True), tmp_path)
+    errors = [float(x) for x in run(in_quads(place, name, "derivatives", ""), "1e-9", states).split()]
+    assert len(errors) == ERRORS
     assert max(errors) < 1e-9
 
 
@@ -68,12 +89,16 @@ def test_derivatives_of_all_that_laws_see(closed: bool, tmp_path: Path) -> None:
     compare(write(folder, tmp_path), "seeing", [(50,)], SOFT_IN_QUADS, 1e-13)  # bristles are steep over 1e-7 m/s
 
 
+#: Matrices and vectors that are compared.
+ERRORS = 12
+
+
 def compare(place: Path, name: str, states: list[tuple[int, ...]], functions: str = "", difference: float = 1e-9) -> None:
-    """Ten matrices and vectors of a folder beside differences in 113 bits."""
+    """Matrices and vectors of a folder beside differences in 113 bits."""
     program = in_quads(place, name, "derivatives", functions)
     for state in states:
         errors = [float(x) for x in run(program, str(difference), *map(str, state)).split()]
-        assert len(errors) == 10
+        assert len(errors) == ERRORS
         assert max(errors) < 1e-10  # rounding, times the conditions of penalties and of what dependent coordinates follow from
 
 
