@@ -210,7 +210,7 @@ class Viewer:
             else:
                 before += printer.statements(part, uses)
         sections += self._sections(before, rolled.sections)
-        results = [f"{self._target(r)} = {printer.text(r.scalar)};{self._note(r)}" for r in rolled.results]
+        results = [f"{self._target(r, rolled.graph)} = {printer.text(r.scalar)};{self._note(r)}" for r in rolled.results]
         results += _stores(rolled, loops, printer)
         return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
 
@@ -247,9 +247,10 @@ class Viewer:
             return slot.array, slot.offset + index
         return self._input(symbol, index), 0
 
-    def _target(self, result: Result) -> str:
+    def _target(self, result: Result, graph: Graph) -> str:
         array, index = self._place(result.target, result.index)
-        return f"{array}[{index}]"
+        lanes = graph.nodes[result.scalar].lanes
+        return f"row<{lanes_type(lanes)}>({array} + {index})" if lanes else f"{array}[{index}]"
 
     def _note(self, result: Result) -> str:
         """The comment with the meaning of a result's element."""

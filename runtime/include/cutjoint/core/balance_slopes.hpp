@@ -6,7 +6,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
@@ -24,8 +26,8 @@ struct NoBalance {
 };
 
 /// The balance of forces and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
-/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, and their columns.  Parameters are
-/// in it by values that follow from them alone, as many as are `loaded`.
+/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, their columns, and where they are written,
+/// those of parts that stand side by side first.  Parameters are in it by values that follow from them alone, as many as are `loaded`.
 ///
 /// At a state the slopes are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
 /// give way to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
@@ -122,10 +124,10 @@ class BalanceSlopes {
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
     Weights weights;
-    std::fill_n(weights.of.begin() + first_speed, n, by_speed);
+    std::fill_n(weights.of + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
       const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
-      std::fill_n(weights.of.begin() + place, scalars, by_place);
+      std::fill_n(weights.of + place, scalars, by_place);
       if constexpr (has_balls) {
         if (!chart.ball) continue;
         const auto at = static_cast<std::size_t>(chart.v);
@@ -133,8 +135,8 @@ class BalanceSlopes {
         for (std::size_t k = 0; k < 4; ++k) e[k] = from[place + scalars + k];
         for (std::size_t k = 0; k < 3; ++k) theta[k] = delta[at + scalars + k], theta[k].slope[k] = by_place;
         turn<Dual>(e, theta, turned);
-        for (std::size_t k = 0; k < 3; ++k)
-          for (std::size_t c = 0; c < 4; ++c) weights.turns[3 * (place + scalars + c) + k] = turned[c].slope[k];
+        for (std::size_t c = 0; c < 4; ++c)
+          for (std::size_t k = 0; k < 3; ++k) weights.of[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = turned[c].slope[k];
       }
     }
     return decompose(x, h, weights);
@@ -148,8 +150,8 @@ class BalanceSlopes {
     At& x = at_[now_];
     Numbers force;
     for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k)
-        if (T::columns[k] < first_multiplier) force[i] += x.slope[k] * left[T::columns[k] - first_acceleration];
+      for (std::size_t k = T::middles[i]; k < T::starts[i + 1] && T::columns[k] < first_multiplier; ++k)
+        force[i] += x.slope[products[k].slope] * left[T::columns[k] - first_acceleration];
     x.matrix.solve(force);
     std::copy_n(force.begin(), n, left.begin());
     std::copy_n(force.begin() + n, m, pull.begin());
@@ -163,55 +165,96 @@ class BalanceSlopes {
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
   static constexpr std::size_t length = T::starts[n + m];
 
-  /// The matrix of a step's end from slopes: the share of each by its column, and of quaternions by each of three speeds.
+  /// The matrix of a step's end from slopes: the share of each by its column, of quaternions by each of three speeds.
   struct Weights {
-    Weights() { std::fill_n(of.begin() + first_acceleration, n + m, 1.0); }
+    double of[width + (has_balls ? 3 * coordinates : 0)]{};
 
-    Fixed<double, width> of;
-    Fixed<double, has_balls ? 3 * coordinates : 0> turns;
+    Weights() { std::fill_n(of + first_acceleration, n + m, 1.0); }
   };
 
-  /// Of each column the unknown by whose change it changes, of a quaternion the first of three, and whether it is one.
+  /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
+  /// one stand a stride apart, beside those of parts that stand side by side.
   struct Columns {
-    std::array<std::uint16_t, width> unknown{};
-    std::array<bool, width> turns{};
+    std::array<std::uint16_t, width> unknown{}, share{}, stride{};
 
     constexpr Columns() {
+      constexpr auto& places = Bordered<T>::places;
+      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint16_t>(i);
       for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint16_t>(i);
       for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint16_t>(i);
+      std::array<std::size_t, n + m> first{};
+      std::size_t next = width;
       for (const Chart& chart : M::charts) {
         for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + i);
-        for (int i = chart.scalars; chart.ball && i < chart.scalars + 4; ++i) {
-          unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + chart.scalars);
-          turns[static_cast<std::size_t>(chart.q + i)] = true;
+        if (!chart.ball) continue;
+        const auto speed = static_cast<std::size_t>(chart.v + chart.scalars);
+        const std::size_t side = T::beside[places.set[speed]], lane = (places.slot(speed) - places.first[places.set[speed]]) % side;
+        if (lane == 0) first[places.slot(speed)] = next, next += 12 * side;
+        for (std::size_t i = 0; i < 4; ++i) {
+          const std::size_t column = static_cast<std::size_t>(chart.q + chart.scalars) + i;
+          unknown[column] = static_cast<std::uint16_t>(speed);
+          share[column] = static_cast<std::uint16_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
+          stride[column] = static_cast<std::uint16_t>(side);
         }
       }
     }
   };
   static constexpr Columns columns{};
 
-  /// The slopes that have a place in the matrix, and their columns; behind `plain` ones those by quaternions, with the place by the first of three speeds.
-  struct Entries {
-    struct Entry {
-      std::uint32_t slope, column, at;
+  /// Where a slope is written, and what it is multiplied by.
+  struct Product {
+    std::uint16_t slope, column;
+  };
+
+  static constexpr std::array<Product, length> products = [] {
+    std::array<Product, length> list{};
+    for (std::size_t k = 0; k < length; ++k) list[k] = {static_cast<std::uint16_t>(T::slopes[k]), static_cast<std::uint16_t>(T::columns[k])};
+    return list;
+  }();
+
+  /// Visit the slopes that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
+  /// Those whose shares are the same come first.
+  template <std::size_t side, class Use>
+  static constexpr void visit_entries(bool are_apart, Use use) {
+    constexpr auto& places = Bordered<T>::places;
+    std::array<std::uint16_t, length> row{}, column{};
+    for (std::size_t i = 0; i < n + m; ++i)
+      for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
+        row[T::slopes[k]] = static_cast<std::uint16_t>(i), column[T::slopes[k]] = static_cast<std::uint16_t>(T::columns[k]);
+    const auto visit = [&](std::size_t k) {
+      const std::size_t c = column[k], stride = columns.stride[c], unknown = columns.unknown[c];
+      if ((c >= first_input && c < first_acceleration) || (stride > 0 && column[k + side - 1] != c) != are_apart) return;
+      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[c] + j * stride, places.of(row[k], unknown + j));
     };
-    std::array<Entry, length> list{};
-    std::size_t plain = 0, all = 0;
+    std::size_t first = 0;
+    for (std::size_t s = 0; s < places.sets; first += T::groups[s] * T::beside[s], ++s)
+      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) visit(k);
+    for (std::size_t k = first; side == 1 && k < length; ++k) visit(k);
+  }
+
+  struct Entry {
+    std::uint16_t slope, share, at;
+  };
+
+  /// All of them, those behind `same` with shares of their own.
+  template <std::size_t side>
+  struct Entries {
+    static constexpr std::size_t count(bool are_apart) {
+      std::size_t number = 0;
+      visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t) { ++number; });
+      return number;
+    }
+    static constexpr std::size_t same = count(false), all = same + count(true);
+    std::array<Entry, all> list{};
 
     constexpr Entries() {
-      for (const bool turns : {false, true}) {
-        for (std::size_t i = 0; i < n + m; ++i)
-          for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
-            const std::size_t column = T::columns[k];
-            if ((column >= first_input && column < first_acceleration) || columns.turns[column] != turns) continue;
-            list[all++] = {static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(column),
-                           static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[column]))};
-          }
-        if (!turns) plain = all;
-      }
+      std::size_t number = 0;
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t slope, std::size_t share, std::size_t at) {
+          list[number++] = {static_cast<std::uint16_t>(slope), static_cast<std::uint16_t>(share), static_cast<std::uint16_t>(at)};
+        });
     }
   };
-  static constexpr Entries places{};
 
   /// A state, the slopes there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
   struct At {
@@ -225,21 +268,41 @@ class BalanceSlopes {
     Bordered<T> matrix;
   };
 
+  /// Where the matrix has entries.
+  static constexpr auto pattern = [] {
+    typename Bordered<T>::Pattern found{};
+    const auto mark = [&]<std::size_t side>() {
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t at) { found[at] = true; });
+    };
+    mark.template operator()<1>(), mark.template operator()<2>(), mark.template operator()<4>();
+    for (std::size_t i = n; i < n + m; ++i) found[Bordered<T>::places.of(i, i)] = true;
+    return found;
+  }();
+
   bool decompose(At& x, double h, const Weights& weights) {
-    auto& entries = x.matrix.entries();
-    entries.fill(0.0);
-    for (std::size_t k = 0; k < places.plain; ++k) {
-      const auto& entry = places.list[k];
-      entries[entry.at] += x.slope[entry.slope] * weights.of[entry.column];
-    }
-    for (std::size_t k = places.plain; has_balls && k < places.all; ++k) {
-      const auto& entry = places.list[k];
-      for (std::size_t j = 0; j < 3; ++j) entries[entry.at + j] += x.slope[entry.slope] * weights.turns[3 * entry.column + j];
-    }
-    for (std::size_t i = 0; i < m; ++i) entries[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
-    const bool is_regular = x.matrix.decompose();
+    const auto fill = [&] {
+      x.matrix.clear();
+      gather<1>(x, weights), gather<2>(x, weights), gather<4>(x, weights);
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
+      return x.matrix.decompose(pattern);
+    };
+    const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
     x.decomposed_for = is_regular ? h : none;
     return is_regular;
+  }
+
+  template <std::size_t side>
+  static void gather(At& x, const Weights& weights) {
+    if constexpr (std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside)) {
+      static constexpr Entries<side> entries{};
+      using Sides = Beside<side>;
+      const auto slope = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.slope[entry.slope]); };
+      const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
+      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += slope(entries.list[k]) * weights.of[entries.list[k].share];
+      for (std::size_t k = entries.same; k < entries.all; ++k)
+        place(entries.list[k]) += slope(entries.list[k]) * reinterpret_cast<const Sides&>(weights.of[entries.list[k].share]);
+    }
   }
 
   /// The solution for the balance's changes by all but accelerations and multipliers; false where one is no number, or loops stay open.
@@ -251,7 +314,7 @@ class BalanceSlopes {
     put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
     for (std::size_t i = 0; i < n + m; ++i) {
       Slopes sum{};
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[k] * by_[T::columns[k]];
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[products[k].slope] * by_[products[k].column];
       change[i].slope = sum;
     }
     x.matrix.solve(change);
