@@ -39,7 +39,6 @@ class BalanceSlopes {
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                given = inputs + M::sizes.held, loaded = T::loaded;
   using Changes = Fixed<Along, n + m>;
-  using Numbers = Fixed<double, n + m>;
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
@@ -55,8 +54,9 @@ class BalanceSlopes {
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
       while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
-      gives_way_[i] = 1e-3 / penalties[cut];
+      gives_way_[order[n + i]] = 1e-3 / penalties[cut];
     }
+    std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
   }
 
   /// How they change.
@@ -106,8 +106,9 @@ class BalanceSlopes {
   bool solve(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     At& x = at_[now_];
     if (x.decomposed_for != 0.0) {
-      Weights weights;
-      if (!decompose(x, 0.0, weights)) return false;
+      std::fill_n(weights_.begin(), first_input, 0.0);
+      std::fill(weights_.begin() + width, weights_.end(), 0.0);
+      if (!decompose(x, 0.0)) return false;
     }
     return back(x, q, v, du, held, change);
   }
@@ -123,11 +124,11 @@ class BalanceSlopes {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
-    Weights weights;
-    std::fill_n(weights.of + first_speed, n, by_speed);
+    double* const weights = weights_.data();
+    std::fill_n(weights + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
       const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
-      std::fill_n(weights.of + place, scalars, by_place);
+      std::fill_n(weights + place, scalars, by_place);
       if constexpr (has_balls) {
         if (!chart.ball) continue;
         const auto at = static_cast<std::size_t>(chart.v);
@@ -136,10 +137,10 @@ class BalanceSlopes {
         for (std::size_t k = 0; k < 3; ++k) theta[k] = delta[at + scalars + k], theta[k].slope[k] = by_place;
         turn<Dual>(e, theta, turned);
         for (std::size_t c = 0; c < 4; ++c)
-          for (std::size_t k = 0; k < 3; ++k) weights.of[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = turned[c].slope[k];
+          for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = turned[c].slope[k];
       }
     }
-    return decompose(x, h, weights);
+    return decompose(x, h);
   }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
@@ -148,13 +149,12 @@ class BalanceSlopes {
   /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `pull`.
   void correct(Fixed<double, n>& left, Fixed<double, m>& pull) {
     At& x = at_[now_];
-    Numbers force;
-    for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::middles[i]; k < T::starts[i + 1] && T::columns[k] < first_multiplier; ++k)
-        force[i] += x.slope[products[k].slope] * left[T::columns[k] - first_acceleration];
+    double by[n + m], force[n + m];
+    for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
+    find_products<true>(x.slope.data(), by, force);
     x.matrix.solve(force);
-    std::copy_n(force.begin(), n, left.begin());
-    std::copy_n(force.begin() + n, m, pull.begin());
+    for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
+    for (std::size_t i = 0; i < m; ++i) pull[i] = -force[order[n + i]];
   }
 
  private:
@@ -164,13 +164,6 @@ class BalanceSlopes {
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
   static constexpr std::size_t length = T::starts[n + m];
-
-  /// The matrix of a step's end from slopes: the share of each by its column, of quaternions by each of three speeds.
-  struct Weights {
-    double of[width + (has_balls ? 3 * coordinates : 0)]{};
-
-    Weights() { std::fill_n(of + first_acceleration, n + m, 1.0); }
-  };
 
   /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
   /// one stand a stride apart, beside those of parts that stand side by side.
@@ -201,35 +194,151 @@ class BalanceSlopes {
   };
   static constexpr Columns columns{};
 
-  /// Where a slope is written, and what it is multiplied by.
-  struct Product {
-    std::uint16_t slope, column;
+  /// Of each slope as they are written its row and column.
+  struct Sources {
+    std::array<std::uint16_t, length> row{}, column{};
+
+    constexpr Sources() {
+      for (std::size_t i = 0; i < n + m; ++i)
+        for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
+          row[T::slopes[k]] = static_cast<std::uint16_t>(i), column[T::slopes[k]] = static_cast<std::uint16_t>(T::columns[k]);
+    }
+
+    /// Whether slopes side by side belong to one row, and to one column.
+    constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
+    constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
+  };
+  static constexpr Sources sources{};
+
+  /// Visit the first of slopes that stand so many side by side.
+  template <std::size_t side, class Use>
+  static constexpr void visit_groups(Use use) {
+    std::size_t first = 0;
+    for (std::size_t s = 0; s < std::size(T::groups); first += T::groups[s] * T::beside[s], ++s)
+      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) use(k);
+    for (std::size_t k = first; side == 1 && k < length; ++k) use(k);
+  }
+
+  /// Where changes of columns stand, those of parts side by side, and of unknowns.
+  static constexpr auto slots = [] {
+    std::array<std::uint16_t, width> found{};
+    for (const auto& [begin, end] : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
+      std::array<bool, width> is_placed{};
+      std::size_t next = 0;
+      const auto place = [&](std::size_t column) {
+        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint16_t>(next++), is_placed[column] = true;
+      };
+      const auto place_groups = [&]<std::size_t side>() {
+        visit_groups<side>([&](std::size_t k) {
+          for (std::size_t l = 0; l < side && !sources.share_column(k, side); ++l) place(sources.column[k + l]);
+        });
+      };
+      place_groups.template operator()<4>(), place_groups.template operator()<2>();
+      for (std::size_t column = begin; column < end; ++column) place(column);
+    }
+    return found;
+  }();
+  static constexpr auto order = [] {
+    std::array<std::uint16_t, n + m> found{};
+    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint16_t>(Bordered<T>::places.slot(i));
+    return found;
+  }();
+
+  struct Factor {
+    std::uint16_t slope, place;
   };
 
-  static constexpr std::array<Product, length> products = [] {
-    std::array<Product, length> list{};
-    for (std::size_t k = 0; k < length; ++k) list[k] = {static_cast<std::uint16_t>(T::slopes[k]), static_cast<std::uint16_t>(T::columns[k])};
-    return list;
+  /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
+  struct Line {
+    std::uint16_t place, first, shared, end;
+    bool is_shared, adds;
+  };
+
+  /// Products of slopes side by side by accelerations, or by all but accelerations and multipliers.
+  template <bool by_accelerations, std::size_t side>
+  struct Products {
+    template <class Use>
+    static constexpr void visit(Use use) {
+      visit_groups<side>([&](std::size_t k) {
+        const std::size_t column = sources.column[k];
+        if (by_accelerations ? column >= first_acceleration && column < first_multiplier : column < first_acceleration) use(k);
+      });
+    }
+    static constexpr std::pair<std::size_t, std::size_t> sizes = [] {
+      std::size_t number = 0, rows = 0, last = n + m;
+      visit([&](std::size_t k) { ++number, rows += sources.row[k] != last, last = sources.row[k]; });
+      return std::pair{number, rows};
+    }();
+    std::array<Factor, sizes.first> factors{};
+    std::array<Line, sizes.second> lines{};
+
+    constexpr Products() {
+      std::uint16_t number = 0;
+      std::size_t rows = 0, last = n + m;
+      visit([&](std::size_t k) {
+        const std::size_t row = sources.row[k];
+        if (row != last) lines[rows++] = {order[row], number, number, number, sources.share_row(k, side), side < widest<by_accelerations>[row]};
+        last = row;
+        factors[number++] = {static_cast<std::uint16_t>(k), slots[sources.column[k]]};
+        lines[rows - 1].end = number;
+        if (sources.share_column(k, side)) lines[rows - 1].shared = number;
+      });
+    }
+  };
+
+  /// Of each row the most products that stand side by side; more than there are of one whose products are added to nought.
+  template <bool by_accelerations>
+  static constexpr auto widest = [] {
+    std::array<std::uint16_t, n + m> found{};
+    const auto take = [&]<std::size_t side>() {
+      Products<by_accelerations, side>::visit([&](std::size_t k) {
+        for (std::size_t l = 0; l < side; ++l) found[sources.row[k + l]] = sources.share_row(k, side) ? 8 : std::max<std::uint16_t>(found[sources.row[k + l]], side);
+      });
+    };
+    take.template operator()<1>(), take.template operator()<2>(), take.template operator()<4>();
+    for (std::uint16_t& most : found) most = most == 0 ? 8 : most;
+    return found;
   }();
+
+  /// Products with changes by `slots`, less than nought, by `order`.
+  template <bool by_accelerations, class Number>
+  static void find_products(const double* slopes, const Number* by, Number* found) {
+    for (std::size_t i = 0; i < n + m; ++i)
+      if (widest<by_accelerations>[i] == 8) found[order[i]] = Number{};
+    subtract_products<by_accelerations, 4>(slopes, by, found);
+    subtract_products<by_accelerations, 2>(slopes, by, found);
+    subtract_products<by_accelerations, 1>(slopes, by, found);
+  }
+
+  template <bool by_accelerations, std::size_t side, class Number>
+  static void subtract_products(const double* slopes, const Number* by, Number* found) {
+    if constexpr (has_side(side)) {
+      static constexpr Products<by_accelerations, side> products{};
+      for (const Line& line : products.lines) {
+        auto& place = reinterpret_cast<Sides<side, Number>&>(found[line.place]);
+        auto sum = line.adds && !line.is_shared ? place : Sides<side, Number>::of([](std::size_t) { return Number{}; });
+        const Factor* factor = products.factors.data() + line.first;
+        const auto slope = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(slopes[factor->slope]); };
+        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(slope(), by[factor->place]);
+        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(slope(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
+        if (line.is_shared) found[line.place] += sum.sum();
+        else place = sum;
+      }
+    }
+  }
+
+  static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
 
   /// Visit the slopes that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
   /// Those whose shares are the same come first.
   template <std::size_t side, class Use>
   static constexpr void visit_entries(bool are_apart, Use use) {
     constexpr auto& places = Bordered<T>::places;
-    std::array<std::uint16_t, length> row{}, column{};
-    for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
-        row[T::slopes[k]] = static_cast<std::uint16_t>(i), column[T::slopes[k]] = static_cast<std::uint16_t>(T::columns[k]);
-    const auto visit = [&](std::size_t k) {
-      const std::size_t c = column[k], stride = columns.stride[c], unknown = columns.unknown[c];
-      if ((c >= first_input && c < first_acceleration) || (stride > 0 && column[k + side - 1] != c) != are_apart) return;
-      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[c] + j * stride, places.of(row[k], unknown + j));
-    };
-    std::size_t first = 0;
-    for (std::size_t s = 0; s < places.sets; first += T::groups[s] * T::beside[s], ++s)
-      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) visit(k);
-    for (std::size_t k = first; side == 1 && k < length; ++k) visit(k);
+    visit_groups<side>([&](std::size_t k) {
+      const std::size_t column = sources.column[k], stride = columns.stride[column], unknown = columns.unknown[column];
+      if ((column >= first_input && column < first_acceleration) || (stride > 0 && side > 1 && !sources.share_column(k, side)) != are_apart) return;
+      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[column] + j * stride, places.of(sources.row[k], unknown + j));
+    });
   }
 
   struct Entry {
@@ -280,11 +389,11 @@ class BalanceSlopes {
     return found;
   }();
 
-  bool decompose(At& x, double h, const Weights& weights) {
+  bool decompose(At& x, double h) {
     const auto fill = [&] {
       x.matrix.clear();
-      gather<1>(x, weights), gather<2>(x, weights), gather<4>(x, weights);
-      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
+      gather<1>(x), gather<2>(x), gather<4>(x);
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[order[n + i]];
       return x.matrix.decompose(pattern);
     };
     const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
@@ -293,15 +402,15 @@ class BalanceSlopes {
   }
 
   template <std::size_t side>
-  static void gather(At& x, const Weights& weights) {
-    if constexpr (std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside)) {
+  void gather(At& x) const {
+    if constexpr (has_side(side)) {
       static constexpr Entries<side> entries{};
       using Sides = Beside<side>;
       const auto slope = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.slope[entry.slope]); };
       const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
-      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += slope(entries.list[k]) * weights.of[entries.list[k].share];
+      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += slope(entries.list[k]) * weights_[entries.list[k].share];
       for (std::size_t k = entries.same; k < entries.all; ++k)
-        place(entries.list[k]) += slope(entries.list[k]) * reinterpret_cast<const Sides&>(weights.of[entries.list[k].share]);
+        place(entries.list[k]) += slope(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
     }
   }
 
@@ -309,26 +418,25 @@ class BalanceSlopes {
   template <class Q, class V, class Inputs, class Held>
   bool back(At& x, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     const auto put = [this](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].slope = numbers[j].slope;
     };
     put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
-    for (std::size_t i = 0; i < n + m; ++i) {
-      Slopes sum{};
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= x.slope[products[k].slope] * by_[products[k].column];
-      change[i].slope = sum;
-    }
-    x.matrix.solve(change);
+    std::array<Along, n + m> found;
+    find_products<false>(x.slope.data(), by_.data(), found.data());
+    x.matrix.solve(found.data());
     Slopes odd{};
-    for (const Along& along : change) odd += 0.0 * along.slope;
+    for (const Along& along : found) odd += 0.0 * along.slope;
     double sum = 0.0;
     for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0 && close(x, change);
+    const bool is_found = sum == 0.0 && close(x, found);
+    for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
+    return is_found;
   }
 
   /// The largest change along each direction, of so many.
-  static Slopes largest(const Changes& changes, std::size_t first, std::size_t end) {
+  static Slopes largest(const std::array<Along, n + m>& changes, std::size_t first, std::size_t end) {
     Slopes size{};
-    for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[i].slope, -changes[i].slope), size);
+    for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[order[i]].slope, -changes[order[i]].slope), size);
     return size;
   }
 
@@ -340,16 +448,17 @@ class BalanceSlopes {
 
   /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
   /// come to an end.
-  bool close(At& x, Changes& change) const {
+  bool close(At& x, std::array<Along, n + m>& change) const {
     if constexpr (m > 0) {
-      Changes more = change;
+      std::array<Along, n + m> more;
+      const std::array<Along, n + m>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
-        const Slopes pulled = largest(more, n, n + m);
-        std::fill_n(more.begin(), n, Along{});
-        for (std::size_t i = 0; i < m; ++i) more[n + i] *= -gives_way_[i];
-        x.matrix.solve(more);
+        const Slopes pulled = largest(*last, n, n + m);
+        for (std::size_t i = 0; i < n + m; ++i) more[i].slope = (*last)[i].slope * -gives_way_[i];
+        x.matrix.solve(more.data());
         for (std::size_t i = 0; i < n + m; ++i) change[i] += more[i];
         if (share_of(largest(more, 0, n), largest(change, 0, n)) * std::min(1.0, share_of(largest(more, n, n + m), pulled)) <= 1e-13) return true;
+        last = &more;
       }
       return false;
     }
@@ -362,8 +471,9 @@ class BalanceSlopes {
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
   bool are_changing_ = false;
-  Fixed<Slopes, first_acceleration> by_;  ///< of all but accelerations and multipliers
-  Fixed<double, m> gives_way_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
+  Fixed<double, n + m> gives_way_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds
 };
 
 }  // namespace cutjoint

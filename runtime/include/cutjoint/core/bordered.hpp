@@ -49,20 +49,37 @@ CUTJOINT_BESIDE(4, FourBeside, (v[0] + v[2]) + (v[1] + v[3]), each(0), each(1), 
 #undef CUTJOINT_BESIDE
 #undef CUTJOINT_OPERATION
 
-/// As many of these as there are directions.
-template <std::size_t side, std::size_t count, class Each = std::make_index_sequence<count>>
-struct Sides;
-
-template <std::size_t side, std::size_t count, std::size_t... d>
-struct Sides<side, count, std::index_sequence<d...>> {
-  Beside<side> along[count];
+/// Numbers of each part beside each other, that factors of each are multiplied with.
+template <std::size_t side, class Number, class Each = std::make_index_sequence<side>>
+struct Sides {
+  Beside<side> x;
 
   template <class Of>
   [[gnu::always_inline]] static Sides of(Of each) {
-    return {{each(d)...}};
+    return {Beside<side>::of(each)};
   }
-  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& x) { ((along[d] -= factor * x.along[d]), ...); }
-  [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((along[d] *= factor), ...); }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { x -= factor * b.x; }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Number& b) { x -= factor * b; }
+  [[gnu::always_inline]] void scale(const Beside<side>& factor) { x *= factor; }
+  [[gnu::always_inline]] double sum() const { return x.sum(); }
+};
+
+template <std::size_t side, std::size_t... l>
+struct Sides<side, Along, std::index_sequence<l...>> {
+  Along x[side];
+
+  template <class Of>
+  [[gnu::always_inline]] static Sides of(Of each) {
+    return {{each(l)...}};
+  }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].slope -= factor[l] * b.x[l].slope), ...); }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Along& b) { ((x[l].slope -= factor[l] * b.slope), ...); }
+  [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].slope *= factor[l]), ...); }
+  [[gnu::always_inline]] Along sum() const {
+    Along total = x[0];
+    for (std::size_t k = 1; k < side; ++k) total += x[k];
+    return total;
+  }
 };
 
 /// Where the entries of a matrix stand whose unknowns belong to the parts that `T::parts` names, the last of them the border.  As many parts as `T::beside`
@@ -74,7 +91,6 @@ struct BorderedPlaces {
   std::array<std::size_t, sets> length{}, border{};                             ///< of each set: its unknowns a part, and the border's
   std::array<std::size_t, sets> first{}, front{}, part{}, row{}, lines{}, pivot{};  ///< where its unknowns, entries, parts, rows, their scales and pivots begin
   std::array<std::size_t, size> set{}, place{};                                       ///< of unknowns their sets, and places in their parts
-  std::array<std::uint16_t, size> at{};                                               ///< the unknowns of parts side by side
   std::size_t entries = 0, rows = 0, scales = 0, pivots = 0, largest = 0;
 
   constexpr BorderedPlaces() {
@@ -95,9 +111,9 @@ struct BorderedPlaces {
       pivot[s] = pivots, pivots += length[s];
       if (all > largest) largest = all;
     }
-    for (std::size_t i = 0; i < size; ++i) at[slot(i)] = static_cast<std::uint16_t>(i);
   }
 
+  /// The place of an unknown among those of parts side by side.
   constexpr std::size_t slot(std::size_t i) const { return first[set[i]] + place[i] * T::beside[set[i]] + T::parts[i] - part[set[i]]; }
 
   /// Of a row and a column, one of which is in the border if their parts differ.
@@ -144,16 +160,18 @@ class Bordered {
     return is_regular;
   }
 
-  /// x with A x = b, which it takes the place of.
-  void solve(Fixed<double, size>& b) const {
-    solve<1>(b.data(), [](double& x, std::size_t) -> double& { return x; });
-  }
-  void solve(Fixed<Along, size>& b) const {
-    solve<directions>(b.data(), [](Along& x, std::size_t d) -> double& { return x.slope[d]; });
+  /// x with A x = b, which it takes the place of; both in the order of `places`.
+  template <class Number>
+  void solve(Number* b) const {
+    std::array<Number, size> room;
+    for (std::size_t s = 0; s < places.sets; ++s)
+      with_side(s, [&]<std::size_t side>() { this->template go_down<side, Number>(s, b, room.data()); });
+    for (std::size_t s = places.sets; s-- > 0;)
+      with_side(s, [&]<std::size_t side>() { this->template go_up<side, Number>(s, b, room.data()); });
   }
 
  private:
-  using Number = std::uint16_t;
+  using Index = std::uint16_t;
   static constexpr double least = 0.1, too_small = 1e-3;  ///< shares of columns that new pivots have, and others
 
   static constexpr bool has_side(std::size_t side) { return std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
@@ -164,9 +182,6 @@ class Bordered {
     if (has_side(2) && T::beside[s] == 2) return use.template operator()<has_side(2) ? 2 : 1>();
     use.template operator()<1>();
   }
-
-  template <std::size_t side, std::size_t count>
-  using Room = Sides<side, count>;
 
   template <std::size_t side>
   Beside<side>* row(std::size_t s, std::size_t i) {
@@ -182,14 +197,14 @@ class Bordered {
   }
   /// Row and column of a pivot, and the rows below it and columns behind it that are changed and change.
   struct Pivot {
-    Number row, column, rows = 0, columns = 0;
-    Number row_list[places.largest], column_list[places.largest];
+    Index row, column, rows = 0, columns = 0;
+    Index row_list[places.largest], column_list[places.largest];
   };
 
   /// Columns of L by row.
   struct Line {
-    Number number = 0;
-    Number columns[places.largest];
+    Index number = 0;
+    Index columns[places.largest];
   };
 
   /// Take unknowns of a set out of its front by known pivots; false where one is small.
@@ -247,8 +262,8 @@ class Bordered {
       is_left[0][pivot.row] = is_left[1][pivot.column] = false;
       pivot.rows = pivot.columns = 0;
       for (std::size_t i = 0; i < all; ++i) {
-        if (is_left[0][i] && there[i][pivot.column]) pivot.row_list[pivot.rows++] = static_cast<Number>(i);
-        if (is_left[1][i] && there[pivot.row][i]) pivot.column_list[pivot.columns++] = static_cast<Number>(i);
+        if (is_left[0][i] && there[i][pivot.column]) pivot.row_list[pivot.rows++] = static_cast<Index>(i);
+        if (is_left[1][i] && there[pivot.row][i]) pivot.column_list[pivot.columns++] = static_cast<Index>(i);
       }
       const Beside<side>* const from = row<side>(s, pivot.row);
       const Beside<side> inverse = 1.0 / from[pivot.column];
@@ -289,69 +304,53 @@ class Bordered {
         const std::size_t changes = (in_row[i] - 1) * (in_column[j] - 1);
         if (!(smallest > 0.0) || smallest < std::min(best, least) || (best >= least && (changes > cost || (changes == cost && smallest <= best)))) continue;
         best = smallest, cost = changes;
-        pivot.row = static_cast<Number>(i), pivot.column = static_cast<Number>(j);
+        pivot.row = static_cast<Index>(i), pivot.column = static_cast<Index>(j);
       }
     }
     return best > 0.0;
   }
 
-  template <std::size_t count, class Numbers, class Pick>
-  void solve(Numbers* b, Pick pick) const {
-    double room[size * count];
-    for (std::size_t s = 0; s < places.sets; ++s)
-      with_side(s, [&]<std::size_t side>() { this->template go_down<side, count>(s, b, pick, room); });
-    for (std::size_t s = places.sets; s-- > 0;)
-      with_side(s, [&]<std::size_t side>() { this->template go_up<side, count>(s, b, pick, room); });
-  }
-
   /// L y = b of a set, whose share of the border's rows is taken from these in b.
-  template <std::size_t side, std::size_t count, class Numbers, class Pick>
-  void go_down(std::size_t s, Numbers* b, Pick pick, double* room) const {
+  template <std::size_t side, class Number>
+  void go_down(std::size_t s, Number* b, Number* room) const {
     const std::size_t n = places.length[s];
-    auto* const y = reinterpret_cast<Room<side, count>*>(room + places.first[s] * count);
+    auto* const y = reinterpret_cast<Sides<side, Number>*>(room + places.first[s]);
+    const auto* const known = reinterpret_cast<const Sides<side, Number>*>(b + places.first[s]);
     for (std::size_t k = 0; k < n; ++k) {
       const Pivot& pivot = pivots_[places.pivot[s] + k];
-      const std::uint16_t* const known = places.at.data() + places.first[s] + pivot.row * side;
-      auto x = Room<side, count>::of([&](std::size_t d) { return Beside<side>::of([&](std::size_t l) { return pick(b[known[l]], d); }); });
-      subtract_lower<side, count>(s, pivot.row, y, x);
+      auto x = known[pivot.row];
+      subtract_lower<side>(s, pivot.row, y, x);
       y[pivot.column] = x;
     }
     for (std::size_t i = 0; i < places.border[s]; ++i) {
-      auto x = Room<side, count>::of([](std::size_t) { return Beside<side>::of([](std::size_t) { return 0.0; }); });
-      subtract_lower<side, count>(s, n + i, y, x);
-      Numbers& sum = b[places.at[places.first[places.sets - 1] + i]];
-      for (std::size_t d = 0; d < count; ++d) pick(sum, d) += x.along[d].sum();
+      auto x = Sides<side, Number>::of([](std::size_t) { return Number{}; });
+      subtract_lower<side>(s, n + i, y, x);
+      b[places.first[places.sets - 1] + i] += x.sum();
     }
   }
 
-  template <std::size_t side, std::size_t count>
-  [[gnu::always_inline]] void subtract_lower(std::size_t s, std::size_t i, const Room<side, count>* y, Room<side, count>& x) const {
+  template <std::size_t side, class Number>
+  [[gnu::always_inline]] void subtract_lower(std::size_t s, std::size_t i, const Sides<side, Number>* y, Sides<side, Number>& x) const {
     const Line& line = lines_[places.row[s] + i];
     const Beside<side>* const factors = row<side>(s, i);
     for (std::size_t k = 0; k < line.number; ++k) x.subtract(factors[line.columns[k]], y[line.columns[k]]);
   }
 
   /// U x = y of a set.
-  template <std::size_t side, std::size_t count, class Numbers, class Pick>
-  void go_up(std::size_t s, Numbers* b, Pick pick, const double* room) const {
+  template <std::size_t side, class Number>
+  void go_up(std::size_t s, Number* b, const Number* room) const {
     const std::size_t n = places.length[s];
-    const auto* const y = reinterpret_cast<const Room<side, count>*>(room + places.first[s] * count);
-    Room<side, count> x[places.largest];
-    for (std::size_t i = 0; i < places.border[s]; ++i) {
-      Numbers& known = b[places.at[places.first[places.sets - 1] + i]];
-      x[n + i] = Room<side, count>::of([&](std::size_t d) { return Beside<side>::of([&](std::size_t) { return pick(known, d); }); });
-    }
+    const auto* const y = reinterpret_cast<const Sides<side, Number>*>(room + places.first[s]);
+    auto* const found = reinterpret_cast<Sides<side, Number>*>(b + places.first[s]);
+    std::array<Sides<side, Number>, places.largest> x;
+    for (std::size_t i = 0; i < places.border[s]; ++i) x[n + i] = Sides<side, Number>::of([&](std::size_t) { return b[places.first[places.sets - 1] + i]; });
     for (std::size_t k = n; k-- > 0;) {
       const Pivot& pivot = pivots_[places.pivot[s] + k];
       const Beside<side>* const factors = row<side>(s, pivot.row);
       auto sum = y[pivot.column];
       for (std::size_t j = 0; j < pivot.columns; ++j) sum.subtract(factors[pivot.column_list[j]], x[pivot.column_list[j]]);
       sum.scale(factors[pivot.column]);
-      x[pivot.column] = sum;
-      for (std::size_t l = 0; l < side; ++l) {
-        Numbers& found = b[places.at[places.first[s] + pivot.column * side + l]];
-        for (std::size_t d = 0; d < count; ++d) pick(found, d) = sum.along[d][l];
-      }
+      found[pivot.column] = x[pivot.column] = sum;
     }
   }
 
