@@ -38,7 +38,7 @@ class BalanceSlopes {
   static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                given = inputs + M::sizes.held, loaded = T::loaded;
-  using Changes = Fixed<Along, n + m>;
+  using Changes = std::array<Along, n + m>;
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
@@ -421,7 +421,7 @@ class BalanceSlopes {
       for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].slope = numbers[j].slope;
     };
     put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
-    std::array<Along, n + m> found;
+    Changes found;
     find_products<false>(x.slope.data(), by_.data(), found.data());
     x.matrix.solve(found.data());
     Slopes odd{};
@@ -434,7 +434,7 @@ class BalanceSlopes {
   }
 
   /// The largest change along each direction, of so many.
-  static Slopes largest(const std::array<Along, n + m>& changes, std::size_t first, std::size_t end) {
+  static Slopes largest(const Changes& changes, std::size_t first, std::size_t end) {
     Slopes size{};
     for (std::size_t i = first; i < end; ++i) size = larger(larger(changes[order[i]].slope, -changes[order[i]].slope), size);
     return size;
@@ -448,10 +448,10 @@ class BalanceSlopes {
 
   /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
   /// come to an end.
-  bool close(At& x, std::array<Along, n + m>& change) const {
+  bool close(At& x, Changes& change) const {
     if constexpr (m > 0) {
-      std::array<Along, n + m> more;
-      const std::array<Along, n + m>* last = &change;
+      Changes more;
+      const Changes* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
         const Slopes pulled = largest(*last, n, n + m);
         for (std::size_t i = 0; i < n + m; ++i) more[i].slope = (*last)[i].slope * -gives_way_[i];
