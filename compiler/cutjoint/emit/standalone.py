@@ -549,7 +549,7 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     parts = balance.sides.parts
     *inner, border = (parts.count(p) for p in range(max(parts) + 1))
     matrix = n + m + sum(rows * (2 * rows + 8) for rows in (border, *(size + border for size in inner)))
-    at_state = balance.length + matrix + q + 2 * n + m + given + 8
+    at_state = balance.length + matrix + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
     return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
 
 

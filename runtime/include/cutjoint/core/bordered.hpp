@@ -235,6 +235,7 @@ class Bordered {
   [[gnu::always_inline]] Beside<side> subtract(std::size_t s, const Pivot& pivot, const Beside<side>* from, const Beside<side>& inverse, std::size_t line) {
     Beside<side>* const to = row<side>(s, line);
     const Beside<side> share = to[pivot.column] *= inverse;
+#pragma GCC unroll 4
     for (std::size_t j = 0; j < pivot.columns; ++j) to[pivot.column_list[j]] -= share * from[pivot.column_list[j]];
     return share;
   }
