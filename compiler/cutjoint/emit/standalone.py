@@ -547,7 +547,8 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
     fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
     *inner, border = (balance.sides.parts.count(p) for p in range(max(balance.sides.parts) + 1))
-    matrix = n + m + sum(rows * (2 * rows + 8) for rows in (border, *(size + border for size in inner)))
+    rows = [border, *(size + border for size in inner)]
+    matrix = n + m + sum(rows) * (max(rows) + 8) + sum(size * size for size in rows)
     at_state = balance.length + matrix + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
     return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
 

@@ -286,7 +286,8 @@ class Viewer:
         self, name: str, arguments: tuple[str, ...], sections: Sequence[SectionView], results: Sequence[str], arrays: tuple[str, ...]
     ) -> FunctionView:  # fmt: skip
         lines = (r.partition(_NOTE)[0] for r in results)
-        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *lines])
+        stored = (y.name for s in sections for y in s.statements if not y.type)
+        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *stored, *lines])
         const = "" if name in ("load", "load_values", "begin_step", "start_step") else " const"
         used = [a if _mentions(text, a.rpartition(" ")[2]) else a.rpartition(" ")[0] for a in arguments]
         return FunctionView(

@@ -235,7 +235,8 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
     sides = _sides_of(equations, firsts, entries)
     groups = [group for of_parts in sides.groups for group in of_parts]
     order = {place: i for i, place in enumerate(dict.fromkeys([*chain.from_iterable(groups), *places]))}
-    results = [Result(target="slope", index=order[group[0]], scalar=n) for group in groups if (n := _beside(graph, [rows[i][j] for i, j in group]))]
+    beside = {order[group[0]]: _beside(graph, [rows[row][column] for row, column in group]) for group in groups}
+    results = [Result(target="slope", index=i, scalar=n) for i, n in beside.items() if n is not None]
     written = {r.index + k for r in results for k in range(graph.nodes[r.scalar].lanes)}
     results += [Result(target="slope", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
     values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]

@@ -61,8 +61,9 @@ def stand_side_by_side(parts: Sequence[int], entries: Sequence[tuple[int, int]],
     rows = [list(same[i : i + width]) for same in alike.values() for i, width in _widths(len(same))]
     number = {p: i for i, p in enumerate(p for row in rows for p in row)} | {border: border}
     groups = [
-        [tuple(found[p][key] for p in row) for key in sorted(found[row[0]]) if len(row) > 1 and all(key in found[p] for p in row)] for row in rows
-    ]  # fmt: skip
+        [tuple(found[p][key] for p in row) for key in sorted(found[row[0]]) if all(key in found[p] for p in row)] if len(row) > 1 else []
+        for row in rows
+    ]
     return Sides([number[p] for p in parts], [*map(len, rows), 1], [*groups, []])
 
 

@@ -175,26 +175,26 @@ class BalanceSlopes {
   /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
   /// one stand a stride apart, beside those of parts that stand side by side.
   struct Columns {
-    std::array<std::uint16_t, width> unknown{}, share{}, stride{};
+    std::array<std::uint32_t, width> unknown{}, share{}, stride{};
 
     constexpr Columns() {
       constexpr auto& places = Bordered<T>::places;
-      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint16_t>(i);
-      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint16_t>(i);
-      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint16_t>(i);
+      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint32_t>(i);
       std::array<std::size_t, n + m> first{};
       std::size_t next = width;
       for (const Chart& chart : M::charts) {
-        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + i);
+        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint32_t>(chart.v + i);
         if (!chart.ball) continue;
         const auto speed = static_cast<std::size_t>(chart.v + chart.scalars);
         const std::size_t side = T::beside[places.set[speed]], lane = (places.slot(speed) - places.first[places.set[speed]]) % side;
         if (lane == 0) first[places.slot(speed)] = next, next += 12 * side;
         for (std::size_t i = 0; i < 4; ++i) {
           const std::size_t column = static_cast<std::size_t>(chart.q + chart.scalars) + i;
-          unknown[column] = static_cast<std::uint16_t>(speed);
-          share[column] = static_cast<std::uint16_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
-          stride[column] = static_cast<std::uint16_t>(side);
+          unknown[column] = static_cast<std::uint32_t>(speed);
+          share[column] = static_cast<std::uint32_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
+          stride[column] = static_cast<std::uint32_t>(side);
         }
       }
     }
@@ -203,12 +203,12 @@ class BalanceSlopes {
 
   /// Of each slope as they are written its row and column.
   struct Sources {
-    std::array<std::uint16_t, length> row{}, column{};
+    std::array<std::uint32_t, length> row{}, column{};
 
     constexpr Sources() {
       for (std::size_t i = 0; i < n + m; ++i)
         for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
-          row[T::slopes[k]] = static_cast<std::uint16_t>(i), column[T::slopes[k]] = static_cast<std::uint16_t>(T::columns[k]);
+          row[T::slopes[k]] = static_cast<std::uint32_t>(i), column[T::slopes[k]] = static_cast<std::uint32_t>(T::columns[k]);
     }
 
     /// Whether slopes side by side belong to one row, and to one column.
@@ -228,12 +228,12 @@ class BalanceSlopes {
 
   /// Where changes of columns stand, those of parts side by side, and of unknowns.
   static constexpr auto slots = [] {
-    std::array<std::uint16_t, width> found{};
+    std::array<std::uint32_t, width> found{};
     for (const auto& [begin, end] : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
       std::array<bool, width> is_placed{};
       std::size_t next = 0;
       const auto place = [&](std::size_t column) {
-        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint16_t>(next++), is_placed[column] = true;
+        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint32_t>(next++), is_placed[column] = true;
       };
       const auto place_groups = [&]<std::size_t side>() {
         visit_groups<side>([&](std::size_t k) {
@@ -246,18 +246,18 @@ class BalanceSlopes {
     return found;
   }();
   static constexpr auto order = [] {
-    std::array<std::uint16_t, n + m> found{};
-    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint16_t>(Bordered<T>::places.slot(i));
+    std::array<std::uint32_t, n + m> found{};
+    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint32_t>(Bordered<T>::places.slot(i));
     return found;
   }();
 
   struct Factor {
-    std::uint16_t slope, place;
+    std::uint32_t slope, place;
   };
 
   /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
   struct Line {
-    std::uint16_t place, first, shared, end;
+    std::uint32_t place, first, shared, end;
     bool is_shared, adds;
   };
 
@@ -280,13 +280,13 @@ class BalanceSlopes {
     std::array<Line, sizes.second> lines{};
 
     constexpr Products() {
-      std::uint16_t number = 0;
+      std::uint32_t number = 0;
       std::size_t rows = 0, last = n + m;
       visit([&](std::size_t k) {
         const std::size_t row = sources.row[k];
         if (row != last) lines[rows++] = {order[row], number, number, number, sources.share_row(k, side), side < widest<by_accelerations>[row]};
         last = row;
-        factors[number++] = {static_cast<std::uint16_t>(k), slots[sources.column[k]]};
+        factors[number++] = {static_cast<std::uint32_t>(k), slots[sources.column[k]]};
         lines[rows - 1].end = number;
         if (sources.share_column(k, side)) lines[rows - 1].shared = number;
       });
@@ -349,7 +349,7 @@ class BalanceSlopes {
   }
 
   struct Entry {
-    std::uint16_t slope, share, at;
+    std::uint32_t slope, share, at;
   };
 
   /// All of them, those behind `same` with shares of their own.
@@ -367,7 +367,7 @@ class BalanceSlopes {
       std::size_t number = 0;
       for (const bool are_apart : {false, true})
         visit_entries<side>(are_apart, [&](std::size_t slope, std::size_t share, std::size_t at) {
-          list[number++] = {static_cast<std::uint16_t>(slope), static_cast<std::uint16_t>(share), static_cast<std::uint16_t>(at)};
+          list[number++] = {static_cast<std::uint32_t>(slope), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
         });
     }
   };
