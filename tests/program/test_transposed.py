@@ -134,7 +134,8 @@ def _slopes(
 ) -> dict[tuple[str, int], float]:  # fmt: skip
     results = transposed.program.function(function).results
     found = interpret_scalars(transposed.program.graph, [r.scalar for r in results], {**inputs, **more}, roads)  # type: ignore[arg-type]
-    return {(r.target.removeprefix("by_"), r.index): found[r.scalar] for r in results}
+    lanes = ((r, k, x) for r in results for k, x in enumerate(np.atleast_1d(found[r.scalar])))
+    return {(r.target.removeprefix("by_"), r.index + k): float(x) for r, k, x in lanes}
 
 
 def test_slopes_by_elimination_are_those_of_adjoints() -> None:

@@ -157,9 +157,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       }
       if (!settle(mechanism, from, end, h)) return false;
       lead_stage(h);
-      if (!linearise_end(end.t, h)) return false;
       is_settled_ = true;
     }
+    if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
     for (std::size_t i = 0; i < n; ++i) {
       way_[i].slope = h * v_[i].slope + h * h / 4 * vdot_[i].slope;
       v_[i] = {stage_.v[i], v_[i].slope + h / 2 * vdot_[i].slope};
