@@ -222,7 +222,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     numbers, found = np.concatenate(list(columns.values())), of("balance_slopes")
     entries = ((row, column) for row, of_row in enumerate(derived.columns) for column in of_row)
     along = np.zeros(len(still))
-    for i, (row, column) in enumerate(entries):
+    for i, (row, column) in zip(derived.places, entries, strict=True):
         along[row] += found["slope", i] * numbers[column]
     differences = _fourth_order([dict(enumerate(left(way, ways))) for way in (-2, -1, 1, 2)])
     wanted = np.array([differences[i] for i in range(len(still))])
