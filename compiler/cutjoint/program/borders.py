@@ -78,7 +78,7 @@ def _ranks(of_parts: Iterable[tuple[int, int]]) -> dict[int, int]:
 
 
 def _widths(number: int) -> Iterable[tuple[int, int]]:
-    """Where fours, twos and ones begin that make up a number."""
+    """The fours, twos and ones that make up a number: where each begins, and how many it is."""
     at = 0
     for width in (4, 2, 1):
         while number - at >= width:
