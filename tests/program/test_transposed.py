@@ -134,7 +134,8 @@ def _slopes(
 ) -> dict[tuple[str, int], float]:  # fmt: skip
     results = transposed.program.function(function).results
     found = interpret_scalars(transposed.program.graph, [r.scalar for r in results], {**inputs, **more}, roads)  # type: ignore[arg-type]
-    return {(r.target.removeprefix("by_"), r.index): found[r.scalar] for r in results}
+    lanes = ((r, k, x) for r in results for k, x in enumerate(np.atleast_1d(found[r.scalar])))
+    return {(r.target.removeprefix("by_"), r.index + k): float(x) for r, k, x in lanes}
 
 
 def test_slopes_by_elimination_are_those_of_adjoints() -> None:
@@ -221,7 +222,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     numbers, found = np.concatenate(list(columns.values())), of("balance_slopes")
     entries = ((row, column) for row, of_row in enumerate(derived.columns) for column in of_row)
     along = np.zeros(len(still))
-    for i, (row, column) in enumerate(entries):
+    for i, (row, column) in zip(derived.places, entries, strict=True):
         along[row] += found["slope", i] * numbers[column]
     differences = _fourth_order([dict(enumerate(left(way, ways))) for way in (-2, -1, 1, 2)])
     wanted = np.array([differences[i] for i in range(len(still))])

@@ -36,7 +36,8 @@ class Printer:
     ``names`` are the identifiers of scalars; ``known`` the expressions of those that exist before the function's own statements.
     ``prefixes`` begin the names of a section's shared scalars, ``taken`` are names that they must not take;
     ``roads`` names the roads of tyres.  ``conditions`` is the type of conditions without lanes: "bool", or "Mask" where a real may be
-    that of several instances.  ``elements`` are the places of those that arrays keep, besides their names if they have some.
+    that of several instances.  ``elements`` are the places of those that arrays keep, besides their names if they have some.  ``stores``
+    are places of results, and the scalars that go there, which are stored where the scalar without its sign is found.
     """
 
     graph: Graph
@@ -47,6 +48,7 @@ class Printer:
     roads: Mapping[str, str]
     conditions: str = "bool"
     elements: Mapping[int, str] = field(default_factory=dict)
+    stores: Mapping[int, Sequence[tuple[str, int]]] = field(default_factory=dict)
     _texts: dict[int, tuple[str, int]] = field(default_factory=dict)
     _counters: dict[str, int] = field(default_factory=dict)
     _calls: dict[str, str] = field(default_factory=dict)  # names of the results of functions that have several, by their calls
@@ -68,13 +70,19 @@ class Printer:
             place = self.elements.get(n)
             if node.op == "neg" or (place is None and n not in self.names and uses[n] < 2 and len(text) < LONGEST):
                 self._texts[n] = (text, level)
+                printed += self._stored(n)
                 continue
             name = self.names.get(n) or place or self._auxiliary(node.section)
             printed.append(Statement(type="" if name == place else self._type(node), name=name, expression=text, section=node.section))
             if place is not None and name != place:
                 printed.append(Statement(type="", name=place, expression=name, section=node.section))
             self._texts[n] = (name, _ATOM)
+            printed += self._stored(n)
         return printed
+
+    def _stored(self, n: int) -> list[Statement]:
+        section = self.graph.nodes[n].section
+        return [Statement(type="", name=place, expression=self.text(x), section=section) for place, x in self.stores.get(n, ())]
 
     def count_uses(self, nodes: Sequence[int], results: Sequence[int]) -> dict[int, int]:
         """The number of uses of each of the nodes, as an argument of others or as a result."""

@@ -294,8 +294,9 @@ def _balance_view(balance: Linearised, name: str) -> dict[str, object]:
     starts = list(accumulate(map(len, balance.columns), initial=0))
     middles = [first + sum(c < balance.unknowns for c in row) for first, row in zip(starts, balance.columns, strict=False)]
     return {
-        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles,
-        "columns": [c for row in balance.columns for c in row], "parts": balance.parts,
+        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles, "slopes": balance.places,
+        "columns": [c for row in balance.columns for c in row], "parts": balance.sides.parts,
+        "beside": balance.sides.numbers, "groups": list(map(len, balance.sides.groups)),
     }  # fmt: skip
 
 
@@ -552,14 +553,16 @@ def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
     classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
     fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
-    at_state = balance.length + _size_of_matrix(balance) + q + 2 * n + m + given + 8
+    at_state = balance.length + _size_of_matrix(balance) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
     return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + m + 64
 
 
 def _size_of_matrix(balance: Linearised, copies: int = 1) -> int:
     """Numbers of a matrix over accelerations and multipliers, so many of each."""
-    *inner, border = (copies * balance.parts.count(p) for p in range(max(balance.parts) + 1))
-    return copies * len(balance.parts) + sum(rows * (rows + 7) for rows in (border, *(size + border for size in inner)))
+    parts = balance.sides.parts
+    *inner, border = (copies * parts.count(p) for p in range(max(parts) + 1))
+    rows = [border, *(size + border for size in inner)]
+    return copies * len(parts) + sum(rows) * (max(rows) + 8) + sum(size * size for size in rows)
 
 
 def _size_of_ends(parts: SimulationCode, balance: Linearised, steps: Steps) -> int:

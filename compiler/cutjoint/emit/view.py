@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -60,6 +61,9 @@ LINE = 110
 
 #: A function of more statements is compiled in parts of about so many: the time of GCC's combiner grows with the square of a part.
 LONG, PART = 4000, 1000
+
+#: Functions of so many results that these are stored where they are found.
+_STORED_EARLY = frozenset({"balance_slopes"})
 
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {
@@ -198,6 +202,8 @@ class Viewer:
         printer = self._printer(known, rolled.graph, rolled.sections, {**self._names, **loops.names}, taken, loops.elements)
         sections: list[SectionView] = []
         single = [n for part in rolled.parts if not isinstance(part, int) for n in part]
+        early, late = self._early_and_late(name, rolled, single)
+        printer.stores = early
         read = read_by_loops(rolled)
         nodes = {*single, *(n for n in function.statements if rolled.graph.nodes[n].op in ("neg", "symbol"))}
         uses = printer.count_uses(sorted(nodes), [*(r.scalar for r in rolled.results), *read, *read])
@@ -210,9 +216,24 @@ class Viewer:
             else:
                 before += printer.statements(part, uses)
         sections += self._sections(before, rolled.sections)
-        results = [f"{self._target(r)} = {printer.text(r.scalar)};{self._note(r)}" for r in rolled.results]
+        results = [f"{self._target(r, rolled.graph)} = {printer.text(r.scalar)};{self._note(r)}" for r in late]
         results += _stores(rolled, loops, printer)
         return self._view(name, self._equations.function(name).arguments, _in_parts(sections), results, loops.arrays)
+
+    def _early_and_late(
+        self, name: str, rolled: Rolled, single: Sequence[int]
+    ) -> tuple[Mapping[int, Sequence[tuple[str, int]]], Sequence[Result]]:  # fmt: skip
+        """Results that are stored where their scalars without a sign are found, by these, and those at the end of a function."""
+        if name not in _STORED_EARLY:
+            return {}, rolled.results
+        early: defaultdict[int, list[tuple[str, int]]] = defaultdict(list)
+        late, found = [], set(single)
+        for r in rolled.results:
+            if (bare := rolled.graph.signless(r.scalar)) in found:
+                early[bare].append((self._target(r, rolled.graph), r.scalar))
+            else:
+                late.append(r)
+        return early, late
 
     def _loop(self, i: int, rolled: Rolled, loops: LoopText, printer: Printer) -> list[SectionView]:
         """The sections of a loop's body; none where it only stores results."""
@@ -247,9 +268,10 @@ class Viewer:
             return slot.array, slot.offset + index
         return self._input(symbol, index), 0
 
-    def _target(self, result: Result) -> str:
+    def _target(self, result: Result, graph: Graph) -> str:
         array, index = self._place(result.target, result.index)
-        return f"{array}[{index}]"
+        lanes = graph.nodes[result.scalar].lanes
+        return f"row<{lanes_type(lanes)}>({array} + {index})" if lanes else f"{array}[{index}]"
 
     def _note(self, result: Result) -> str:
         """The comment with the meaning of a result's element."""
@@ -264,7 +286,8 @@ class Viewer:
         self, name: str, arguments: tuple[str, ...], sections: Sequence[SectionView], results: Sequence[str], arrays: tuple[str, ...]
     ) -> FunctionView:  # fmt: skip
         lines = (r.partition(_NOTE)[0] for r in results)
-        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *lines])
+        stored = (y.name for s in sections for y in s.statements if not y.type)
+        text = "\n".join([*(x for s in sections for x in (*s.opening, *(y.expression for y in s.statements))), *stored, *lines])
         const = "" if name in ("load", "load_values", "begin_step", "start_step") else " const"
         used = [a if _mentions(text, a.rpartition(" ")[2]) else a.rpartition(" ")[0] for a in arguments]
         return FunctionView(

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, chain
 
 from cutjoint.formulate.inputs import HELD, INPUTS
 from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
-from cutjoint.program.borders import part
+from cutjoint.program.borders import Sides, part, stand_side_by_side
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
@@ -186,11 +186,13 @@ def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[
 @dataclass(frozen=True, kw_only=True)
 class Linearised(Derived):
     """The slopes of a balance of forces: of each of its rows, in order, the ``columns`` of slopes that are not always zero, those of
-    ``unknowns``, accelerations and then multipliers, from one on, and how these fall apart, by ``parts`` (`program.borders`)."""
+    ``unknowns``, accelerations and then multipliers, from one on, the ``places`` where these slopes are written, and how unknowns fall
+    apart, by ``sides`` (`program.borders`), whose groups are written first."""
 
     columns: Sequence[Sequence[int]]
     unknowns: int
-    parts: Sequence[int]
+    places: Sequence[int]
+    sides: Sides
 
     @property
     def length(self) -> int:
@@ -230,7 +232,13 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
             row |= {column: graph.lane(slope, k) for k, column in enumerate(columns[n])}
     entries = [[column for column in sorted(row) if graph.value(row[column]) != 0.0] for row in rows]
     places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
-    results = [Result(target="slope", index=i, scalar=rows[row][column]) for i, (row, column) in enumerate(places)]
+    sides = _sides_of(equations, firsts, entries)
+    groups = [group for of_parts in sides.groups for group in of_parts]
+    order = {place: i for i, place in enumerate(dict.fromkeys([*chain.from_iterable(groups), *places]))}
+    beside = {order[group[0]]: _beside(graph, [rows[row][column] for row, column in group]) for group in groups}
+    results = [Result(target="slope", index=i, scalar=n) for i, n in beside.items() if n is not None]
+    written = {r.index + k for r in results for k in range(graph.nodes[r.scalar].lanes)}
+    results += [Result(target="slope", index=i, scalar=rows[row][column]) for (row, column), i in order.items() if i not in written]
     values = [Result(target="loaded", index=i, scalar=graph.lane(n, k)) for n, spread in loaded.items() for k, i in enumerate(spread)]
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
     lowered = [(f.name, program.function(f.name).results) for f in kept]
@@ -242,11 +250,27 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
     return Linearised(
         equations=replace(equations, functions=made, slots={**equations.slots, **slots}), loaded=length, columns=entries,
         program=with_functions(work, [*lowered, ("balance_slopes", results), ("loaded_values", values)]),
-        unknowns=firsts["vdot"], parts=_parts_of(equations, firsts, entries),
+        unknowns=firsts["vdot"], places=[order[place] for place in places], sides=sides,
     )  # fmt: skip
 
 
-def _parts_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> list[int]:
+def _beside(graph: Graph, scalars: Sequence[int]) -> int | None:
+    """The scalar whose lanes these are; None where there is none."""
+    nodes = [graph.nodes[n] for n in scalars]
+    if len(set(scalars)) == 1:
+        return None
+    if all((node.op, node.args, node.data) == ("lane", nodes[0].args, k) for k, node in enumerate(nodes)):
+        return nodes[0].args[0] if graph.nodes[nodes[0].args[0]].lanes == len(scalars) else None
+    if nodes[0].op not in ("add", "sub", "mul", "neg") or any(node.op != nodes[0].op for node in nodes):
+        return None
+    sides = [[node.args[i] for node in nodes] for i in range(len(nodes[0].args))]
+    found = [side[0] if len(set(side)) == 1 else _beside(graph, side) for side in sides]
+    arguments = [n for n in found if n is not None]
+    operation = getattr(graph, nodes[0].op)
+    return int(operation(*arguments)) if len(arguments) == len(sides) else None
+
+
+def _sides_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries: Sequence[Sequence[int]]) -> Sides:
     """The parts of accelerations and multipliers, those of a joint together."""
     of_column = {firsts["vdot"] + i: i for i in range(len(entries))}
     of_column |= {firsts["v"] + i: i for i in range(len(equations.speed_names))}
@@ -254,6 +278,7 @@ def _parts_of(equations: RecursiveEquations, firsts: Mapping[str, int], entries:
     for chart in equations.charts:
         for i in range(len(chart.coordinate_names)):
             of_column[firsts["q"] + chart.q + i] = chart.v + min(i, len(chart.speed_names) - 1)
-    pairs = [(row, of_column[c]) for row, of_row in enumerate(entries) for c in of_row if c in of_column]
+    places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
     together = [*joints, *([i] for i in range(sum(map(len, joints)), len(entries)))]
-    return part(len(entries), pairs, together)
+    parts = part(len(entries), [(row, of_column[column]) for row, column in places if column in of_column], together)
+    return stand_side_by_side(parts, places, of_column)

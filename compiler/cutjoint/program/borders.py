@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 
 def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Collection[int]]) -> list[int]:
@@ -26,6 +28,62 @@ def part(size: int, entries: Iterable[tuple[int, int]], together: Sequence[Colle
         border, best = tries[i], parts
     place = dict.fromkeys(border, len(best)) | {i: number for number, component in enumerate(best) for i in component}
     return [place[i] for i in range(size)]
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Parts that have the same entries, side by side.
+
+    ``parts`` are those of unknowns, numbered so that four, two or one that stand side by side follow each other, the border last;
+    ``numbers`` says how many.  For each of these there are ``groups`` of entries, (row, column), that take the same place in all of them.
+    """
+
+    parts: Sequence[int]
+    numbers: Sequence[int]
+    groups: Sequence[Sequence[tuple[tuple[int, int], ...]]]
+
+
+def stand_side_by_side(parts: Sequence[int], entries: Sequence[tuple[int, int]], unknown: Mapping[int, int]) -> Sides:
+    """The parts of `part` side by side; columns that belong to an ``unknown`` are in the matrix."""
+    border = max(parts)
+    places = _ranks(enumerate(parts))
+    ranks = _ranks((column, parts[i]) for column, i in sorted(unknown.items()))
+    found: list[dict[tuple[bool, int, bool, int], tuple[int, int]]] = [{} for _ in range(border)]
+    for row, column in entries:
+        of_row, of_column = parts[row], parts[unknown[column]] if column in unknown else border
+        if (p := min(of_row, of_column)) < border:
+            key = of_row == p, places[row] if of_row == p else row, of_column == p, ranks[column] if of_column == p else column
+            found[p][key] = row, column
+    alike: defaultdict[object, list[int]] = defaultdict(list)
+    for p, of_part in enumerate(found):
+        shape = frozenset(key for key, (_, column) in of_part.items() if column in unknown)
+        alike[parts.count(p), shape].append(p)
+    rows = [list(same[i : i + width]) for same in alike.values() for i, width in _widths(len(same))]
+    number = {p: i for i, p in enumerate(p for row in rows for p in row)} | {border: border}
+    groups = [
+        [tuple(found[p][key] for p in row) for key in sorted(found[row[0]]) if all(key in found[p] for p in row)] if len(row) > 1 else []
+        for row in rows
+    ]
+    return Sides([number[p] for p in parts], [*map(len, rows), 1], [*groups, []])
+
+
+def _ranks(of_parts: Iterable[tuple[int, int]]) -> dict[int, int]:
+    """The place of each number among those of its part."""
+    counts: defaultdict[int, int] = defaultdict(int)
+    found = {}
+    for i, p in of_parts:
+        found[i] = counts[p]
+        counts[p] += 1
+    return found
+
+
+def _widths(number: int) -> Iterable[tuple[int, int]]:
+    """The fours, twos and ones that make up a number: where each begins, and how many it is."""
+    at = 0
+    for width in (4, 2, 1):
+        while number - at >= width:
+            yield at, width
+            at += width
 
 
 def _components(neighbours: Sequence[Collection[int]], border: Collection[int]) -> list[list[int]]:

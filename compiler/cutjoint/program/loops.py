@@ -224,10 +224,11 @@ class _Rolling:
         return section, -1 if self._program.sections[section].element else n
 
     def _by_array(self) -> list[int]:
-        """The results in the order of the arrays that they go to."""
+        """The results without lanes in the order of the arrays that they go to."""
         arrays = [self._place(r.target, r.index)[0] for r in self._results]
         first = {array: i for i, array in reversed(list(enumerate(arrays)))}
-        return sorted(range(len(arrays)), key=lambda i: first[arrays[i]])
+        plain = (i for i, r in enumerate(self._results) if not self._nodes[r.scalar].lanes)
+        return sorted(plain, key=lambda i: first[arrays[i]])
 
     def _key_of_result(self, result: Result) -> int:
         bare = self._graph.signless(result.scalar)

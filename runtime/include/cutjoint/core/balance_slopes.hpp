@@ -6,8 +6,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 #include "cutjoint/core/arrays.hpp"
@@ -25,8 +27,8 @@ struct NoBalance {
 };
 
 /// The balance of forces and the second rates of loops, r(q, v, vdot, lambda, inputs, parameters) = 0, of a mechanism M, by generated code C of its
-/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, and their columns.  Parameters are
-/// in it by values that follow from them alone, as many as are `loaded`.
+/// slopes, whose places are those of T: where each row begins, where its slopes by accelerations and multipliers do, their columns, and where they are written,
+/// those of parts that stand side by side first.  Parameters are in it by values that follow from them alone, as many as are `loaded`.
 ///
 /// At a state the slopes are found once, over plain numbers, and a matrix is decomposed once; each direction takes products and a solution.  Loops
 /// give way to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
@@ -38,13 +40,13 @@ class BalanceSlopes {
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
                                given = inputs + M::sizes.held, loaded = T::loaded;
   using Places = T;
-  using Changes = Fixed<Along, n + m>;
+  using Changes = std::array<Along, n + m>;
   using Numbers = Fixed<double, n + m>;
   static constexpr std::size_t first_speed = coordinates, first_input = first_speed + n, first_held = first_input + inputs,
                                first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
-  using OfSlopes = Fixed<double, T::starts[n + m]>;  ///< by rows
+  using OfSlopes = Fixed<double, T::starts[n + m]>;  ///< as they are written
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
@@ -60,8 +62,9 @@ class BalanceSlopes {
     are_changing_ = false;
     for (std::size_t cut = 0, i = 0; i < m; ++i) {
       while (cut + 1 < M::sizes.cuts && static_cast<std::size_t>(M::cuts[cut + 1]) <= i) ++cut;
-      gives_way_[i] = 1e-3 / penalties[cut];
+      gives_way_[order[n + i]] = 1e-3 / penalties[cut];
     }
+    std::fill_n(weights_.begin() + first_acceleration, n + m, 1.0);
   }
 
   /// How they change.
@@ -115,27 +118,20 @@ class BalanceSlopes {
   /// What the balance loses by changes of all but accelerations and multipliers, row by row.
   template <class Q, class V, class Inputs, class Held>
   void lose(const OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
-    const auto put = [this](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by_[first + j] = numbers[j].slope;
-    };
-    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
-    for (std::size_t i = 0; i < n + m; ++i) {
-      Slopes sum{};
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) sum -= slope[k] * by_[T::columns[k]];
-      rows[i].slope = sum;
-    }
+    Changes found;
+    lose_in_places(slope, q, v, du, held, found);
+    for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
   }
 
   /// The solution of matrices over accelerations and multipliers, one behind another, in whose place loops give way to these; what they give way by is taken back.
   /// False where a number is none, or loops stay open.
-  template <class Matrix, std::size_t size>
-  bool solve(const Matrix& matrix, Fixed<Along, size>& change) const {
-    matrix.solve(change);
-    Slopes odd{};
-    for (const Along& along : change) odd += 0.0 * along.slope;
-    double sum = 0.0;
-    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
-    return sum == 0.0 && close(matrix, change);
+  template <class Matrix, class Unknowns>
+  bool solve(const Matrix& matrix, Unknowns& change) const {
+    std::array<Along, Matrix::size> found;
+    for (std::size_t i = 0; i < found.size(); ++i) found[places_of<Matrix>[i]] = change[i];
+    const bool is_found = solve_in_places(matrix, found);
+    for (std::size_t i = 0; i < found.size(); ++i) change[i] = found[places_of<Matrix>[i]];
+    return is_found;
   }
 
   /// How coordinates or speeds change least, as masses see it, so that gaps of loops close; false where they stay open.
@@ -149,13 +145,19 @@ class BalanceSlopes {
   /// The same of transposed matrices, of numbers.
   template <class Matrix, std::size_t size>
   bool solve_transposed(const Matrix& matrix, Fixed<double, size>& x) const {
-    matrix.solve_transposed(x);
+    const auto solve = [&matrix](Fixed<double, size>& unknowns) {
+      std::array<double, size> found;
+      for (std::size_t i = 0; i < size; ++i) found[places_of<Matrix>[i]] = unknowns[i];
+      matrix.solve_transposed(found.data());
+      for (std::size_t i = 0; i < size; ++i) unknowns[i] = found[places_of<Matrix>[i]];
+    };
+    solve(x);
     Fixed<double, size> more = x;
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; m > 0 && iteration < 16; ++iteration) {
       double share[2]{}, whole[2]{};  // of what accelerations are multiplied by, and of what multipliers are
-      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
-      matrix.solve_transposed(more);
+      for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way(i % (n + m) - n);
+      solve(more);
       for (std::size_t i = 0; i < size; ++i) {
         x[i] += more[i];
         const std::size_t of = i % (n + m) < n ? 0 : 1;
@@ -181,18 +183,18 @@ class BalanceSlopes {
   /// Slopes by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
   void pull(const OfSlopes& slope, const double* by_rows, Fixed<double, first_acceleration>& by) const {
     for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= slope[k] * by_rows[i];
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= slope[T::slopes[k]] * by_rows[i];
   }
 
   /// How loaded values change along directions.
   const Fixed<Along, loaded>& changes() const { return changes_; }
 
-  double gives_way(std::size_t equation) const { return gives_way_[equation]; }
+  double gives_way(std::size_t equation) const { return gives_way_[order[n + equation]]; }
 
   // Columns of coordinates: the speed by whose integral one changes, of a quaternion the first of three, whether it is of one, of which ball, and its place there.
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static std::size_t unknown_of(std::size_t column) { return columns.unknown[column]; }
-  static bool turns(std::size_t column) { return columns.turns[column]; }
+  static bool turns(std::size_t column) { return columns.stride[column] > 0; }
   static std::array<std::size_t, 2> ball_of(std::size_t column) { return {columns.ball[column], columns.place[column]}; }
 
   /// How accelerations and multipliers change with all else; false where that is no number, or masses are singular.
@@ -205,8 +207,11 @@ class BalanceSlopes {
   template <class Q, class V, class Inputs, class Held>
   bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     At& x = at_[now_];
-    lose(x.slope, q, v, du, held, change.data());
-    return solve(x.matrix, change);
+    Changes found;
+    lose_in_places(x.slope, q, v, du, held, found);
+    const bool is_found = solve_in_places(x.matrix, found);
+    for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
+    return is_found;
   }
 
   /// Decompose r_vdot + h/2 r_v + h^2/4 r_q of the end of a trapezoidal step, to which `delta` leads from coordinates; false where it is singular.
@@ -214,24 +219,31 @@ class BalanceSlopes {
     At& x = at_[now_];
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
-    Weights weights;
-    std::fill_n(weights.of.begin() + first_speed, n, by_speed);
+    double* const weights = weights_.data();
+    [[maybe_unused]] Turn* turn = x.turns.data();
+    std::fill_n(weights + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
       const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
-      std::fill_n(weights.of.begin() + place, scalars, by_place);
+      std::fill_n(weights + place, scalars, by_place);
       if constexpr (has_balls) {
         if (!chart.ball) continue;
         const auto at = static_cast<std::size_t>(chart.v);
-        Dual e[4], theta[3], turned[4];
-        for (std::size_t k = 0; k < 4; ++k) e[k] = from[place + scalars + k];
-        for (std::size_t k = 0; k < 3; ++k) theta[k] = delta[at + scalars + k], theta[k].slope[k] = by_place;
-        turn<Dual>(e, theta, turned);
-        for (std::size_t k = 0; k < 3; ++k)
-          for (std::size_t c = 0; c < 4; ++c) weights.turns[3 * (place + scalars + c) + k] = turned[c].slope[k];
+        auto& by = (turn++)->by;
+        turn_slopes(from + place + scalars, delta + at + scalars, by);
+        for (std::size_t c = 0; c < 4; ++c)
+          for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = by_place * by[c][4 + k];
       }
     }
-    return decompose(x, h, weights);
+    return decompose(x, h);
   }
+
+  /// How a ball is turned: by its quaternion at the beginning of the step, then by its way.
+  struct Turn {
+    double by[4][7];
+  };
+
+  /// How the balls were turned in the step that `decompose_end` was called for last.
+  const Turn* turns() const { return at_[now_].turns.data(); }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
@@ -239,43 +251,45 @@ class BalanceSlopes {
   /// Accelerations that are off by this from those to which they lead: the correction takes its place, and that of multipliers is `pull`.
   void correct(Fixed<double, n>& left, Fixed<double, m>& pull) {
     At& x = at_[now_];
-    Numbers force;
-    for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::middles[i]; k < T::starts[i + 1]; ++k)
-        if (T::columns[k] < first_multiplier) force[i] += x.slope[k] * left[T::columns[k] - first_acceleration];
+    double by[n + m], force[n + m];
+    for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
+    find_products<true>(x.slope.data(), by, force);
     x.matrix.solve(force);
-    std::copy_n(force.begin(), n, left.begin());
-    std::copy_n(force.begin() + n, m, pull.begin());
+    for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
+    for (std::size_t i = 0; i < m; ++i) pull[i] = -force[order[n + i]];
   }
 
  private:
   static constexpr double none = -1.0;
+  static constexpr std::size_t length = T::starts[n + m];
 
-  /// The matrix of a step's end from slopes: the share of each by its column, and of quaternions by each of three speeds.
-  struct Weights {
-    Weights() { std::fill_n(of.begin() + first_acceleration, n + m, 1.0); }
-
-    Fixed<double, width> of;
-    Fixed<double, has_balls ? 3 * coordinates : 0> turns;
-  };
-
-  /// Of each column the unknown by whose change it changes, of a quaternion the first of three, and whether it is one.
+  /// Of each column the unknown by whose change it changes, and where its share stands; of a quaternion the first of three of both.  The three shares of
+  /// one stand a stride apart, beside those of parts that stand side by side.
   struct Columns {
-    std::array<std::uint16_t, width> unknown{};
-    std::array<bool, width> turns{};
-    std::array<std::uint16_t, coordinates> ball{}, place{};
+    std::array<std::uint32_t, width> unknown{}, share{}, stride{};
+    std::array<std::uint32_t, coordinates> ball{}, place{};
 
     constexpr Columns() {
-      std::uint16_t balls_before = 0;
-      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint16_t>(i);
-      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint16_t>(i);
+      constexpr auto& places = Bordered<T>::places;
+      for (std::size_t i = 0; i < width; ++i) share[i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n; ++i) unknown[first_speed + i] = static_cast<std::uint32_t>(i);
+      for (std::size_t i = 0; i < n + m; ++i) unknown[first_acceleration + i] = static_cast<std::uint32_t>(i);
+      std::array<std::size_t, n + m> first{};
+      std::size_t next = width;
+      std::uint32_t balls_before = 0;
       for (const Chart& chart : M::charts) {
-        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + i);
-        for (int i = chart.scalars; chart.ball && i < chart.scalars + 4; ++i) {
-          unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(chart.v + chart.scalars);
-          turns[static_cast<std::size_t>(chart.q + i)] = true;
-          ball[static_cast<std::size_t>(chart.q + i)] = balls_before;
-          place[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint16_t>(i - chart.scalars);
+        for (int i = 0; i < chart.scalars; ++i) unknown[static_cast<std::size_t>(chart.q + i)] = static_cast<std::uint32_t>(chart.v + i);
+        if (!chart.ball) continue;
+        const auto speed = static_cast<std::size_t>(chart.v + chart.scalars);
+        const std::size_t side = T::beside[places.set[speed]], lane = (places.slot(speed) - places.first[places.set[speed]]) % side;
+        if (lane == 0) first[places.slot(speed)] = next, next += 12 * side;
+        for (std::size_t i = 0; i < 4; ++i) {
+          const std::size_t column = static_cast<std::size_t>(chart.q + chart.scalars) + i;
+          unknown[column] = static_cast<std::uint32_t>(speed);
+          share[column] = static_cast<std::uint32_t>(first[places.slot(speed) - lane] + 3 * side * i + lane);
+          stride[column] = static_cast<std::uint32_t>(side);
+          ball[column] = balls_before;
+          place[column] = static_cast<std::uint32_t>(i);
         }
         balls_before += chart.ball;
       }
@@ -283,28 +297,176 @@ class BalanceSlopes {
   };
   static constexpr Columns columns{};
 
-  /// The slopes that have a place in the matrix, and their columns; behind `plain` ones those by quaternions, with the place by the first of three speeds.
-  struct Entries {
-    struct Entry {
-      std::uint32_t slope, column, at;
-    };
-    std::array<Entry, OfSlopes::size()> list{};
-    std::size_t plain = 0, all = 0;
+  /// Of each slope as they are written its row and column.
+  struct Sources {
+    std::array<std::uint32_t, length> row{}, column{};
 
-    constexpr Entries() {
-      for (const bool turns : {false, true}) {
-        for (std::size_t i = 0; i < n + m; ++i)
-          for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k) {
-            const std::size_t column = T::columns[k];
-            if ((column >= first_input && column < first_acceleration) || columns.turns[column] != turns) continue;
-            list[all++] = {static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(column),
-                           static_cast<std::uint32_t>(Bordered<T>::places.of(i, columns.unknown[column]))};
-          }
-        if (!turns) plain = all;
-      }
+    constexpr Sources() {
+      for (std::size_t i = 0; i < n + m; ++i)
+        for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
+          row[T::slopes[k]] = static_cast<std::uint32_t>(i), column[T::slopes[k]] = static_cast<std::uint32_t>(T::columns[k]);
+    }
+
+    /// Whether slopes side by side belong to one row, and to one column.
+    constexpr bool share_row(std::size_t first, std::size_t side) const { return side > 1 && row[first] == row[first + side - 1]; }
+    constexpr bool share_column(std::size_t first, std::size_t side) const { return side > 1 && column[first] == column[first + side - 1]; }
+  };
+  static constexpr Sources sources{};
+
+  /// Visit the first of slopes that stand so many side by side.
+  template <std::size_t side, class Use>
+  static constexpr void visit_groups(Use use) {
+    std::size_t first = 0;
+    for (std::size_t s = 0; s < std::size(T::groups); first += T::groups[s] * T::beside[s], ++s)
+      for (std::size_t k = first; T::beside[s] == side && k < first + T::groups[s] * side; k += side) use(k);
+    for (std::size_t k = first; side == 1 && k < length; ++k) use(k);
+  }
+
+  /// Where changes of columns stand, those of parts side by side, and of unknowns.
+  static constexpr auto slots = [] {
+    std::array<std::uint32_t, width> found{};
+    for (const auto& [begin, end] : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
+      std::array<bool, width> is_placed{};
+      std::size_t next = 0;
+      const auto place = [&](std::size_t column) {
+        if (!is_placed[column] && column >= begin && column < end) found[column] = static_cast<std::uint32_t>(next++), is_placed[column] = true;
+      };
+      const auto place_groups = [&]<std::size_t side>() {
+        visit_groups<side>([&](std::size_t k) {
+          for (std::size_t l = 0; l < side && !sources.share_column(k, side); ++l) place(sources.column[k + l]);
+        });
+      };
+      place_groups.template operator()<4>(), place_groups.template operator()<2>();
+      for (std::size_t column = begin; column < end; ++column) place(column);
+    }
+    return found;
+  }();
+  static constexpr auto order = [] {
+    std::array<std::uint32_t, n + m> found{};
+    for (std::size_t i = 0; i < n + m; ++i) found[i] = static_cast<std::uint32_t>(Bordered<T>::places.slot(i));
+    return found;
+  }();
+
+  struct Factor {
+    std::uint32_t slope, place;
+  };
+
+  /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
+  struct Line {
+    std::uint32_t place, first, shared, end;
+    bool is_shared, adds;
+  };
+
+  /// Products of slopes side by side by accelerations, or by all but accelerations and multipliers.
+  template <bool by_accelerations, std::size_t side>
+  struct Products {
+    template <class Use>
+    static constexpr void visit(Use use) {
+      visit_groups<side>([&](std::size_t k) {
+        const std::size_t column = sources.column[k];
+        if (by_accelerations ? column >= first_acceleration && column < first_multiplier : column < first_acceleration) use(k);
+      });
+    }
+    static constexpr std::pair<std::size_t, std::size_t> sizes = [] {
+      std::size_t number = 0, rows = 0, last = n + m;
+      visit([&](std::size_t k) { ++number, rows += sources.row[k] != last, last = sources.row[k]; });
+      return std::pair{number, rows};
+    }();
+    std::array<Factor, sizes.first> factors{};
+    std::array<Line, sizes.second> lines{};
+
+    constexpr Products() {
+      std::uint32_t number = 0;
+      std::size_t rows = 0, last = n + m;
+      visit([&](std::size_t k) {
+        const std::size_t row = sources.row[k];
+        if (row != last) lines[rows++] = {order[row], number, number, number, sources.share_row(k, side), side < widest<by_accelerations>[row]};
+        last = row;
+        factors[number++] = {static_cast<std::uint32_t>(k), slots[sources.column[k]]};
+        lines[rows - 1].end = number;
+        if (sources.share_column(k, side)) lines[rows - 1].shared = number;
+      });
     }
   };
-  static constexpr Entries places{};
+
+  /// Of each row the most products that stand side by side; more than there are of one whose products are added to nought.
+  template <bool by_accelerations>
+  static constexpr auto widest = [] {
+    std::array<std::uint16_t, n + m> found{};
+    const auto take = [&]<std::size_t side>() {
+      Products<by_accelerations, side>::visit([&](std::size_t k) {
+        for (std::size_t l = 0; l < side; ++l) found[sources.row[k + l]] = sources.share_row(k, side) ? 8 : std::max<std::uint16_t>(found[sources.row[k + l]], side);
+      });
+    };
+    take.template operator()<1>(), take.template operator()<2>(), take.template operator()<4>();
+    for (std::uint16_t& most : found) most = most == 0 ? 8 : most;
+    return found;
+  }();
+
+  /// Products with changes by `slots`, less than nought, by `order`.
+  template <bool by_accelerations, class Number>
+  static void find_products(const double* slopes, const Number* by, Number* found) {
+    for (std::size_t i = 0; i < n + m; ++i)
+      if (widest<by_accelerations>[i] == 8) found[order[i]] = Number{};
+    subtract_products<by_accelerations, 4>(slopes, by, found);
+    subtract_products<by_accelerations, 2>(slopes, by, found);
+    subtract_products<by_accelerations, 1>(slopes, by, found);
+  }
+
+  template <bool by_accelerations, std::size_t side, class Number>
+  static void subtract_products(const double* slopes, const Number* by, Number* found) {
+    if constexpr (has_side(side)) {
+      static constexpr Products<by_accelerations, side> products{};
+      for (const Line& line : products.lines) {
+        auto& place = reinterpret_cast<Sides<side, Number>&>(found[line.place]);
+        auto sum = line.adds && !line.is_shared ? place : Sides<side, Number>::of([](std::size_t) { return Number{}; });
+        const Factor* factor = products.factors.data() + line.first;
+        const auto slope = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(slopes[factor->slope]); };
+        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(slope(), by[factor->place]);
+        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(slope(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
+        if (line.is_shared) found[line.place] += sum.sum();
+        else place = sum;
+      }
+    }
+  }
+
+  static constexpr bool has_side(std::size_t side) { return side == 1 || std::find(std::begin(T::beside), std::end(T::beside), side) != std::end(T::beside); }
+
+  /// Visit the slopes that have a place in the matrix, so many side by side: the first of them, its share and its place, of a quaternion by each of three speeds.
+  /// Those whose shares are the same come first.
+  template <std::size_t side, class Use>
+  static constexpr void visit_entries(bool are_apart, Use use) {
+    constexpr auto& places = Bordered<T>::places;
+    visit_groups<side>([&](std::size_t k) {
+      const std::size_t column = sources.column[k], stride = columns.stride[column], unknown = columns.unknown[column];
+      if ((column >= first_input && column < first_acceleration) || (stride > 0 && side > 1 && !sources.share_column(k, side)) != are_apart) return;
+      for (std::size_t j = 0; j < (stride > 0 ? 3 : 1); ++j) use(k, columns.share[column] + j * stride, places.of(sources.row[k], unknown + j));
+    });
+  }
+
+  struct Entry {
+    std::uint32_t slope, share, at;
+  };
+
+  /// All of them, those behind `same` with shares of their own.
+  template <std::size_t side>
+  struct Entries {
+    static constexpr std::size_t count(bool are_apart) {
+      std::size_t number = 0;
+      visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t) { ++number; });
+      return number;
+    }
+    static constexpr std::size_t same = count(false), all = same + count(true);
+    std::array<Entry, all> list{};
+
+    constexpr Entries() {
+      std::size_t number = 0;
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t slope, std::size_t share, std::size_t at) {
+          list[number++] = {static_cast<std::uint32_t>(slope), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
+        });
+    }
+  };
 
   /// A state, the slopes there, and a matrix as L U: of the length of step, or 0, that it is decomposed for.
   struct At {
@@ -315,34 +477,98 @@ class BalanceSlopes {
     Fixed<double, m> lambda;
     Fixed<double, given> u;
     OfSlopes slope;
+    Fixed<Turn, coordinates - M::sizes.joint_speeds()> turns;
     Bordered<T> matrix;
   };
 
-  bool decompose_plain(At& x) { return x.decomposed_for == 0.0 || decompose(x, 0.0, Weights()); }
+  /// Where the matrix has entries.
+  static constexpr auto pattern = [] {
+    typename Bordered<T>::Pattern found{};
+    const auto mark = [&]<std::size_t side>() {
+      for (const bool are_apart : {false, true})
+        visit_entries<side>(are_apart, [&](std::size_t, std::size_t, std::size_t at) { found[at] = true; });
+    };
+    mark.template operator()<1>(), mark.template operator()<2>(), mark.template operator()<4>();
+    for (std::size_t i = n; i < n + m; ++i) found[Bordered<T>::places.of(i, i)] = true;
+    return found;
+  }();
 
-  bool decompose(At& x, double h, const Weights& weights) {
-    auto& entries = x.matrix.entries();
-    entries.fill(0.0);
-    for (std::size_t k = 0; k < places.plain; ++k) {
-      const auto& entry = places.list[k];
-      entries[entry.at] += x.slope[entry.slope] * weights.of[entry.column];
-    }
-    for (std::size_t k = places.plain; has_balls && k < places.all; ++k) {
-      const auto& entry = places.list[k];
-      for (std::size_t j = 0; j < 3; ++j) entries[entry.at + j] += x.slope[entry.slope] * weights.turns[3 * entry.column + j];
-    }
-    for (std::size_t i = 0; i < m; ++i) entries[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[i];
-    const bool is_regular = x.matrix.decompose();
+  bool decompose_plain(At& x) {
+    if (x.decomposed_for == 0.0) return true;
+    std::fill_n(weights_.begin(), first_input, 0.0);
+    std::fill(weights_.begin() + width, weights_.end(), 0.0);
+    return decompose(x, 0.0);
+  }
+
+  bool decompose(At& x, double h) {
+    const auto fill = [&] {
+      x.matrix.clear();
+      gather<1>(x), gather<2>(x), gather<4>(x);
+      for (std::size_t i = 0; i < m; ++i) x.matrix.entries()[Bordered<T>::places.of(n + i, n + i)] -= gives_way_[order[n + i]];
+      return x.matrix.decompose(pattern);
+    };
+    const bool is_regular = fill() || fill();  // with other pivots where those of a matrix before have become small
     x.decomposed_for = is_regular ? h : none;
     return is_regular;
   }
 
+  template <std::size_t side>
+  void gather(At& x) const {
+    if constexpr (has_side(side)) {
+      static constexpr Entries<side> entries{};
+      using Sides = Beside<side>;
+      const auto slope = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.slope[entry.slope]); };
+      const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
+      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += slope(entries.list[k]) * weights_[entries.list[k].share];
+      for (std::size_t k = entries.same; k < entries.all; ++k)
+        place(entries.list[k]) += slope(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
+    }
+  }
+
+  /// By place in a matrix of unknowns one behind another: the place of each in that of one state.
+  template <class Matrix>
+  static constexpr auto places_of = [] {
+    std::array<std::uint32_t, Matrix::size> found{};
+    for (std::size_t i = 0; i < Matrix::size; ++i) found[i] = static_cast<std::uint32_t>(Matrix::places.slot(i));
+    return found;
+  }();
+  template <class Matrix>
+  static constexpr auto own_places = [] {
+    std::array<std::uint32_t, Matrix::size> found{};
+    for (std::size_t i = 0; i < Matrix::size; ++i) found[places_of<Matrix>[i]] = order[i % (n + m)];
+    return found;
+  }();
+
+  /// The solution in the order of places; false where a number is none, or loops stay open.
+  template <class Matrix, std::size_t size>
+  bool solve_in_places(const Matrix& matrix, std::array<Along, size>& found) const {
+    matrix.solve(found.data());
+    Slopes odd{};
+    for (const Along& along : found) odd += 0.0 * along.slope;
+    double sum = 0.0;
+    for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
+    return sum == 0.0 && close(matrix, found);
+  }
+
+  /// What the balance loses by changes of all but accelerations and multipliers, in the order of places.
+  template <class Q, class V, class Inputs, class Held>
+  void lose_in_places(const OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
+    const auto put = [this](std::size_t first, const auto& numbers) {
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].slope = numbers[j].slope;
+    };
+    put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
+    find_products<false>(slope.data(), by_.data(), found.data());
+  }
+
   /// The largest change along each direction of accelerations, or of multipliers.
-  template <std::size_t size>
-  static Slopes largest(const Fixed<Along, size>& changes, bool of_multipliers) {
+  template <class Matrix, std::size_t size>
+  static Slopes largest(const std::array<Along, size>& changes, bool of_multipliers) {
     Slopes most{};
     for (std::size_t i = 0; i < size; ++i)
-      if ((i % (n + m) >= n) == of_multipliers) most = larger(larger(changes[i].slope, -changes[i].slope), most);
+      if ((i % (n + m) >= n) == of_multipliers) {
+        const Slopes& slope = changes[places_of<Matrix>[i]].slope;
+        most = larger(larger(slope, -slope), most);
+      }
     return most;
   }
 
@@ -355,15 +581,17 @@ class BalanceSlopes {
   /// Take back what loops have given way by, which each solution leaves less of by the share by which multipliers still change; false where that does not
   /// come to an end.
   template <class Matrix, std::size_t size>
-  bool close(const Matrix& matrix, Fixed<Along, size>& change) const {
+  bool close(const Matrix& matrix, std::array<Along, size>& change) const {
     if constexpr (m > 0) {
-      Fixed<Along, size> more = change;
+      std::array<Along, size> more;
+      const std::array<Along, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
-        const Slopes pulled = largest(more, true);
-        for (std::size_t i = 0; i < size; ++i) more[i] *= i % (n + m) < n ? 0.0 : -gives_way_[i % (n + m) - n];
-        matrix.solve(more);
+        const Slopes pulled = largest<Matrix>(*last, true);
+        for (std::size_t i = 0; i < size; ++i) more[i].slope = (*last)[i].slope * -gives_way_[own_places<Matrix>[i]];
+        matrix.solve(more.data());
         for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
-        if (share_of(largest(more, false), largest(change, false)) * std::min(1.0, share_of(largest(more, true), pulled)) <= 1e-13) return true;
+        if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;
+        last = &more;
       }
       return false;
     }
@@ -376,8 +604,9 @@ class BalanceSlopes {
   int now_ = 0;
   Fixed<Along, loaded> changes_;  ///< of loaded values along directions
   bool are_changing_ = false;
-  Fixed<Slopes, first_acceleration> by_;  ///< of all but accelerations and multipliers
-  Fixed<double, m> gives_way_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<Along, first_acceleration> by_;  ///< of all but accelerations and multipliers
+  Fixed<double, n + m> gives_way_;  ///< by how much loops do to multipliers in the matrix
+  Fixed<double, width + (has_balls ? 3 * coordinates : 0)> weights_;  ///< the shares of columns in the matrix, of quaternions by each of three speeds
 };
 
 }  // namespace cutjoint

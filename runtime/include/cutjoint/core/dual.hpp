@@ -110,7 +110,7 @@ struct Dual {
 
 /// Derivatives without their value, which linear maps of numbers take to others.
 struct Along {
-  Slopes slope{};
+  Slopes slope;
 
   [[gnu::always_inline]] Along& operator+=(const Along& b) { return slope += b.slope, *this; }
   [[gnu::always_inline]] Along& operator-=(const Along& b) { return slope -= b.slope, *this; }

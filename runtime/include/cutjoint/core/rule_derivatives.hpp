@@ -115,21 +115,51 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
 
   /// The end of a step by the rule's fixed point along directions, by the balance of forces there; false where that has a slope that is no number.
   bool go_by_balance(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h) {
-    leave_start(from, h);
     enter_end(mechanism, end);
-    if (!is_settled_ && !settle(mechanism, from, end, h)) return false;
-    is_settled_ = true;
-    lead_stage(h);
-    for (std::size_t i = 0; i < n; ++i) found_[i] = stage_.vdot[i];
-    lead(h);
-    if (!linearise_end(end.t, h)) return false;
+    if (!is_settled_) {
+      for (std::size_t i = 0; i < n; ++i) {
+        speeds_[i].value = from.v[i] + h / 2 * from.vdot[i];
+        way_[i].value = h * from.v[i] + h * h / 4 * from.vdot[i];
+      }
+      if (!settle(mechanism, from, end, h)) return false;
+      lead_stage(h);
+      is_settled_ = true;
+    }
+    if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
+    for (std::size_t i = 0; i < n; ++i) {
+      way_[i].slope = h * v_[i].slope + h * h / 4 * vdot_[i].slope;
+      v_[i] = {stage_.v[i], v_[i].slope + h / 2 * vdot_[i].slope};
+    }
+    move_along(way_, 1.0, true);
     typename Balance::Changes change;
     if (!this->balance_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = change[i].slope;
+    for (std::size_t i = 0; i < n; ++i) {
+      vdot_[i] = {stage_.vdot[i], change[i].slope};
+      v_[i].slope += h / 2 * change[i].slope;
+    }
     for (std::size_t i = 0; i < m; ++i) lambda_[i] = {stage_.lambda[i], change[n + i].slope};
-    lead(h);
-    vdot_ = found_;
+    move_along(change, h * h / 4, false);
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = stage_.q[i];
     return true;
+  }
+
+  /// Slopes of coordinates that a way, so many times, leads to, from those where it begins, or beside those of another.
+  template <class Numbers>
+  void move_along(const Numbers& way, double share, bool from_start) {
+    const auto* turn = this->balance_.turns();
+    for (const Chart& chart : charts()) {
+      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].slope += share * way[static_cast<std::size_t>(chart.v + i)].slope;
+      if (!chart.ball) continue;
+      const auto place = static_cast<std::size_t>(chart.q + chart.scalars), at = static_cast<std::size_t>(chart.v + chart.scalars);
+      const auto& by = (turn++)->by;
+      Slopes turned[4];
+      for (std::size_t c = 0; c < 4; ++c) {
+        turned[c] = from_start ? by[c][0] * q_[place].slope : q_[place + c].slope;
+        for (std::size_t j = 1; j < 4 && from_start; ++j) turned[c] += by[c][j] * q_[place + j].slope;
+        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * way[at + j].slope;
+      }
+      for (std::size_t c = 0; c < 4; ++c) q_[place + c].slope = turned[c];
+    }
   }
 
   /// The fixed point of plain accelerations and multipliers from those of the end; slopes of an earlier step correct these as long as errors fall, then those of the
@@ -200,7 +230,8 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       stage_.v[i] = from.v[i] + h / 2 * (from.vdot[i] + stage_.vdot[i]);
     }
     mechanism.begin_step(end.t, 1.0);
-    take_inputs(mechanism);
+    this->along_ = {};
+    this->take_inputs(mechanism);
     return ends_.find(this->balance_, h, charts(), from.q.data(), stage_, end);
   }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -252,9 +253,13 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   }
 
   void keep_row(std::size_t first, std::size_t number) {
-    visit_carried(first, [number](const Dual& x, double* row, bool) {
-      for (std::size_t k = 0; k < number; ++k) row[k] = x.slope[k];
-    });
+    visit_carried(first, [number](const Dual& x, double* row, bool) { copy_slopes(reinterpret_cast<const double*>(&x.slope), number, row); });
+  }
+
+  /// So many slopes, mostly all.
+  [[gnu::always_inline]] static void copy_slopes(const double* from, std::size_t number, double* to) {
+    if (number == directions) std::memcpy(to, from, sizeof(Slopes));
+    else std::copy_n(from, number, to);
   }
 
   /// How many steps an integrator has made that was asked for as many; of one that divides some, the parts beyond.
@@ -465,18 +470,21 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     this->state_ = &state;
     this->take_inputs(mechanism);
     mechanism_.begin_step(Dual(state.t, begun_), 1.0);
-    std::copy(state.q.begin(), state.q.end(), q_.begin());
-    std::copy(state.v.begin(), state.v.end(), v_.begin());
+    const auto take = [](const auto& values, auto& numbers) {
+      for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i].value = values[i];
+    };
+    take(state.q, q_), take(state.v, v_);
     const bool is_carried = is_known(state);
     if (is_carried && carries_slope) {
       std::copy_n(first_slope_.begin(), turn_.size(), turn_.begin());
       std::copy_n(first_slope_.begin() + turn_.size(), n, vdot_.begin());
     } else if (is_carried) {
-      std::copy(state.vdot.begin(), state.vdot.end(), vdot_.begin());
-      std::copy(state.lambda.begin(), state.lambda.end(), lambda_.begin());
+      take(state.vdot, vdot_), take(state.lambda, lambda_);
     }
     visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
-      for (std::size_t k = 0; k < number && (is_carried || !is_rest); ++k) x.slope[k] = row[k];
+      if (!is_carried && is_rest) return;
+      if (number < directions) x.slope = Slopes{};
+      copy_slopes(row, number, reinterpret_cast<double*>(&x.slope));
     });
     return is_carried || this->find_accelerations(mechanism, number);
   }

@@ -37,7 +37,7 @@ class ClosedEndSlopes {
     balance.find(rule, rule_);
     balance.find(end, end_);
     if (!decompose(balance, charts, from)) return false;
-    Changes pushed, moved;
+    Changes pushed{}, moved{};
     for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
       pushed[row].slope[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
       moved[row].slope[0] += end_[k] * (end.v[column] - rule.v[column]);
@@ -127,7 +127,7 @@ class ClosedEndSlopes {
   void lose(Balance& balance, const typename Balance::OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
     balance.lose(slope, q, v, du, held, change.data());
     for (std::size_t i = 0; i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].slope -= slope[k] * first[Places::columns[k] - Balance::first_acceleration].slope;
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].slope -= slope[Places::slopes[k]] * first[Places::columns[k] - Balance::first_acceleration].slope;
   }
 
   /// The solution x of transposed equations, and from it slopes by all that forces read, with `by_first` those by accelerations and multipliers, which are added.
@@ -139,7 +139,7 @@ class ClosedEndSlopes {
     std::copy_n(x.begin(), n, forces.begin());
     balance.pull(slope, forces.data(), by);
     for (std::size_t i = 0; by_first && i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - Balance::first_acceleration] -= slope[k] * x[i];
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - Balance::first_acceleration] -= slope[Places::slopes[k]] * x[i];
     return true;
   }
 
@@ -148,7 +148,7 @@ class ClosedEndSlopes {
   static void for_curvatures(Use use) {
     for (std::size_t i = n; i < all; ++i)
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k)
-        if (Places::columns[k] < Balance::first_multiplier) use(i, k, Places::columns[k] - Balance::first_acceleration);
+        if (Places::columns[k] < Balance::first_multiplier) use(i, Places::slopes[k], Places::columns[k] - Balance::first_acceleration);
   }
 
   bool decompose(const Balance& balance, std::span<const Chart> charts, const double* from) {
@@ -165,19 +165,19 @@ class ClosedEndSlopes {
         if (column < Balance::first_speed && Balance::turns(column)) continue;
         const bool is_speed = column >= Balance::first_speed;
         const std::size_t place = at(i, is_speed ? column - Balance::first_speed : Balance::unknown_of(column));
-        const double share = (is_speed ? by_speed : by_place) * rule_[k];
+        const double share = (is_speed ? by_speed : by_place) * rule_[Places::slopes[k]];
         rule[place] += share, projections[place] += share;
       }
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
         const std::size_t column = Places::columns[k] - Balance::first_acceleration;
-        const double slope = (i < n ? rule_ : end_)[k];
+        const double slope = (i < n ? rule_ : end_)[Places::slopes[k]];
         projections[at(i, column)] += slope;
         if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += slope;
       }
       if (i >= n) rule[at(i, i)] -= balance.gives_way(i - n), projections[at(i, i)] -= balance.gives_way(i - n);
     }
     if constexpr (balls > 0) put_balls(charts, from, turned.data());
-    return matrix_.decompose() && projections_.decompose();
+    return matrix_.decompose(Matrix::everywhere) && projections_.decompose(Matrix::everywhere);
   }
 
   static bool is_turn(std::span<const Chart> charts, std::size_t speed) {
@@ -200,7 +200,7 @@ class ClosedEndSlopes {
         for (std::size_t k = Places::starts[i]; k < Places::middles[i]; ++k)
           if (const std::size_t column = Places::columns[k]; column >= e && column < e + 4)
             for (std::size_t l = 0; l < 3; ++l) {
-              const double share = rule_[k] * to[column - e].slope[l];
+              const double share = rule_[Places::slopes[k]] * to[column - e].slope[l];
               rule[Matrix::places.of(i, w + l)] += share, projections[Matrix::places.of(i, w + l)] += share;
             }
       for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {

@@ -137,7 +137,7 @@ class StageSlopes {
       rows[i] = {};
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
         const std::size_t column = Places::columns[k] - Balance::first_acceleration;
-        rows[i].slope += slope_[stage][k] * (column < n ? vdot[column].slope : lambda[column - n].slope);
+        rows[i].slope += slope_[stage][Places::slopes[k]] * (column < n ? vdot[column].slope : lambda[column - n].slope);
       }
     }
   }
@@ -155,6 +155,7 @@ class StageSlopes {
       for (std::size_t i = 0; i < all.size(); ++i) all[i] = Places::parts[i % unknowns];
       return all;
     }();
+    static constexpr auto& beside = Places::beside;
   };
   using Matrix = Bordered<Stacked>;
 
@@ -207,12 +208,12 @@ class StageSlopes {
         for (std::size_t k = Places::starts[row]; k < Places::middles[row]; ++k) {
           const std::size_t column = Places::columns[k];
           if (column >= Balance::first_input) continue;
-          for (std::size_t j = 0; j < stages; ++j) add_state(balance, column, i, j, h, slope_[i][k], [&](std::size_t at, double share) { add(j, at, share); });
+          for (std::size_t j = 0; j < stages; ++j) add_state(balance, column, i, j, h, slope_[i][Places::slopes[k]], [&](std::size_t at, double share) { add(j, at, share); });
         }
-        for (std::size_t k = Places::middles[row]; k < Places::starts[row + 1]; ++k) add(i, Places::columns[k] - Balance::first_acceleration, slope_[i][k]);
+        for (std::size_t k = Places::middles[row]; k < Places::starts[row + 1]; ++k) add(i, Places::columns[k] - Balance::first_acceleration, slope_[i][Places::slopes[k]]);
         if (row >= n) add(i, row, -balance.gives_way(row - n));
       }
-    return matrix_.decompose();
+    return matrix_.decompose(Matrix::everywhere);
   }
 
   /// Shares of a slope by a coordinate or a speed in stage i, by the accelerations of stage j.
