@@ -36,7 +36,7 @@ class ClosedEndSlopes {
     displacement<double>(charts, from, rule.q.data(), delta_.data());
     balance.find(rule, rule_);
     balance.find(end, end_);
-    if (!decompose(balance, charts, from)) return false;
+    if (!decompose(balance, charts, from) && !decompose(balance, charts, from)) return false;  // with other pivots where those of matrices before have become small
     Changes pushed{}, moved{};
     for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
       pushed[row].slope[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
@@ -177,7 +177,8 @@ class ClosedEndSlopes {
       if (i >= n) rule[at(i, i)] -= balance.gives_way(i - n), projections[at(i, i)] -= balance.gives_way(i - n);
     }
     if constexpr (balls > 0) put_balls(charts, from, turned.data());
-    return matrix_.decompose(Matrix::everywhere) && projections_.decompose(Matrix::everywhere);
+    const bool is_regular = matrix_.decompose(Matrix::everywhere);
+    return projections_.decompose(Matrix::everywhere) && is_regular;
   }
 
   static bool is_turn(std::span<const Chart> charts, std::size_t speed) {

@@ -81,7 +81,7 @@ class StageSlopes {
       displacement<double>(charts, from, points[i].q.data(), delta_[i].data());
     }
     find_balls(h, charts, from, points);
-    return decompose(balance, h);
+    return decompose(balance, h) || decompose(balance, h);  // with other pivots where those of a matrix before have become small
   }
 
   /// Displacements, coordinates and speeds of the stages by coordinates and speeds of the step's start and by accelerations.
