@@ -116,9 +116,11 @@ def test_cubics_follow_values_that_are_symbols(seed: int) -> None:
 def test_values_of_tables_may_be_expressions(interpolation: str) -> None:
     length = sympy.Symbol("p_arm_length", real=True)
     rows = ("[[0, 3, 1*arm_length], [1, 2, 5]]", "[[0, 3, 1.7], [1, 2, 5]]")
-    moved, wanted = (spring_law(f"{{table: {{length: [0, 1], rate: {RATES}, value: {row}}}, interpolation: {interpolation}}}") for row in rows)
-    curves = (f"{{table: {{length: [0, 1, 3], value: [0, {value}, 5]}}, interpolation: {interpolation}}}" for value in ("2*arm_length", 3.4))
-    curve, other = map(spring_law, curves)
+    over_both, over_one = f"length: [0, 1], rate: {RATES}", "length: [0, 1, 3]"
+    moved, wanted = (spring_law(f"{{table: {{{over_both}, value: {row}}}, interpolation: {interpolation}}}") for row in rows)
+    curve, other = (
+        spring_law(f"{{table: {{{over_one}, value: [0, {value}, 5]}}, interpolation: {interpolation}}}") for value in ("2*arm_length", 3.4)
+    )
     for x, r in itertools.product(np.linspace(-0.5, 3.5, 9), np.linspace(-1.5, 1.5, 9)):
         at = {LENGTH: x, RATE: r, length: 1.7}
         assert evaluate(moved, at) == pytest.approx(evaluate(wanted, at), abs=1e-13)
