@@ -101,7 +101,7 @@ def test_tables_go_on_straight() -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_cubics_follow_values_that_are_symbols(seed: int) -> None:
-    """SciPy's interpolant through the values that the symbols are given later: rising, turning, flat and steep at the ends."""
+    """SciPy's interpolant through the values of the symbols: rising, turning, flat and steep at the ends."""
     values = np.random.default_rng(seed).integers(-3, 4, len(X)) * 1.5
     symbols = sympy.symbols(f"y:{len(X)}", real=True)
     fixed = seed % 3  # every so many is a number

@@ -56,7 +56,7 @@ def test_a_force_of_straight_lines_has_its_closed_form() -> None:
 
 
 def test_a_monotone_curve_beside_differences() -> None:
-    """Its slopes at points follow from the values, 0 in the flat part, where both branches of a choice meet."""
+    """Its slopes at points follow from the values; those of the flat part are 0."""
     sim = simulation("held", "hold.law.table.value.*").reset(dt=5e-4)
     by = [f"hold.law.table.value.{i}" for i in (0, 3)]
     start = sim.snapshot()

@@ -80,7 +80,7 @@ def _butland(steps: Sequence[float], secants: Sequence[Scalar]) -> Scalar:
 
 
 def _is_above(value: Scalar, limit: Scalar) -> Any:
-    """Whether a value is above a limit: True or False of numbers, a condition of expressions."""
+    """Return whether a value is above a limit: True or False of numbers, a condition of expressions."""
     difference = value - limit
     if getattr(difference, "free_symbols", ()):
         return sympy.StrictGreaterThan(value, limit, evaluate=False)
