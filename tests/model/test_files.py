@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -77,6 +77,13 @@ def test_the_banner_of_generated_code_changes_with_a_file(tmp_path: Path) -> Non
     assert code(first) == code(second)
     banners = [generate(m, m.scenes["fall"], ())[2].files for m in (first, second)]
     assert banners[0] != banners[1]
+
+
+@pytest.mark.parametrize(("file", "names"), [("damper.csv", "012"), ("map.csv", ("0.0", "0.1", "1.0", "1.1", "2.0", "2.1"))])
+def test_values_of_tables_in_files_are_opened(tmp_path: Path, file: str, names: Sequence[str]) -> None:
+    path = written(tmp_path, {file: TABLES[file][0]}, with_law(f"{{table: {{file: {file}}}}}"))
+    opened = [p.name for p in read_model(path, opened=["drag.law.table.*"]).parameters if p.name.startswith("drag")]
+    assert opened == [f"drag.law.table.value.{name}" for name in names]
 
 
 def test_columns_are_named_and_inputs_have_tables(tmp_path: Path) -> None:

@@ -99,6 +99,34 @@ def test_tables_go_on_straight() -> None:
         assert evaluate(law, {LENGTH: outside}) == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_cubics_follow_values_that_are_symbols(seed: int) -> None:
+    """SciPy's interpolant through the values of the symbols: rising, turning, flat and steep at the ends."""
+    values = np.random.default_rng(seed).integers(-3, 4, len(X)) * 1.5
+    symbols = sympy.symbols(f"y:{len(X)}", real=True)
+    fixed = seed % 3  # every so many is a number
+    given = [float(value) if fixed and i % (fixed + 1) else symbol for i, (value, symbol) in enumerate(zip(values, symbols, strict=True))]
+    law, oracle = monotone_cubic(LENGTH, X, given), PchipInterpolator(X, values)
+    known = dict(zip(symbols, values.tolist(), strict=True))
+    for x in np.linspace(X[0], X[-1], 41):
+        assert evaluate(law, {LENGTH: x, **known}) == pytest.approx(float(oracle(x)), abs=1e-12)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_values_of_tables_may_be_expressions(interpolation: str) -> None:
+    length = sympy.Symbol("p_arm_length", real=True)
+    rows = ("[[0, 3, 1*arm_length], [1, 2, 5]]", "[[0, 3, 1.7], [1, 2, 5]]")
+    over_both, over_one = f"length: [0, 1], rate: {RATES}", "length: [0, 1, 3]"
+    moved, wanted = (spring_law(f"{{table: {{{over_both}, value: {row}}}, interpolation: {interpolation}}}") for row in rows)
+    curve, other = (
+        spring_law(f"{{table: {{{over_one}, value: [0, {value}, 5]}}, interpolation: {interpolation}}}") for value in ("2*arm_length", 3.4)
+    )
+    for x, r in itertools.product(np.linspace(-0.5, 3.5, 9), np.linspace(-1.5, 1.5, 9)):
+        at = {LENGTH: x, RATE: r, length: 1.7}
+        assert evaluate(moved, at) == pytest.approx(evaluate(wanted, at), abs=1e-13)
+        assert evaluate(curve, at) == pytest.approx(evaluate(other, at), abs=1e-13)
+
+
 def test_tables_have_continuous_slopes() -> None:
     slope = sympy.diff(monotone_cubic(LENGTH, X, Y), LENGTH)
     for x in X:

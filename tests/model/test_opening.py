@@ -73,6 +73,15 @@ def test_names_are_those_of_places() -> None:
     assert sorted(opened) == ["A.x", "A.y", "A.z", "crank.mass", "rod.mass", "slider.mass"]
 
 
+@pytest.mark.parametrize(("pattern", "name", "value"), [
+    ("turn.rates.pin.angle_rate", "turn.rates.pin.angle_rate", 10.0), ("*.rates.*", "turn.rates.pin.angle_rate", 10.0),
+    ("press.gravity.z", "press.gravity.z", -9.81),
+])  # fmt: skip
+def test_numbers_of_scenes_and_gravity_are_opened_by_name(pattern: str, name: str, value: float) -> None:
+    *_, added = read_model(PRESS, opened=[pattern]).parameters
+    assert (added.name, added.value) == (name, value)
+
+
 SUBMODEL = """\
 cutjoint: 1
 name: pair

@@ -233,8 +233,8 @@ LAWS = [
         "@: force 'drag': the table's rate does not rise; sort the table",
     ),
     (
-        "{table: {rate: [0, 1], value: [0, §arm_mass]}}",
-        "@: force 'drag': law.table.value: the parameter 'arm_mass' cannot stand here; write a number",
+        "{table: {rate: [0, §arm_mass], value: [0, 1]}}",
+        "@: force 'drag': law.table.rate: the parameter 'arm_mass' cannot stand here; write a number",
     ),
     *((f"§{{stiffness: 3{more}}}", "@: force 'drag': a spring of this kind needs free_position; write free_position: drawn for what is "
        "drawn, or a preload") for more in ("", ", free_length: 1")),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -71,7 +71,7 @@ def dimension_of_lookup(element: Element, law: int | float | str | values.Table)
         first = first[0]
     if isinstance(first, Quantity | tuple):
         return first.dimension if isinstance(first, Quantity) else None
-    return element.term(first, ("table", "value"), {}).dimension
+    return element.term(first, ("table", "value"), element.scope.constants()).dimension
 
 
 def read_names(element: Element, let: Mapping[str, int | float | str], keys: Path, names: Mapping[str, Term]) -> Mapping[str, Term]:
@@ -175,23 +175,26 @@ class _Law:
         lists = [self.column(law.table[of], self.kind.variables[of], (*inner, of)) for of in others]
         if len(others) == 2:
             return self.surface(law, others, lists, inner)
-        y = self.column(law.table["value"], self.kind.result, (*inner, "value"))
+        y = self.column(law.table["value"], self.kind.result, (*inner, "value"), self.ordinate)
         return self.curve(law, others[0], lists[0], y, inner) if self.is_curve(others[0], lists[0], y, inner) else FAILED
 
-    def curve(self, law: values.Table, of: str, x: list[float], y: list[float], keys: Path) -> Scalar:
+    def curve(self, law: values.Table, of: str, x: list[float], y: list[Scalar], keys: Path) -> Scalar:
         through = polyline if law.interpolation == "linear" else monotone_cubic
         return self.fitting(lambda: through(variable(of), x, y), of, keys)
 
     def surface(self, law: values.Table, of: list[str], lists: list[list[float]], keys: Path) -> Scalar:
         """The surface of a table of two variables, a row of values for each of the first one."""
         (x, y), rows = lists, law.table["value"]
-        read = [self.column(row, self.kind.result, (*keys, "value", i)) if isinstance(row, tuple) else [] for i, row in enumerate(rows)]
+        read = [
+            self.column(row, self.kind.result, (*keys, "value", i), self.ordinate) if isinstance(row, tuple) else []
+            for i, row in enumerate(rows)
+        ]
         if len(rows) != len(x) or any(len(row) != len(y) for row in read) or min(len(x), len(y)) < 2:
             message = f"the table has {len(x)} of {of[0]} and {len(y)} of {of[1]}, and needs as many rows of as many values, two or more"
             self.element.fail(message, f"give a list of values for each {of[0]}: value: [[...], [...]]", (*keys, "value"))
             return FAILED
         rising = [self.rises(name, numbers, keys) for name, numbers in zip(of, lists, strict=True)]
-        if not all(rising) or not all(map(math.isfinite, (*x, *y, *(number for row in read for number in row)))):
+        if not all(rising) or not self.are_finite((*x, *y, *(number for row in read for number in row))):
             return FAILED
         u, v = map(variable, of)
         return self.fitting(lambda: surface(u, x, v, y, read, is_linear=law.interpolation == "linear"), of[0], keys)
@@ -207,8 +210,19 @@ class _Law:
         self.element.fail("the curve through the table is too steep for numbers", f"take {of} farther apart, or smaller values", keys)
         return FAILED
 
-    def column(self, numbers: tuple[Any, ...], dimension: Dimension | None, keys: Path) -> list[float]:
-        """The numbers of a list; the dimension of a file's column, which all its numbers have, is checked once."""
+    def ordinate(self, value: int | float | str, dimension: Dimension | None, keys: Path) -> Scalar:
+        """A value of a table: a float, or an expression over parameters; it may be opened."""
+        found = self.element.scalar(value, dimension, keys)
+        return found if getattr(found, "free_symbols", ()) else self.element.value(found)
+
+    def are_finite(self, numbers: Iterable[Scalar]) -> bool:
+        """Return whether numbers and expressions have been read."""
+        return all(math.isfinite(x) if isinstance(x, float) else not x.has(FAILED) for x in numbers)
+
+    def column(
+        self, numbers: tuple[Any, ...], dimension: Dimension | None, keys: Path, read: Callable[..., Any] | None = None
+    ) -> list[Any]:  # fmt: skip
+        """The numbers of a list, each as ``read`` has it; the dimension of a file's column, which all its numbers have, is checked once."""
         first = numbers[0] if numbers else None
         if isinstance(first, Quantity) and dimension not in (None, first.dimension):
             self.element.fail(f"{field_name(keys)} needs {described(dimension)}, got {described(first.dimension)}", "", keys)
@@ -216,15 +230,15 @@ class _Law:
         for index in (index for index, number in enumerate(numbers) if isinstance(number, tuple)):
             self.element.fail("a list stands where a table of one variable has a number", "give one value for each", (*keys, index))
             return [math.nan] * len(numbers)
-        return [self.element.number(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
+        return [(read or self.element.number)(value, dimension, (*keys, index)) for index, value in enumerate(numbers)]
 
-    def is_curve(self, of: str, x: list[float], y: list[float], keys: Path) -> bool:
+    def is_curve(self, of: str, x: list[float], y: list[Scalar], keys: Path) -> bool:
         """Return whether a table's lists make a curve; note their faults."""
         if len(x) != len(y) or len(x) < 2:
             message = f"the table has {len(x)} of {of} and {len(y)} of value"
             self.element.fail(message, "give as many of both, two or more", keys)
             return False
-        return self.rises(of, x, keys) and all(map(math.isfinite, (*x, *y)))
+        return self.rises(of, x, keys) and self.are_finite((*x, *y))
 
     def rises(self, of: str, x: list[float], keys: Path) -> bool:
         """Return whether the numbers of a variable rise; note the first that does not."""

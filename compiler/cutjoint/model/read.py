@@ -66,12 +66,12 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     # document -> flat elements with expressions
     opening = Opening(list(opened))
     expansion = expand(source, problems, shaped, opening)
-    for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
-        problems.add(problem.span, problem.element, problem.message, problem.hint)
     # elements -> scenes that refer to them
     scenes, reported = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
+    for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
+        problems.add(problem.span, problem.element, problem.message, problem.hint)
     # one check of the whole
     check_elements(expansion, problems)
     elements = expansion.elements
