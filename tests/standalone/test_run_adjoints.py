@@ -112,6 +112,12 @@ def test_what_cannot_be() -> None:
         sim.play_adjoint(10, ["pin.angle"], ["g"], np.ones((1, 3, 1)), every=10)
     with pytest.raises(KeyError, match="no 'gg'; did you mean 'g'"):
         sim.play_adjoint(10, ["pin.angle"], ["gg"], "end")
+    with pytest.raises(ValueError, match="no objective 'max'; there is end, integral, mean, rms, largest, smallest"):
+        sim.play_adjoint(10, ["pin.angle"], ["g"], "max")
+    for steps, every, error, told in ((10, 0, ValueError, "every: 0 is below 1"), (-1, 1, ValueError, "steps: -1 is below 0"),
+                                      (10, 2.5, TypeError, "every: 2.5 is no whole number")):  # fmt: skip
+        with pytest.raises(error, match=told):
+            sim.play_adjoint(steps, ["pin.angle"], ["g"], "end", every=every)  # type: ignore[arg-type]
     still = backwards(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-2, coordinates={"pin.angle": np.pi / 2})
     still.parameters["g"] = 0.0
     with pytest.raises(ValueError, match=re.escape("'pin.angle' is the same 1.5708 at 0 s and 0.01 s, with other derivatives")):

@@ -7,6 +7,8 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+from math import isinf, isnan
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,7 @@ from cutjoint.stepping.values import (
     difference,
     find_eigenvalues,
     find_place,
+    is_kinked,
     weigh_each,
 )
 
@@ -55,6 +58,9 @@ _AT_START = 1e-9
 
 #: The step of a difference, as a share of the number, and in its unit of nought.
 _SHARE, _SHARE_OF_NOUGHT = 1e-3, 1e-4
+
+#: Shares of that step which are tried where differences of two widths do not agree.
+_NARROWER = (1.0, 1 / 16, 1 / 256)
 
 #: Characters of what a library says of a failure.
 _TEXT = 600
@@ -457,6 +463,8 @@ class Simulation:
             ValueError: the mechanism is not at rest, or rests in no pose near by with another number.
             SimulationError: the pose is singular, or there was no `reset`.
         """
+        _require_list("by", by)
+        _require_list("outputs", outputs)
         near = self.linearise()
         parameters = self.library.names["parameter"]
         E, F = np.zeros((len(near.states), len(parameters))), np.zeros((len(near.outputs), len(parameters)))
@@ -466,7 +474,10 @@ class Simulation:
         rates = np.zeros(len(near.states))
         self._call(self.library.derive_minimal, rates.ctypes.data)
         if not np.abs(rates).max(initial=0.0) <= _AT_REST:
-            raise ValueError(f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest")
+            raise ValueError(
+                f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest, or "
+                "take `start_derivative`, on the command line --objective start, of a start that moves"
+            )
         pushed = np.hstack([near.B, E])[:, numbers]
         states = np.asarray(-np.linalg.lstsq(near.A, pushed, rcond=_SINGULAR)[0], dtype=np.float64)
         left, size = np.abs(near.A @ states + pushed).max(axis=0), np.abs(pushed).max(axis=0)
@@ -488,9 +499,10 @@ class Simulation:
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.
             KeyError: there is no such output, parameter or input.
-            ValueError: the present state is not the start.
+            ValueError: the present state is not the start, or it has a kink at a number.
             SimulationError: no start was found, or the pose is singular.
         """
+        _require_list("by", by)
         here, q = self.snapshot(), self.coordinates.array.copy()
         found = self.reset().coordinates.array.copy()
         self.restore(here)
@@ -520,9 +532,11 @@ class Simulation:
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such parameter, input or mode.
-            ValueError: an eigenvalue repeats, so that it has no derivative; or as of `rest_derivative`.
+            ValueError: an eigenvalue repeats, or a force has a kink at the state, so that there is no derivative; or as of
+                `rest_derivative`.
             SimulationError: the pose is singular, or there was no `reset`.
         """
+        _require_list("by", by)
         near = self.linearise()
         rates = np.zeros(len(near.states))
         self._call(self.library.derive_minimal, rates.ctypes.data)
@@ -538,18 +552,31 @@ class Simulation:
         return ModeDerivative(values=values, slopes=slopes, by=tuple(by))
 
     def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
-        """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays."""
+        """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays.
+
+        Raises:
+            ValueError: it has a kink, or jumps, at the number.
+        """
         here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
-        value = self.parameters[name] if name in self.parameters else self.present_input(name)
-        h = _SHARE * abs(value) or _SHARE_OF_NOUGHT
-        found = []
-        for steps in STEPS_BESIDE:
+        places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
+        value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.present_input(name)
+
+        def beside(change: float) -> Array:
             try:
-                numbers[name] = value + steps * h
-                found.append(find(steps * h))
+                numbers[name] = value + change
+                return find(change)
             finally:
                 self.restore(here)
-        return difference(found, h)
+
+        for share in _NARROWER:
+            h = share * (_SHARE * abs(value) or _SHARE_OF_NOUGHT)
+            found = [beside(steps * h) for steps in STEPS_BESIDE]
+            if not is_kinked(found, h):
+                return difference(found, h)
+        raise ValueError(
+            f"by '{name}' there is no derivative: what changes with it jumps or has a kink at this state, as where a damper has other "
+            "rates for bump and rebound; make that law smooth here, or take a state beside it"
+        )
 
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
@@ -593,6 +620,8 @@ class Simulation:
         """
         states = self.states
         self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
+        _require_list("by", by)
+        _require_whole("events", events, 0)
         if events:
             self._require(self.library.steps.finds_events, _OVER_EVENTS)
             if not by:
@@ -674,12 +703,12 @@ class Simulation:
             KeyError: there is no such output, parameter, input or state.
             ValueError: ``every`` does not divide the steps, or there are fewer than none, weights have another shape, or an objective has
                 no derivative.
-            SimulationError: a step failed, ended at an event or was taken in parts, and the state is that at the beginning; or there was no
+            SimulationError: a step failed, or an event has no derivative, and the state is that at the beginning; or there was no
                 `reset`.
         """
-        states = self.states
         self._require(self.library.record > 0, _WITHOUT_ADJOINT)
-        chosen = self._chosen(steps, outputs, every)
+        _require_list("by", by)
+        states, chosen = self.states, self._chosen(steps, outputs, every)
         rows, size = steps // every + 1, (len(states), len(self.library.names["input"]), len(self.library.names["parameter"]))
         names = (*states, *self.library.names["input"], *self.library.names["parameter"])
         places = {name: i for i, name in enumerate(names)}
@@ -734,8 +763,15 @@ class Simulation:
 
     def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
         """The numbers of outputs in rows of a run."""
-        if steps < 0 or every < 1 or steps % every:
+        for what, number, least in (("steps", steps, 0), ("every", every, 1)):
+            _require_whole(what, number, least)
+        if steps % every:
             raise ValueError(f"{steps} steps are no multiple of {every}, behind which there is a row each")
+        _require_list("outputs", outputs)
+        for kind, numbers in (("parameter", self.parameters), ("input", self.inputs)):
+            for name, value in numbers.items():
+                if isinf(value) or (isnan(value) and kind == "parameter"):
+                    raise ValueError(f"{kind} '{name}' is {value}; give it a finite number")
         return np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
 
     def find_dynamics(self) -> tuple[Array, Array]:
@@ -837,6 +873,18 @@ class Simulation:
             text = room.value
         hint = "" if self._is_started else "; call reset()"
         raise SimulationError(f"{self.library.model}, at {self.time:.6g} s: {text.decode()}{hint if status < 0 else ''}", status)
+
+
+def _require_whole(what: str, number: object, least: int) -> None:
+    if not isinstance(number, Integral):
+        raise TypeError(f"{what}: {number!r} is no whole number")
+    if int(number) < least:
+        raise ValueError(f"{what}: {number} is below {least}")
+
+
+def _require_list(what: str, names: object) -> None:
+    if isinstance(names, str):
+        raise TypeError(f"{what}: '{names}' is one name; give a list, [{names!r}]")
 
 
 def _rebuilt(

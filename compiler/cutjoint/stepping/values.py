@@ -303,6 +303,26 @@ def difference(found: Sequence[Array], h: float) -> Array:
     return (found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * h)
 
 
+#: The share of a difference by which those of two widths may be apart, and of values what is rounding, or what iterations leave.
+_APART, _ROUNDED = 1e-5, 1e-8
+
+#: The same of slopes on both sides, which differ by what a smooth function bends over the step.
+_BENT = 0.1
+
+
+def is_kinked(found: Sequence[Array], h: float) -> bool:
+    """Return whether what is found so many steps h (`STEPS_BESIDE`) from a number jumps or has a kink there, row by row.
+
+    Slopes of one side and of both, over one step and over two, are alike where it is smooth.
+    """
+    left, near_left, near_right, right = found
+    narrow, wide = (near_right - near_left) / (2 * h), (right - left) / (4 * h)
+    sides = (right - near_right) / h + (left - near_left) / h  # 3 h f''; of a kink the change of the slope
+    size = np.max(np.maximum(np.abs(narrow), np.abs(wide)), axis=-1, keepdims=True, initial=0.0)
+    rounding = _ROUNDED / h * np.max(np.abs(found), axis=(0, -1), keepdims=True, initial=0.0)[0]
+    return bool((np.abs(narrow - wide) > _APART * size + rounding).any() or (np.abs(sides) > _BENT * size + rounding).any())
+
+
 #: Eigenvalues that count as nought, and those that count as the same, as shares of the largest.
 _NOUGHT, _REPEATED = 1e-7, 1e-7
 
@@ -347,8 +367,10 @@ def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -
     Of several rows with an extreme it is that of the first.
 
     Raises:
-        ValueError: it has none.
+        ValueError: there is no such objective, or it has no derivative.
     """
+    if objective not in OBJECTIVES:
+        raise ValueError(f"no objective '{objective}'; there is {', '.join(OBJECTIVES)}")
     weights = np.zeros(values.shape)
     if objective == "end":
         weights[-1] = 1.0
