@@ -62,7 +62,7 @@ def test_a_step_of_a_linear_motion() -> None:
 def test_a_run_of_a_linear_motion_however_stiff(stiffness: float, steps: int) -> None:
     """Along a complex step of the stiffness, with the powers of the closed form.
 
-    A stiff step takes back 1e5 times what it leaves, whose rounding adds up.
+    A stiff step takes back 1e5 times what it leaves. The rounding of that adds up.
     """
     sim = by_radau(OSCILLATOR, "oscillator")
     sim.inputs["push"], sim.parameters["stiffness"] = 0.0, stiffness

@@ -184,7 +184,8 @@ def test_an_eigenvalue_that_repeats_has_none() -> None:
 
 def test_a_kink_at_the_pose_has_none() -> None:
     """A damper of the mass that sags has other rates for bump and rebound."""
-    sim = loaded(SWING.replace("-k*position - hard*position**3", '"where(rate < 0, -30, -90)*rate - k*position - hard*position**3"'), "swing", integrator="rk4").reset()
+    law = "-k*position - hard*position**3"
+    sim = loaded(SWING.replace(law, f'"where(rate < 0, -30, -90)*rate {law}"'), "swing", integrator="rk4").reset()
     with pytest.raises(ValueError, match="by 'load' there is no derivative: what changes with it jumps or has a kink at this state"):
         sim.mode_derivative(["load"])
     with pytest.raises(TypeError, match="by: 'k' is one name; give a list"):

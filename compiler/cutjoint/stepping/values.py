@@ -306,7 +306,7 @@ def difference(found: Sequence[Array], h: float) -> Array:
 #: The share of a difference by which those of two widths may be apart, and of values what is rounding, or what iterations leave.
 _APART, _ROUNDED = 1e-5, 1e-8
 
-#: The same of slopes on both sides, which differ by what a smooth function bends over the step.
+#: The share by which slopes on both sides may be apart: a smooth function bends over the step.
 _BENT = 0.1
 
 
