@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rich.measure import Measurement
 from rich.table import Table
 
 from cutjoint.commands import options, table
+from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import parameter_values
@@ -27,8 +29,9 @@ _LEAST = 1e-9
 
 @table.command("gradient")
 def command(
-    model: Path, scene: str | None, method: str, integrator: str | None, dt: float | None, end: float | None, opened: tuple[str, ...],
-    changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_rest: bool, check: bool,
+    model: Path, scene: str | None, method: str | None, integrator: str | None, dt: float | None, end: float | None,
+    opened: tuple[str, ...], changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_rest: bool,
+    check: bool,
 ) -> None:  # fmt: skip
     """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
     outputs, from the end of the run on.
@@ -37,6 +40,9 @@ def command(
     """
     read, chosen = take_model(model, scene, opened)
     given = options.read_parameters(changes)
+    method = method or chosen.method or DEFAULT_METHOD
+    if METHODS[method].formulation is Formulation.NATURAL:
+        raise RunError(f"scene '{chosen.name}' has the method {method}, whose steps have no derivatives; give --method recursive")
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
         sim = load_scene(
@@ -56,11 +62,17 @@ def command(
         found = run.derive(names, from_rest)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(str(error.args[0])) from None
-    options.out.print(_tabled(found, names))
+    for part in _fitting(found, names, options.out.width):
+        options.out.print(part)
+    if objective not in ("rest", "start") and (idle := [
+        name for name, row in zip(names, found.slopes.T, strict=True) if name in sim.parameters and not row.any()
+    ]):  # fmt: skip
+        options.out.print(f"nothing changes with {', '.join(idle)}; what moves the start alone has --objective start", markup=False)
     if check:
+        names, slopes = _checkable(sim, names, found.slopes)
         sim.restore(start)
         begins_anew = from_rest or objective in ("rest", "start") or (objective == "modes" and chosen.pose == "equilibrium")
-        share = _error(sim, lambda name, value: _course(run, None if begins_anew else start, name, value), names, found.slopes)
+        share = _error(sim, lambda name, value: _course(run, None if begins_anew else start, name, value), names, slopes)
         options.out.print(f"off differences of runs by {share:.1e} of the largest", markup=False)
 
 
@@ -93,6 +105,8 @@ class _Run:
     def derive(self, names: Sequence[str], from_rest: bool) -> _Found:
         """The objective with its derivatives by numbers."""
         sim, outputs = self.sim, self.outputs
+        for name in outputs:
+            sim.outputs.place(name)
         units = [(sim.outputs.units or {})[name] for name in outputs]
         at = f"{sim.time:g}"
         if self.objective == "modes":
@@ -141,10 +155,33 @@ def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, 
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
+def _checkable(sim: Simulation, names: Sequence[str], slopes: Array) -> tuple[list[str], Array]:
+    """Names, and their slopes, without inputs that follow the scene over time: differences of runs would hold them."""
+    driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
+    if driven:
+        options.out.print(f"not beside differences: {', '.join(driven)}, which the scene moves", markup=False)
+    kept = [i for i, name in enumerate(names) if name not in driven]
+    return [names[i] for i in kept], slopes[:, kept]
+
+
+def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
+    """Tables of all columns, as many beside each other as a width has room for."""
+    columns = list(range(len(found.columns)))
+    while columns:
+        for number in range(len(columns), 0, -1):
+            now = columns[:number]
+            headings, units = ([each[i] for i in now] for each in (found.columns, found.units))
+            made = _tabled(replace(found, columns=headings, units=units, values=found.values[now], slopes=found.slopes[now]), names)
+            if number == 1 or Measurement.get(options.out, options.out.options.update(width=10_000), made).maximum <= width:
+                break
+        yield made
+        columns = columns[number:]
+
+
 def _tabled(found: _Found, names: Sequence[str]) -> Table:
     made = Table(title=found.title, title_justify="left", box=None)
     for heading in ("by", *found.columns):
-        made.add_column(heading, justify="left" if heading == "by" else "right")
+        made.add_column(heading, justify="left" if heading == "by" else "right", no_wrap=True, overflow="ignore")
     made.add_row("", *(f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True)))
     for name, row in zip(names, found.slopes.T, strict=True):
         made.add_row(name, *(f"{x + 0.0:.6g}" for x in row))

@@ -143,6 +143,12 @@ _STEPS, _RULES = (_of("cutjoint.emit.standalone", names) for names in ("STEPS", 
 
 _FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 
+
+def _recursive() -> tuple[str, ...]:
+    """Methods with relative coordinates."""
+    return names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL)
+
+
 #: A row an option, by the parameter of the command's function; ``command.parameter`` is that of one command.
 OPTIONS: Mapping[str, Row] = {
     "model": click.argument("model", type=_READ),
@@ -273,8 +279,8 @@ OPTIONS: Mapping[str, Row] = {
     "view.out": click.option("--out", type=_FILE, help="Page (.html) or glTF file (.glb); MODEL's name with .html, in the present folder, "
         "otherwise."),
     "drive.scene": _FIRST_SCENE,
-    **dict.fromkeys(("drive.method", "gradient.method"), _one_of("--method", default=DEFAULT_METHOD, show_default=True,
-        names=lambda: names_of(METHODS, lambda m: m.formulation is not Formulation.NATURAL), help="Formulation.")),
+    "drive.method": _one_of("--method", default=DEFAULT_METHOD, show_default=True, names=_recursive, help="Formulation."),
+    "gradient.method": _one_of("--method", names=_recursive, help="Formulation; by default the scene's, else recursive."),
     "drive.out": click.option("--out", type=_FILE, help="Page (.html); MODEL's name with .html, in the present folder, otherwise."),
     "drive.steer": click.option("--steer", metavar="NAME=LEFT,RIGHT", help="The input or parameter that steers, and its values at full "
         "left and right; by its name otherwise."),
