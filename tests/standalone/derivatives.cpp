@@ -27,10 +27,13 @@ static Quad largest(const Numbers& numbers) {
 /// Accelerations, and multipliers from near ones, to the end of their iteration.
 static void find_accelerations(Reference& mechanism, const Quad* q, const Quad* v, Numbers& lambda, Numbers& vdot) {
   Numbers correction(lambda.size());
+  Quad before = 0;
   for (int iteration = 0; iteration < (lambda.empty() ? 1 : 400); ++iteration) {
     mechanism.evaluate(q, v, lambda.data(), vdot.data(), correction.data());
     for (std::size_t i = 0; i < lambda.size(); ++i) lambda[i] += correction[i];
-    if (largest(correction) <= Quad(1e-29) * largest(lambda)) break;
+    const Quad size = largest(correction), all = largest(lambda);
+    if (size <= Quad(1e-29) * all || (size <= Quad(1e-22) * all && !(size < before))) break;
+    before = size;
   }
 }
 

@@ -69,7 +69,7 @@ RANDOM = [
 
 @pytest.mark.parametrize(
     ("name", "scene", "integrator", "opened", "states"),
-    [(*RANDOM[0], "*5"), *(pytest.param(*case, "*100/4", marks=pytest.mark.heavy) for case in RANDOM)],
+    [(*RANDOM[0], "*5"), *(pytest.param(*case, "*100/1" if case[0] == "iltis" else "*100/4", marks=pytest.mark.heavy) for case in RANDOM)],
 )
 def test_derivatives_at_random_states_and_parameters(
     name: str, scene: str | None, integrator: str | None, opened: tuple[str, ...], states: str, tmp_path: Path
