@@ -201,6 +201,20 @@ def test_a_loop_by_a_hardpoint(loops: Loops) -> None:
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0, "A.z": 1e-5}, 1e-7)
 
 
+@pytest.mark.heavy
+def test_functions_of_loops_have_the_slopes_of_exact_loops() -> None:
+    """By a hardpoint, a spring and the start; rk4 follows both motions to some 1e-11."""
+    found = []
+    for loops in (Loops.EXACT, Loops.COMPILED):
+        model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+        chosen = with_loops(scene, loops)
+        sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=5e-4)
+        sim.choose(["pin.angle_rate"])
+        run = sim.play_derivative(400, ["slider.x", "spring.force"], ["stiffness", "A.z", "pin.angle"], every=40)
+        found.append(run.slopes)
+    assert (np.abs(found[1] - found[0]).max(axis=0) < 3e-10 * np.abs(found[0]).max(axis=0)).all()
+
+
 def test_loops_by_the_trapezoidal_rule() -> None:
     """Its steps go on with accelerations that they had before loops were closed, and with how these change."""
     text = (MODELS / "press.yaml").read_text(encoding="utf-8").replace("rates: {", f"numerics: {{{SHARP}}}, rates: {{")
