@@ -1009,7 +1009,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   /// What slopes by values of parameters in balances of forces make along a direction.
   double by_rows([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
-    if constexpr (by_rows_.size() > 0)
+    if constexpr (decltype(by_rows_)::size() > 0)
       for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].slope[k];
     return sum;
   }

@@ -325,7 +325,8 @@ class BalanceSlopes {
   /// Where changes of columns stand, those of parts side by side, and of unknowns.
   static constexpr auto slots = [] {
     std::array<std::uint32_t, width> found{};
-    for (const auto& [begin, end] : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
+    for (const auto& range : {std::pair{std::size_t{0}, first_acceleration}, std::pair{first_acceleration, width}}) {
+      const std::size_t begin = range.first, end = range.second;
       std::array<bool, width> is_placed{};
       std::size_t next = 0;
       const auto place = [&](std::size_t column) {
