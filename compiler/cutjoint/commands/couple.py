@@ -13,7 +13,7 @@ from cutjoint.compile.prepared import Request
 from cutjoint.coupling.connections import connect, open_system
 from cutjoint.coupling.controller import CALL_LIMIT, ControllerFmu, open_controller
 from cutjoint.coupling.run import Party, Plan, co_simulate
-from cutjoint.emit.standalone import STEPS
+from cutjoint.emit.steps import STEPS
 from cutjoint.formulate.inputs import input_parameters, open_parameters
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation, join_or
 from cutjoint.model.errors import nearest

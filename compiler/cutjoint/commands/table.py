@@ -139,7 +139,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 _READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 
-_STEPS, _RULES = (_of("cutjoint.emit.standalone", names) for names in ("STEPS", "INTEGRATORS_OF_CORE"))
+_STEPS, _RULES = (_of("cutjoint.emit.steps", names) for names in ("STEPS", "INTEGRATORS_OF_CORE"))
 
 _FIRST_SCENE = click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise.")
 

@@ -17,8 +17,10 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
+from cutjoint.emit.sizes import direction_rows, record_length, simulation_size
 from cutjoint.emit.source import Generated, Page, Source
-from cutjoint.emit.standalone import STEPS, Steps, direction_rows, emit_standalone, mark_of, record_length, simulation_size
+from cutjoint.emit.standalone import emit_standalone, mark_of
+from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.implicit.equations import formulate_balance
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations

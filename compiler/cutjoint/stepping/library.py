@@ -14,7 +14,7 @@ import numpy as np
 
 from cutjoint.compile.folders import Standalone, lanes_break_even
 from cutjoint.emit.source import environment
-from cutjoint.emit.standalone import Steps
+from cutjoint.emit.steps import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from cutjoint.compile.folders import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.emit.standalone import STEPS
+from cutjoint.emit.steps import STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.functions import functions_of_host, leave_to_host
 from cutjoint.model.opening import with_inputs

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 
-from cutjoint.emit.standalone import INTEGRATORS_OF_CORE, STEPS
+from cutjoint.emit.steps import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.document import json_schema
 from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, shape_error, told_by

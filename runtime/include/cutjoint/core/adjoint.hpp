@@ -419,14 +419,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
     Fixed<double, all> found;
     std::array<int, directions> by{};
-    const auto open_rows = [&](std::size_t number) {
-      matrix_.fill(0.0);
-      by.fill(-1);
-      blocks_ = {};
-      blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
-      this->carried_ = matrix_.data() + (states + held) * number;
-      this->loaded_ = Base::no_row;
-    };
     const auto follow = [&](std::size_t number, double* slopes) {
       if (const Fault fault = follow_parts(place, last, number)) return fault;
       for (std::size_t k = 0; k < number; ++k) {
@@ -442,7 +434,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     };
     for (std::size_t first = 0; first < all; first += directions) {
       const std::size_t number = std::min(directions, all - first);
-      open_rows(number);
+      open_rows(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
         if (which >= moving + held) by[k] = static_cast<int>(which - moving - held);
@@ -452,7 +444,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (const Fault fault = follow(number, found.data() + first)) return fault;
     }
     const auto by_piece = [&](double* slopes) {
-      open_rows(orders);
+      open_rows(orders, by);
       return follow(orders, slopes);
     };
     if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
@@ -468,6 +460,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
     for (double& slope : by_parameter_) slope += *x++;
     return {};
+  }
+
+  /// So many directions, along which nothing changes yet; `by` says what is to beside states.
+  void open_rows(std::size_t number, std::array<int, directions>& by) {
+    matrix_.fill(0.0);
+    by.fill(-1);
+    blocks_ = {};
+    blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
+    this->carried_ = matrix_.data() + (states + held) * number;
+    this->loaded_ = Base::no_row;
   }
 
   /// Add slopes by the numbers of each piece of a course that parts touch, as `follow` finds them along these.
@@ -958,13 +960,6 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     for (std::size_t i = 0; i < inputs; ++i) by_input[i] = by_input_[numbers_per_input * i];
     constexpr std::size_t all = states + inputs + parameters;
     std::array<int, directions> by{};
-    const auto open_rows = [&](std::size_t number) {
-      matrix_.fill(0.0);
-      by.fill(-1);
-      blocks_ = {};
-      blocks_[0] = {matrix_.data(), number, -1, by.data(), held};
-      this->carried_ = matrix_.data() + (states + held) * number;
-    };
     const auto follow = [&](std::size_t number, auto put) {
       const double* const carried = this->carried_;
       this->load_all();
@@ -985,7 +980,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     };
     for (std::size_t first = 0; first < all; first += directions) {
       const std::size_t number = std::min(directions, all - first);
-      open_rows(number);
+      open_rows(number, by);
       for (std::size_t k = 0; k < number; ++k) {
         const std::size_t which = first + k;
         if (which >= states) by[k] = static_cast<int>(which - states);
@@ -1000,7 +995,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (const Fault fault = follow(number, put)) return fault;
     }
     const auto by_piece = [&](double* slopes) {
-      open_rows(orders);
+      open_rows(orders, by);
       return follow(orders, [&](std::size_t k, double sum) { slopes[k] += sum; });
     };
     return visit_pieces(0, 0, by_piece);

@@ -18,6 +18,7 @@
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/retraction.hpp"
 #include "cutjoint/core/stabilisation.hpp"
+#include "cutjoint/core/transposed_charts.hpp"
 
 namespace cutjoint {
 
@@ -220,7 +221,7 @@ class BalanceSlopes {
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
     double* const weights = weights_.data();
-    [[maybe_unused]] Turn* turn = x.turns.data();
+    [[maybe_unused]] BallSlopes* turn = x.turns.data();
     std::fill_n(weights + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
       const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
@@ -228,8 +229,7 @@ class BalanceSlopes {
       if constexpr (has_balls) {
         if (!chart.ball) continue;
         const auto at = static_cast<std::size_t>(chart.v);
-        auto& by = (turn++)->by;
-        turn_slopes(from + place + scalars, delta + at + scalars, by);
+        const auto& by = (*turn++ = turn_slopes(from + place + scalars, delta + at + scalars)).by;
         for (std::size_t c = 0; c < 4; ++c)
           for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = by_place * by[c][4 + k];
       }
@@ -237,13 +237,8 @@ class BalanceSlopes {
     return decompose(x, h);
   }
 
-  /// How a ball is turned: by its quaternion at the beginning of the step, then by its way.
-  struct Turn {
-    double by[4][7];
-  };
-
   /// How the balls were turned in the step that `decompose_end` was called for last.
-  const Turn* turns() const { return at_[now_].turns.data(); }
+  const BallSlopes* turns() const { return at_[now_].turns.data(); }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
@@ -478,7 +473,7 @@ class BalanceSlopes {
     Fixed<double, m> lambda;
     Fixed<double, given> u;
     OfSlopes slope;
-    Fixed<Turn, coordinates - M::sizes.joint_speeds()> turns;
+    Fixed<BallSlopes, balls> turns;
     Bordered<T> matrix;
   };
 

@@ -32,21 +32,6 @@ template <class Number>
   turned[3] = (e[3] + z * e[0] + x * e[2] - y * e[1]) * scale;
 }
 
-/// How what `turn` makes of e and theta changes with e, then with theta.
-inline void turn_slopes(const double* e, const double* theta, double (&by)[4][7]) {
-  const double x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2, square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3];
-  const double share = 1.0 / (1.0 + x * x + y * y + z * z), scale = std::sqrt(share / square), half = scale / 2;
-  const double slopes[4][7] = {{scale, -x * scale, -y * scale, -z * scale, -e[1] * half, -e[2] * half, -e[3] * half},
-                               {x * scale, scale, -z * scale, y * scale, e[0] * half, e[3] * half, -e[2] * half},
-                               {y * scale, z * scale, scale, -x * scale, -e[3] * half, e[0] * half, e[1] * half},
-                               {z * scale, -y * scale, x * scale, scale, e[2] * half, -e[1] * half, e[0] * half}};
-  const double lengths[7] = {e[0] / square, e[1] / square, e[2] / square, e[3] / square, x / 2 * share, y / 2 * share, z / 2 * share};
-  for (int c = 0; c < 4; ++c) {
-    const double turned = slopes[c][0] * e[0] + slopes[c][1] * e[1] + slopes[c][2] * e[2] + slopes[c][3] * e[3];
-    for (int j = 0; j < 7; ++j) by[c][j] = slopes[c][j] - turned * lengths[j];
-  }
-}
-
 /// Four balls side by side.
 struct Balls {
   int q[4], v[4];  ///< where their quaternions and speeds begin

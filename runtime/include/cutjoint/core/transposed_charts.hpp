@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <span>
 
@@ -10,9 +11,28 @@
 
 namespace cutjoint {
 
-/// The slopes of four numbers of a ball that `make` makes of four and three others, by rows.
-using BallSlopes = std::array<double, 28>;
+/// The slopes of four numbers of a ball by four others and by three.
+struct BallSlopes {
+  double by[4][7];
+};
 
+/// Of what `turn` makes of e and theta.
+inline BallSlopes turn_slopes(const double* e, const double* theta) {
+  const double x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2, square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3];
+  const double share = 1.0 / (1.0 + x * x + y * y + z * z), scale = std::sqrt(share / square), half = scale / 2;
+  BallSlopes found{{{scale, -x * scale, -y * scale, -z * scale, -e[1] * half, -e[2] * half, -e[3] * half},
+                    {x * scale, scale, -z * scale, y * scale, e[0] * half, e[3] * half, -e[2] * half},
+                    {y * scale, z * scale, scale, -x * scale, -e[3] * half, e[0] * half, e[1] * half},
+                    {z * scale, -y * scale, x * scale, scale, e[2] * half, -e[1] * half, e[0] * half}}};
+  const double lengths[7] = {e[0] / square, e[1] / square, e[2] / square, e[3] / square, x / 2 * share, y / 2 * share, z / 2 * share};
+  for (auto& row : found.by) {
+    const double turned = row[0] * e[0] + row[1] * e[1] + row[2] * e[2] + row[3] * e[3];
+    for (std::size_t k = 0; k < 7; ++k) row[k] -= turned * lengths[k];
+  }
+  return found;
+}
+
+/// Of what `make` makes of numbers.
 template <class Make>
 BallSlopes slopes_of_ball(const double* e, const double* x, Make make) {
   std::array<Dual, 7> from;
@@ -24,15 +44,15 @@ BallSlopes slopes_of_ball(const double* e, const double* x, Make make) {
   make(from.data(), from.data() + 4, made.data());
   BallSlopes slopes;
   for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t k = 0; k < 7; ++k) slopes[7 * i + k] = made[i].slope[k];
+    for (std::size_t k = 0; k < 7; ++k) slopes.by[i][k] = made[i].slope[k];
   return slopes;
 }
 
 /// The slopes `by` the four numbers, added to those by the others.
 inline void pull_ball(const BallSlopes& slopes, const double* by, double* by_e, double* by_x) {
   for (std::size_t i = 0; i < 4; ++i) {
-    for (std::size_t k = 0; k < 4; ++k) by_e[k] += by[i] * slopes[7 * i + k];
-    for (std::size_t k = 0; by_x && k < 3; ++k) by_x[k] += by[i] * slopes[7 * i + 4 + k];
+    for (std::size_t k = 0; k < 4; ++k) by_e[k] += by[i] * slopes.by[i][k];
+    for (std::size_t k = 0; by_x && k < 3; ++k) by_x[k] += by[i] * slopes.by[i][4 + k];
   }
 }
 
@@ -45,9 +65,7 @@ class RetractionSlopes {
   RetractionSlopes(std::span<const Chart> charts, const double* q_0, const double* delta) : charts_(charts) {
     std::size_t place = 0;
     for (const Chart& chart : charts)
-      if (chart.ball)
-        slopes_[place++] = slopes_of_ball(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars,
-                                          [](const Dual* e, const Dual* x, Dual* to) { retract<Dual>(one_ball, e, x, to); });
+      if (chart.ball) slopes_[place++] = turn_slopes(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
   }
 
   void pull(const double* by_q, double* by_q_0, double* by_delta) const {

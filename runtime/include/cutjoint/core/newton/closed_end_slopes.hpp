@@ -11,6 +11,7 @@
 #include "cutjoint/core/dual.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
+#include "cutjoint/core/transposed_charts.hpp"
 
 namespace cutjoint {
 
@@ -193,15 +194,12 @@ class ClosedEndSlopes {
     for (const Chart& chart : charts) {
       if (!chart.ball) continue;
       const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
-      Dual begun[4], theta[3], to[4];
-      for (std::size_t c = 0; c < 4; ++c) begun[c] = from[e + c];
-      for (std::size_t k = 0; k < 3; ++k) theta[k] = delta_[w + k], theta[k].slope[k] = h_ * h_ / 4;
-      cutjoint::turn<Dual>(begun, theta, to);
+      const BallSlopes turn = turn_slopes(from + e, delta_.data() + w);
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t k = Places::starts[i]; k < Places::middles[i]; ++k)
           if (const std::size_t column = Places::columns[k]; column >= e && column < e + 4)
             for (std::size_t l = 0; l < 3; ++l) {
-              const double share = rule_[Places::slopes[k]] * to[column - e].slope[l];
+              const double share = h_ * h_ / 4 * rule_[Places::slopes[k]] * turn.by[column - e][4 + l];
               rule[Matrix::places.of(i, w + l)] += share, projections[Matrix::places.of(i, w + l)] += share;
             }
       for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {

@@ -185,16 +185,14 @@ class StageSlopes {
       balls_[place].find(h, theta, omega);
       for (std::size_t j = 0; j < stages; ++j)
         for (std::size_t i = 0; i < stages; ++i) {
-          Dual begun[4], by_theta[3], turned[4];
-          for (std::size_t c = 0; c < 4; ++c) begun[c] = from[e + c];
-          for (std::size_t k = 0; k < 3; ++k) {
-            by_theta[k] = delta_[i][at + k];
-            for (std::size_t c = 0; c < 3; ++c)
-              for (std::size_t l = 0; l < stages; ++l) by_theta[k].slope[c] += balls_[place].by_omega[3 * i + k][3 * l + c] * h * weight(l, j);
-          }
-          cutjoint::turn<Dual>(begun, by_theta, turned);
-          for (std::size_t c = 0; c < 4; ++c)
-            for (std::size_t k = 0; k < 3; ++k) turns_[place][i][j].by[c][k] = turned[c].slope[k];
+          const BallSlopes turn = turn_slopes(from + e, delta_[i].data() + at);
+          Turn& by = turns_[place][i][j] = {};
+          for (std::size_t k = 0; k < 3; ++k)
+            for (std::size_t c = 0; c < 3; ++c) {
+              double theta = 0.0;
+              for (std::size_t l = 0; l < stages; ++l) theta += balls_[place].by_omega[3 * i + k][3 * l + c] * h * weight(l, j);
+              for (std::size_t row = 0; row < 4; ++row) by.by[row][c] += turn.by[row][4 + k] * theta;
+            }
         }
     });
   }

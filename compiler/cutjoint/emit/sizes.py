@@ -1,0 +1,131 @@
+"""Sizes of what a simulation and its derivatives hold."""
+
+from __future__ import annotations
+
+from cutjoint.emit.classes import SimulationCode, System
+from cutjoint.emit.steps import Steps
+from cutjoint.formulate.records import Equations
+from cutjoint.formulate.transposed import Derived, Linearised
+from cutjoint.model.functions import functions_of_host
+from cutjoint.program.records import Program
+
+#: Doubles of a number with derivatives along eight directions (`dual.hpp`).
+_NUMBERS_OF_DUAL = 9
+
+
+def direction_rows(parts: SimulationCode) -> int:
+    """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
+    q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
+    states = 2 * (parts.freedoms or 0) + len(mechanism.state.states)
+    loops = len(mechanism.equation_names)
+    return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
+
+
+def record_length(parts: SimulationCode, steps: Steps) -> int:
+    """The numbers of a record of a run; 0 without transposed functions."""
+    _, _, _, state = _lengths(parts.mechanism)
+    stages = 3 * (state - 2) if steps.by_balance else 0
+    return 0 if parts.transposed is None else 2 * state + stages + parts.mechanism.held
+
+
+def simulation_size(parts: SimulationCode, steps: Steps) -> int:
+    """An upper bound of the bytes that a simulation takes with an integrator, which the C++ checks when it is compiled."""
+    equations, start = parts.stepped, parts.mechanism
+    n, m, q, state = _lengths(start)
+    assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
+    masses = 3 * m * m + 7 * m + 3 * n
+    if start.scene.pose == "equilibrium":
+        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # what holds coordinates at rest
+    n, m, q, state = _lengths(equations)
+    others = 6 * max(state, _lengths(start)[-1])
+    others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
+    if controllers := equations.topology.model.controllers:
+        others += 3 * equations.held + 2 * len(controllers) + n + 32
+    stored = _stored(parts.program)
+    if parts.system is None:
+        stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
+        stored += 0 if steps.stages else 12 * n + 8  # accelerations of steps and iterations before
+    else:
+        stored += _stored(parts.system.program) + _size_of_newton(parts.system)
+        if steps.finds_events:  # a second iteration, for single states, and what stages and the step between them hold
+            stored += _size_of_newton(parts.system) + 40 * n + 16 * m + 4 * q + 10 * state + 12 * len(equations.switches) + 64
+    if parts.guides_jump:  # impulses, and of Newton's iteration a second one, for single states
+        stored += n * n + (n + m) ** 2 + 6 * (n + m) + 12 * n + 9 * m + q + 5 * state + 2 * len(equations.switches) + 64
+        stored += 0 if parts.system is None else _size_of_newton(parts.system)
+    if steps.stages:
+        stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
+    if parts.freedoms is not None:
+        stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
+        dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
+        dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
+        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 15 * len(equations.inputs)
+        stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
+        stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
+        if steps.stages and equations.switches:  # at events
+            stored += 2 * len(equations.switches) + q + n + 64
+        stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
+        stored += 0 if parts.balance is None else _size_of_balance(parts, parts.balance)
+        stored += 0 if parts.balance is None or parts.system is None else _size_of_ends(parts, parts.balance, steps)
+    stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
+    fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
+    stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
+    return 8 * (stored + assembly + masses + others + 512)
+
+
+def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
+    """Numbers that derivatives from the end of a run hold."""
+    n, m, _, state = _lengths(parts.mechanism)
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
+    numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
+    numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16)
+    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
+
+
+def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
+    """Numbers that the slopes of the balance of forces hold, over doubles and of parameters along directions."""
+    n, m, q, _ = _lengths(parts.mechanism)
+    given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
+    classes = (1 + _NUMBERS_OF_DUAL) * (_stored(balance.program) + balance.equations.input_values + 16)
+    fitted = 12 * (sum(fit.length for fit in balance.equations.fits) + len(balance.equations.parameters))
+    at_state = balance.length + _size_of_matrix(balance) + q + 2 * n + m + given + 28 * (q - parts.mechanism.speeds) + 8
+    weights = 4 * q + 2 * n + m + given + balance.loaded
+    return classes + fitted + 2 * at_state + 8 * (q + n + given + 2 * balance.loaded) + weights + n + m + 64
+
+
+def _size_of_matrix(balance: Linearised, copies: int = 1) -> int:
+    """Numbers of a matrix over accelerations and multipliers, so many of each."""
+    parts = balance.sides.parts
+    *inner, border = (copies * parts.count(p) for p in range(max(parts) + 1))
+    rows = [border, *(size + border for size in inner)]
+    return copies * len(parts) + sum(rows) * (max(rows) + 8) + sum(size * size for size in rows)
+
+
+def _size_of_ends(parts: SimulationCode, balance: Linearised, steps: Steps) -> int:
+    """Numbers that the slopes of coupled stages, or of the end of a step of Newton's iteration, hold."""
+    n, _, q, state = _lengths(parts.mechanism)
+    balls = q - parts.mechanism.speeds
+    if not steps.by_balance:
+        return 4 * balance.length + 2 * _size_of_matrix(balance) + n + balance.loaded + 64
+    return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
+
+
+def _lengths(equations: Equations) -> tuple[int, int, int, int]:
+    """The numbers of speeds, equations and coordinates, and the length of a state."""
+    n, m, q = len(equations.speed_names), len(equations.equation_names), len(equations.coordinate_names)
+    return n, m, q, 2 + q + 2 * n + m
+
+
+def _stored(program: Program) -> int:
+    """Numbers that a class holds."""
+    return sum(max(program.graph.nodes[node].lanes, 1) + 4 for node in program.stored)
+
+
+def _size_of_newton(system: System) -> int:
+    """Numbers that Newton's iteration and its solvers hold."""
+    plan = system.plan
+    n, m, q, _ = _lengths(system.equations)
+    entries, rows = len(plan.pattern.row), plan.pattern.size
+    arrays = 24 * n + 24 * m + 8 * q + 10 * (n + m) + 9 * len(system.equations.charts)
+    pivoting = 0 if plan.pattern.symmetric else rows * rows
+    return arrays + entries + plan.storage.length + pivoting + 8 * rows + 64
