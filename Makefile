@@ -79,7 +79,6 @@ methods: setup
 pictures: setup
 	$(BIN)/python docs/pictures/simul1.py
 	$(BIN)/python -m docs.pictures.models
-	$(BIN)/python -m docs.pictures.signs
 	$(BIN)/cutjoint simulate models/press.yaml --out results/press.csv --plots results/press
 	cp results/press/position.png docs/pictures/press.png
 
@@ -147,9 +146,7 @@ wheel: setup
 	$(BIN)/pip install --quiet --editable '.[wheel]'
 	$(BIN)/python scripts/wheel
 
-# The examples of generated code and explanations that are kept in git for reading.
-.PHONY: generated
-generated: setup
-	$(BIN)/python scripts/generate models/four_bar.yaml swing generated/four_bar
-	$(BIN)/cutjoint explain models/four_bar.yaml --out docs/explain-four-bar.md
-	$(BIN)/cutjoint explain models/four_bar.yaml --method augmented --out docs/explain-four-bar-augmented.md
+# Schemas, references, tables, explained models and generated code that are kept in git
+.PHONY: regenerate
+regenerate: setup
+	$(BIN)/python scripts/regenerate

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import runpy
 from pathlib import Path
 
 import pytest
@@ -100,11 +99,6 @@ def test_the_table_of_the_library_is_its_folder() -> None:
 def test_the_road_example_loads() -> None:
     road = example("road:").replace("\n", "\n    ")
     assert len(read("fall: {end: 2}", f"fall:\n    end: 2\n    {road}").scenes["fall"].road.right) == 4
-
-
-def test_the_tables_of_joints_and_forces_are_the_catalogue() -> None:
-    for path, page in runpy.run_path(str(ROOT / "scripts" / "tables"))["pages"]().items():
-        assert page == path.read_text(encoding="utf-8"), "run scripts/tables"
 
 
 #: A force of every kind, and a load of either form.

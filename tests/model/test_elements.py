@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -283,7 +282,5 @@ def test_a_model_keeps_its_text_and_needs_no_scenes() -> None:
     assert model.text == PENDULUM.replace("scenes:\n  fall: {end: 2}\n", "")
 
 
-def test_the_json_schema_on_disk_is_current() -> None:
-    path = Path(__file__).parents[2] / "docs" / "model.schema.json"
-    assert path.read_text(encoding="utf-8") == json_schema()
+def test_the_json_schema_knows_the_version_of_the_format() -> None:
     assert json.loads(json_schema())["properties"]["cutjoint"]["const"] == 1

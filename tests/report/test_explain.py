@@ -26,7 +26,7 @@ from cutjoint.report.explain.views import find_counterparts
 from cutjoint.run.scenes import find_scene
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.records import eliminate
-from tests.conftest import MODELS, ROOT
+from tests.conftest import MODELS
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
 from tests.model.pendulum import PENDULUM, varied
@@ -322,13 +322,6 @@ def test_the_same_bytes_under_any_hash_seed() -> None:
 def run(*arguments: str) -> tuple[int, str]:
     result = CliRunner().invoke(main, ["explain", *arguments])
     return result.exit_code, result.output
-
-
-def test_the_example_in_the_documentation_is_current(tmp_path: Path) -> None:
-    """To make it again: cutjoint explain models/four_bar.yaml --out docs/explain-four-bar.md"""
-    out = tmp_path / "four_bar.md"
-    assert run(str(MODELS / "four_bar.yaml"), "--out", str(out))[0] == 0
-    assert out.read_bytes() == (ROOT / "docs" / "explain-four-bar.md").read_bytes()
 
 
 def test_the_command_prints_the_named_scene(tmp_path: Path) -> None:

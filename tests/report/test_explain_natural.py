@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 import sympy
@@ -22,7 +21,7 @@ from cutjoint.report.explain.natural.nodes import count_sharing
 from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.plan import plan_definite
-from tests.conftest import MODELS, ROOT
+from tests.conftest import MODELS
 from tests.hash_seeds import outputs
 from tests.mechanisms import random_models
 from tests.model.pendulum import PENDULUM
@@ -220,13 +219,6 @@ def test_the_same_bytes_under_any_hash_seed() -> None:
 def run(*arguments: str) -> tuple[int, str]:
     result = CliRunner().invoke(main, ["explain", *arguments])
     return result.exit_code, result.output
-
-
-def test_the_example_in_the_documentation_is_current(tmp_path: Path) -> None:
-    """To make it again: cutjoint explain models/four_bar.yaml --method augmented --out docs/explain-four-bar-augmented.md"""
-    out = tmp_path / "four_bar.md"
-    assert run(str(MODELS / "four_bar.yaml"), "--method", "augmented", "--out", str(out))[0] == 0
-    assert out.read_bytes() == (ROOT / "docs" / "explain-four-bar-augmented.md").read_bytes()
 
 
 def test_an_unknown_method_is_an_error() -> None:

@@ -1,4 +1,4 @@
-"""The table of options: the command line, docs/commands.md and the checks of values follow from it."""
+"""The table of options: the command line, docs/reference/command-line.md and the checks of values follow from it."""
 
 from __future__ import annotations
 

@@ -1,21 +1,17 @@
-#!/usr/bin/env python3
-"""Writes docs/commands.md, the commands of cutjoint with their arguments and options, as they say themselves."""
+"""The command reference, from the arguments, options and help texts of the commands."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
 
 from cutjoint.cli import main
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "commands.md"
+HEAD = """# Command line
 
-HEAD = """# Commands
-
-`cutjoint COMMAND --help` says the same in the terminal. Files and folders are named relative to where the command runs. Status 0 is success, 1 an error, whose message says
-where and what to do, 2 a wrong use of the command.
+`cutjoint COMMAND --help` prints the same. Paths are relative to the current folder. Exit status: 0 success, 1 an error, whose
+message names the place and a remedy, 2 wrong use of the command.
 """
 
 
@@ -39,7 +35,3 @@ def _about(context: click.Context, name: str) -> Iterator[str]:
     for option, text in (record for record in options if record):
         yield f"| `{option.replace('|', ' / ')}` | {' '.join(text.split()).replace('|', ' / ').replace('*', chr(92) + '*')} |"
     yield ""
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Writes the tables of joints and forces in docs/, as the records of the kinds in compiler/cutjoint/elements/ have them."""
+"""The tables of joints and forces in pages, from the records of the kinds in `cutjoint.elements`."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ from cutjoint.elements.forces import FORCES
 from cutjoint.elements.joint import Ball, JointElement, JointField, Motion, Offset, Slide, Turn
 from cutjoint.elements.joints import JOINTS
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def pages() -> Mapping[Path, str]:
@@ -107,8 +106,3 @@ def motion_text(motion: Motion) -> str:
         case Turn(advances=True):
             return "turn with a pitch"
     return "turn"
-
-
-if __name__ == "__main__":
-    for path, text in pages().items():
-        path.write_text(text, encoding="utf-8")

@@ -1,0 +1,44 @@
+"""The C reference, from the header of an export that has every part."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.pipeline import generate
+from cutjoint.model.functions import leave_to_host
+from cutjoint.topology.reading import read_model
+
+MODEL = Path(__file__).with_name("every_part.yaml")
+
+HEAD = """# C reference
+
+The interface of exported code, as its header declares it. `cutjoint compile MODEL --out FOLDER` writes the header with the name of
+the model in place of `NAME` and `name`. [Embed a model in C](../embedding.md) shows the calls in order.
+"""
+
+
+def page() -> str:
+    """The page: each comment of the header as text, then the declarations that it describes."""
+    model = leave_to_host(read_model(MODEL))
+    scene = model.scenes["run"]
+    generated = generate(model, scene, scene.outputs, poses=True)
+    text = make_standalone(generated, integrator="dormand-prince", adjoint=True).files[f"{model.name}.h"]
+    body = text.partition('extern "C" {\n#endif\n')[2].partition("#ifdef __cplusplus")[0]
+    body = re.sub(r"\bEVERY_PART_", "NAME_", re.sub(r"\bevery_part_", "name_", body))
+    body = re.sub(r"(name_create)_[0-9a-f]{16}", r"\1_DIGEST", re.sub(r'(DIGEST) "[0-9a-f]{16}"', r'\1 "..."', body))
+    body = re.sub(r"(POSES_DIGEST|NAME_SIZE) (0x[0-9a-f]{16}ULL|\d+)", r"\1 ...", body)
+    lines = [HEAD]
+    for comment, code in re.findall(r"^/\*(.*?)\*/\n((?:(?!/\*)[^\n]*\n)*)", body, re.DOTALL | re.MULTILINE):
+        lines += [f"## {title}\n"] if (title := _title(code)) else []
+        lines.append("\n".join(line.strip() for line in comment.strip().splitlines()) + "\n")
+        if code.strip():
+            lines.append(f"```c\n{code.strip()}\n```\n")
+    return "\n".join(lines)
+
+
+def _title(code: str) -> str:
+    """The functions of a block, at most three by name; "" where it has none."""
+    names = re.findall(r"^[\w\s*]*?\b(name_\w+)\(", code, flags=re.MULTILINE)
+    return ", ".join(f"`{name}`" for name in names[:3]) + (", ..." if len(names) > 3 else "")
