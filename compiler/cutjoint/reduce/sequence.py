@@ -21,10 +21,9 @@ from cutjoint.program.records import Program
 from cutjoint.reduce.approximations import lighten_links, roll_straight
 from cutjoint.reduce.freeze import freeze_idle
 from cutjoint.reduce.guards import guard_idle
-from cutjoint.reduce.half.plane import put_in
-from cutjoint.reduce.half.symmetry import flatten_nearly, halve, halve_nearly
 from cutjoint.reduce.links import shorten_links
 from cutjoint.reduce.planar import drop_idle_equations, flatten
+from cutjoint.reduce.plane import put_in
 from cutjoint.reduce.reach import drop_unreached
 from cutjoint.reduce.weld import weld_bodies
 from cutjoint.run.run_file import parameter_values, placed
@@ -53,7 +52,6 @@ class Step:
 STEPS: tuple[Step, ...] = (
     Step(name="reached", reduce=drop_unreached),
     Step(name="welded", reduce=weld_bodies),
-    Step(name="half", reduce=halve, gears=False),
     Step(name="links", reduce=shorten_links),
     Step(name="idle equations", reduce=drop_idle_equations, readings=True),
     Step(name="planar", reduce=flatten, gears=False),
@@ -63,8 +61,6 @@ STEPS: tuple[Step, ...] = (
 #: Approximations in the order in which they are tried: each changes the full model, and the passes above then reduce what it leaves.
 APPROXIMATIONS: tuple[Step, ...] = (
     Step(name="frozen", reduce=freeze_idle, motion="approximate", gears=False),
-    Step(name="nearly half", reduce=halve_nearly, motion="approximate", gears=False),
-    Step(name="nearly planar", reduce=flatten_nearly, motion="approximate", gears=False),
     Step(name="light", reduce=lighten_links, motion="approximate"),
 )
 

@@ -87,6 +87,6 @@ class BallSpring(Force):
         """Components are those of rotations; the potential is the same."""
         return 1 if quantity == "potential" else sign(f"M{quantity[-1]}")
 
-    def is_halved(self, quantity: str) -> bool:
-        """Return whether half of the spring has half of the quantity."""
-        return quantity == "potential" or super().is_halved(quantity)
+    def follows_law(self, quantity: str) -> bool:
+        """Return whether a quantity follows from the law; the potential does."""
+        return quantity == "potential" or super().follows_law(quantity)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Constants, ForceElement, ForceField, Reader, Shape
@@ -17,9 +17,6 @@ CALSPAN = ("A0", "A1", "A2", "A3", "A4", "B1", "B3", "B4", "SN", "AF1", "AF2")
 
 #: Numbers that are fields of their own, with units.
 _UNITS = {"stiffness": "N/m", "radius": "m", "spin_inertia": "kg*m^2"}
-
-#: Constants that count half where nothing pushes the wheel sideways and half of it is meant.
-_HALVED = ("stiffness", "spin_inertia")
 
 #: Quantities that count the same way on the other side.
 _EVEN = ("Fz", "deflection")
@@ -81,7 +78,3 @@ class Tyre(OnRoad):
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the tyre's image: -1 of sideways quantities."""
         return 1 if quantity in _EVEN else -1
-
-    def halved(self) -> Self:
-        """The tyre with half its load and spin, since nothing pushes it sideways."""
-        return replace(self, constants={name: value / 2 if name in _HALVED else value for name, value in self.constants.items()})

@@ -1,28 +1,23 @@
-"""The plane of a reflection, and how vectors and expressions compare across it.
-
-Joints between bodies that move in the plane have a part of their motion left; its coordinates count in another way.
-"""
+"""A plane in which a mechanism may move: reflection in it, comparison of expressions, and joints with the motions in it alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import sympy
 
 from cutjoint.model.geometry import GLOBAL_AXES, cross, least_component
-from cutjoint.model.mirror import Image, Mirror, mirror_along
+from cutjoint.model.mirror import Mirror, mirror_along
 from cutjoint.model.outcome import Note
-from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Model, Scalar, Span, Vector
+from cutjoint.model.records import COORDINATES, GROUND, Joint, JointKind, Scalar, Span, Vector
 
 _Record = TypeVar("_Record")
 
-#: A comparison: True if two values of records' fields count as the same.
-Same: TypeAlias = Callable[[Any, Any], bool]
 
 class AsymmetryError(ValueError):
-    """Something has no image, or cannot be cut in half; ``note`` names it."""
+    """An element is not symmetric about a plane, or leaves it; ``note`` names it."""
 
     def __init__(self, element: str, words: str, span: Span) -> None:
         super().__init__(f"{span}: '{element}' {words}")
@@ -53,13 +48,6 @@ class Plane:
         """An axis in the plane: angles and angular velocities about it leave the plane."""
         return "z" if self.axis == "x" else "x"
 
-    def sign(self, quantity: str) -> int:
-        """The sign of the image of a quantity: 1 if it counts the same way, else -1.
-
-        Quantities are by components (x, vy, az, Fx), an angle (roll) or a turn (wx, Mz).
-        """
-        return Image(self.axis, {}).of_component(quantity)
-
     def along_normal(self, direction: Vector) -> bool:
         """Return whether a direction stands across the plane."""
         return all(is_nought(c) for c in cross(self.normal, direction))
@@ -72,12 +60,6 @@ class Plane:
         """The directions of the displacements of a planar joint whose normal is the plane's."""
         first = cross(self.normal, GLOBAL_AXES[least_component(self.normal)])
         return first, cross(self.normal, first)
-
-
-def require_gravity(model: Model, plane: Plane) -> None:
-    """Raises AsymmetryError where gravity pulls out of the plane."""
-    if not plane.within(model.gravity):
-        raise AsymmetryError(model.name, f"has gravity that pulls out of the plane {plane}", model.span)
 
 
 def is_nought(expression: Scalar) -> bool:
@@ -136,11 +118,6 @@ def restrict(joint: Joint, plane: Plane) -> InPlane:
     if found is None:
         raise AsymmetryError(joint.name, f"is a {joint.kind} joint that no joint kind stands for in the plane {plane}", joint.span)
     return found
-
-
-def in_plane_words(plane: Plane, kind: str, before: str) -> str:
-    """The words about a joint that becomes one of another kind."""
-    return f"moves in the plane {plane} alone: a {kind} joint in place of a {before} one"
 
 
 def _changed(joint: Joint, kind: str, axes: tuple[Vector, ...], kept: Mapping[str, str]) -> InPlane:

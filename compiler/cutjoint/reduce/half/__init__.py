@@ -1,1 +1,0 @@
-"""Models that are symmetric in their scene, cut in two."""
