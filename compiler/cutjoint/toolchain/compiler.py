@@ -7,12 +7,13 @@ import platform
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from cutjoint.package.errors import MissingToolsError, ToolchainError
@@ -99,7 +100,7 @@ def require_tools(*missing: str) -> None:
     Raises:
         MissingToolsError: a tool is missing.
     """
-    absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool, path=tools_path()) is None), *missing]
+    absent = [*(tool for tool in ("cmake", "ninja") if find_tool(tool) is None), *missing]
     if absent:
         fault = f"missing: {', '.join(absent)};"
         if binaries_folder().is_dir():
@@ -107,36 +108,44 @@ def require_tools(*missing: str) -> None:
         raise MissingToolsError(f"{fault} apt-get install {PACKAGES}")
 
 
+def find_tool(name: str) -> str | None:
+    """The absolute path of a tool, None where there is none."""
+    found = shutil.which(name, path=tools_path())
+    return found and os.path.abspath(found)
+
+
 def tools_path() -> str:
-    """The folders of tools: those of $PATH, then that of this Python's packages."""
-    return os.pathsep.join((os.environ.get("PATH", os.defpath), sysconfig.get_path("scripts")))
+    """The absolute folders of tools: those of $PATH and of Python's packages, but not the present one, which may be a stranger's."""
+    asked = (os.environ.get("PATH", os.defpath) + os.pathsep + sysconfig.get_path("scripts")).split(os.pathsep)
+    return os.pathsep.join(os.path.abspath(folder) for folder in asked if os.path.normpath(folder) != os.curdir)
 
 
 def _command_of_environment() -> tuple[str, ...]:
     """The command in $CXX; nothing if it is not set."""
     asked = os.environ.get("CXX", "").strip()
     try:
-        words = [asked] if shutil.which(asked) else shlex.split(asked)
+        words = [asked] if find_tool(asked) else shlex.split(asked)
     except ValueError as error:
         raise ToolchainError(f"CXX={asked}: {error}; set $CXX to a C++20 compiler, or unset it") from None
     if not words:
         return ()
-    found = shutil.which(words[0])
+    found = find_tool(words[0])
     if found is None:
         raise ToolchainError(f"CXX={asked}: there is no program '{words[0]}'; set $CXX to a C++20 compiler, or unset it")
-    return (os.path.abspath(found), *words[1:])
+    return (found, *words[1:])
 
 
 def _usual_command() -> tuple[str, ...]:
     """The first compiler that is installed; nothing if none is."""
-    if found := shutil.which("g++") or shutil.which("clang++"):
+    if found := find_tool("g++") or find_tool("clang++"):
         return (found,)
     return (found, "c++") if (found := find_zig()) else ()
 
 
 def find_zig() -> str | None:
-    """The program of the package ziglang; None where there is none."""
-    package = find_spec("ziglang")
+    """The program of the package ziglang, which is not taken from the present folder; None where there is none."""
+    here = os.getcwd()
+    package = PathFinder.find_spec("ziglang", [folder for folder in sys.path if os.path.abspath(folder) != here])
     return shutil.which("zig", path=os.path.dirname(package.origin)) if package and package.origin else None
 
 
@@ -151,7 +160,7 @@ def ask_version(command: tuple[str, ...]) -> str:
     try:
         done = subprocess.run(
             [*command, "--version"], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False,
-            timeout=_PATIENCE,
+            timeout=_PATIENCE, cwd=os.sep,
         )  # fmt: skip
         lines = done.stdout.splitlines()
         if done.returncode == 0 and lines and lines[0].strip():
