@@ -20,6 +20,7 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files, write_whole
 from cutjoint.run.scenes import find_case, held_as_usual
 from cutjoint.toolchain.build import simulator_of
+from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model
 
 #: The target whose product is a module for browsers and other hosts of WebAssembly.
@@ -57,6 +58,7 @@ def _write_module(
     poses: bool,
 ) -> str:  # fmt: skip
     """Write the folder with its module of WebAssembly; what was written, in words."""
+    require_zig()
     case, found = find_case(model, scene)
     chosen = held_as_usual(found, method, integrator)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)

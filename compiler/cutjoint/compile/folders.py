@@ -259,7 +259,8 @@ def make_standalone(
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if adjoint:
-        parts = replace(parts, transposed=_transposed(parts, chosen))
+        require_differentiable(parts.method, chosen, "adjoint: ")
+        parts = replace(parts, transposed=_transposed(parts))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
         parts = replace(parts, balance=_balance(parts, equations.scene, STEPS[parts.method][chosen]))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
@@ -328,15 +329,19 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
 
 
-def _transposed(parts: SimulationCode, integrator: str) -> Derived:
-    """The transposed functions of a mechanism.
+def require_differentiable(method: str, integrator: str, asked: str = "") -> None:
+    """Check that steps have derivatives; ``asked`` stands before the message.
 
     Raises:
-        RunError: its runs have no derivatives from their end.
+        RunError: they have none.
     """
-    if not STEPS[parts.method][integrator].differentiable:
-        able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
-        raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
+    if not STEPS[method][integrator].differentiable:
+        able = join_or(names_of(STEPS[method], lambda steps: steps.differentiable))
+        raise RunError(f"{asked}steps of '{integrator}' have no derivatives; use {able}")
+
+
+def _transposed(parts: SimulationCode) -> Derived:
+    """The transposed functions of a mechanism."""
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
