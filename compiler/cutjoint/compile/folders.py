@@ -6,7 +6,6 @@ Program -> files -> simulator or library
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,7 +45,7 @@ from cutjoint.package.locations import path_of, templates_folder
 from cutjoint.program.records import Program
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
-from cutjoint.run.result_files import write_files, write_whole
+from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
@@ -372,15 +371,15 @@ class Delivery:
     alone: Standalone | None
 
     def write(self, simulator: Path, flags: Sequence[str]) -> None:
-        """Write all files; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
+        """Write all files or none; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
 
         Raises:
             ToolchainError: the C++ compiler failed.
             OutputError: a file cannot be written.
         """
         built = simulator if self.alone is None else self.alone.build_simulator(flags)
-        write_files(self.folder, self.files)
-        os.chmod(write_whole(self.folder / self.program, built.read_bytes()), built.stat().st_mode & 0o777)
+        files = {**self.files, self.program: built.read_bytes()}
+        write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
 
 def plan_delivery(
