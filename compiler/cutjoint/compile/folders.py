@@ -41,7 +41,7 @@ from cutjoint.methods import (
 from cutjoint.model.functions import functions_of_host
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import MissingPartialsError, RunError
-from cutjoint.package.locations import path_of, templates_folder
+from cutjoint.package.locations import licence_of_musl, path_of, templates_folder
 from cutjoint.program.records import Program
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
@@ -222,6 +222,7 @@ class Standalone:
         return {
             f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=module_script()),
             f"{self.name}.d.mts": page.render("wasm/module.d.mts.jinja", kinds=kinds),
+            "LICENSE.musl": licence_of_musl(),
         }
 
 
