@@ -45,8 +45,8 @@ def build_project(
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
     environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch), "PATH": tools_path()}
-    if compiler.is_zig:
-        zig = zig_tools(scratch, compiler.command[0])
+    if compiler.zig:
+        zig = zig_tools(scratch, *compiler.zig, target=compiler.words)
         environment["CC"], definitions = str(zig["cc"]), (*(f"-DCMAKE_{n.upper()}={zig[n]}" for n in ("ar", "ranlib")), *definitions)
     require_flags(compiler, flags, scratch, environment, runs=runs, shared=shared)
     command = [
@@ -71,10 +71,10 @@ def _one_word(compiler: Compiler, folder: Path) -> str:
     return str(_script(folder / "c++", compiler.command))
 
 
-def zig_tools(folder: Path, zig: str, target: Sequence[str] = ()) -> dict[str, Path]:
-    """Zig's tools, compilers with the words of a target, as programs in a folder under the names that others have."""
+def zig_tools(folder: Path, *zig: str, target: Sequence[str] = ()) -> dict[str, Path]:
+    """Zig's tools by the words that call it, compilers with those of a target, as programs in a folder under the names that others have."""
     words = {"cc": ("cc", *target), "c++": ("c++", *target), "ar": ("ar",), "ranlib": ("ranlib",)}
-    return {name: _script(folder / name, (zig, *each)) for name, each in words.items()}
+    return {name: _script(folder / name, (*zig, *each)) for name, each in words.items()}
 
 
 def _script(file: Path, command: Sequence[str]) -> Path:

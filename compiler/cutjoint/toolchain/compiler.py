@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import PathFinder
+from itertools import pairwise
 from pathlib import Path
 
 from cutjoint.package.errors import MissingToolsError, ToolchainError
@@ -53,15 +54,20 @@ class Compiler:
         return f"{self.version}, called by {shlex.join(self.command)}" if len(self.command) > 1 else self.version
 
     @property
-    def is_zig(self) -> bool:
-        """Return whether it is Zig's, which is a compiler of C, an archiver and more by its first word."""
-        return self.command[1:2] == ("c++",)
+    def zig(self) -> tuple[str, ...]:
+        """The words that call Zig, which is a compiler of C, an archiver and more by its next word; none where it is no Zig."""
+        return self.command[: _place_of_zig(self.command)]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words behind those that call Zig's compiler of C++."""
+        return self.command[len(self.zig) + 1 :]
 
     @property
     def key(self) -> tuple[str, ...]:
         """The properties of the compiler and its environment on which built files depend."""
         variables = (f"{name}={os.environ[name]}" for name in _VARIABLES if os.environ.get(name))
-        return (self.version, *self.command[1:], *variables)
+        return (self.version, *resolve(self.command[1:]), *variables)
 
 
 def find_compiler() -> Compiler:
@@ -74,7 +80,7 @@ def find_compiler() -> Compiler:
     """
     if IS_WINDOWS:
         raise MissingToolsError(f"this takes generated code, which is not compiled on Windows; {ADVICE}")
-    command = _command_of_environment() or _usual_command()
+    command = _for_all_processors(_command_of_environment() or _usual_command())
     require_tools(*([] if command else ["a C++ compiler"]))
     return Compiler(command=command, version=ask_version(command))
 
@@ -147,6 +153,18 @@ def find_zig() -> str | None:
     here = os.getcwd()
     package = PathFinder.find_spec("ziglang", [folder for folder in sys.path if os.path.abspath(folder) != here])
     return shutil.which("zig", path=os.path.dirname(package.origin)) if package and package.origin else None
+
+
+def _place_of_zig(command: Sequence[str]) -> int:
+    """The place of the word by which Zig compiles C++; 0 where it does not."""
+    return next((i for i, (name, word) in enumerate(pairwise(command), 1) if word == "c++" and Path(name).stem in ("zig", "ziglang")), 0)
+
+
+def _for_all_processors(command: tuple[str, ...]) -> tuple[str, ...]:
+    """A command whose Zig compiles and links for all processors of a kind, as others do, and not for this one, where no word names one."""
+    behind = _place_of_zig(command) + 1
+    named = any(word.lstrip("-").startswith(("target", "mcpu", "march")) for word in command[behind:])
+    return command if behind == 1 or named else (*command[:behind], "-mcpu=baseline", *command[behind:])
 
 
 @cache
