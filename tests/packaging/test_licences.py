@@ -24,13 +24,16 @@ def test_the_wheel_names_all_licences_and_has_their_texts() -> None:
     assert all(re.search("MIT [Ll]icense", text) for text in LICENCES[1:])
 
 
+_OWNER = re.compile(r"Copyright (?:\(c\)|©)[ \d,-]*(?:by )?([A-Z][\w.]+(?: [A-Z][\w.]+)?)")
+
+
 @pytest.mark.parametrize("folder", ["compiler", "runtime", "templates"])
 def test_owners_of_code_of_others_are_named_in_a_licence(folder: str) -> None:
     """Whoever a file names as an owner stands in a text that the wheel has."""
     known = " ".join(LICENCES)
     for file in (ROOT / folder).rglob("*"):
         if file.is_file() and file.suffix in (".c", ".h", ".hpp", ".js", ".css", ".py", ".jinja", ".txt"):
-            for owner in re.findall(r"Copyright (?:\(c\)|©)[ \d,-]*(?:by )?([A-Z][\w.]+(?: [A-Z][\w.]+)?)", file.read_text(encoding="utf-8")):
+            for owner in _OWNER.findall(file.read_text(encoding="utf-8")):
                 assert owner.rstrip(".") in known, (file, owner)
 
 
