@@ -104,7 +104,7 @@ def test_compile_leaves_source_and_a_simulator(tmp_path: Path, method: str) -> N
     result = call("compile", FOUR_BAR, "--method", method, "--out", tmp_path / "fb")
     assert result.exit_code == 0, result.output
     own = (f"four_bar{end}" for end in (".cpp", ".h", ".run", "_simulator", "_simulator.c"))
-    names = {"CMakeLists.txt", "README.md", "example.c", *own}
+    names = {"CMakeLists.txt", "LICENSE", "README.md", "example.c", *own}
     assert names <= {p.name for p in (tmp_path / "fb").iterdir()}
 
 

@@ -11,10 +11,15 @@ From Python::
 docs/python.md goes through all of it.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+
+TYPE_CHECKING = False  # as of typing, which takes long to import: `entry` stands behind this
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from cutjoint.analysis.inertia import NoInertiaError
     from cutjoint.analysis.mobility import GuideError
     from cutjoint.compile.pipeline import compile_model

@@ -158,7 +158,7 @@ class Simulation {
     if (snapshot.length !== bytes) throw new Error(`a snapshot has ${bytes} bytes, not ${snapshot.length}`);
     const at = this.#model.room(bytes);
     this.#model.bytes(at, bytes).set(snapshot);
-    this.#do('restore', at);
+    this.#do('restore', at, bytes);
   }
 
   /** What failed last, and where it stands in the model's file. */

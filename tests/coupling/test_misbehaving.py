@@ -38,9 +38,16 @@ def test_what_it_does_is_told_and_rows_are_kept(call: str, number: int, deed: st
     assert said.startswith(message), said
 
 
-@pytest.mark.parametrize(("call", "deed"), [("Terminate", "exit"), ("FreeInstance", "trap"), ("DoStep", "flood"), ("Terminate", "loop")])
-def test_what_changes_no_value_leaves_the_table_whole(call: str, deed: str) -> None:
-    assert controllers.check(json.dumps({"call": call, "number": 1, "deed": deed}), "4") == ()
+@pytest.mark.parametrize(
+    ("call", "deed", "words"),
+    [
+        ("Terminate", "exit", ("it ended its process with status 0",)), ("FreeInstance", "trap", ("it crashed with SIGSEGV",)),
+        ("Terminate", "loop", ("no answer in 2 s",)), ("Terminate", "abort", ("it crashed with SIGABRT",)), ("DoStep", "flood", ()),
+    ],
+)  # fmt: skip
+def test_what_changes_no_value_leaves_the_table_whole(call: str, deed: str, words: tuple[str, ...]) -> None:
+    said = controllers.check(json.dumps({"call": call, "number": 1, "deed": deed}), "4")
+    assert said == tuple(f"it cannot be terminated: {each}; the table is whole" for each in words)
 
 
 def test_the_rows_up_to_then_are_named() -> None:

@@ -58,7 +58,11 @@ def assert_agree(found: Solution, expected: Solution, numerics: Numerics) -> Non
 
 def compare(model: Model, seed: int, motion: float = 1.0, roads: Mapping[str, Flat] | None = None) -> None:
     """A random model at a random state with random multipliers."""
-    blocks, dense = both(build_topology(model), SCENE, parameters=PARAMETERS, roads=roads or {})
+    compare_at(*both(build_topology(model), SCENE, parameters=PARAMETERS, roads=roads or {}), seed, motion)
+
+
+def compare_at(blocks: BlockMechanism, dense: DenseMechanism, seed: int, motion: float = 1.0) -> None:
+    """At a random state with random multipliers."""
     rng = np.random.default_rng(seed)
     q, v = random_models.state(dense.layout, dense.nq, dense.nv, rng)
     at, multipliers = Instant(q=q, v=v, t=0.37, motion=motion), 10 * rng.standard_normal(dense.m)

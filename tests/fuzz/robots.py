@@ -1,4 +1,7 @@
-"""Damaged URDF, with a YAML beside it or not, SDF and MJCF: each becomes a model, or is refused with its place; nothing else comes out."""
+"""Damaged URDF, with a YAML beside it or not, SDF and MJCF: each becomes a model, or is refused with its place; nothing else comes out.
+
+Some URDF are whole: their accelerations are compared with those of an independent reader.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,8 @@ from cutjoint.package.errors import CutjointError
 from cutjoint.topology.reading import read_model
 from tests.importing.test_sdf import FOUR_BAR
 
+from . import whole_robots
+
 _LEG = Path(__file__).parents[1] / "importing" / "leg.urdf"
 _TREE = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="j" axis="0 1 0" armature="0.1"/>
 <geom type="box" size="0.1 0.2 0.3"/><body name="b" pos="1 0 0"><joint name="k" type="slide"/><geom type="sphere" size="0.1"/></body></body>
@@ -26,6 +31,8 @@ joint_name: ["knee", "elbow", "sole"]
 joint_type: ["SPHERICAL", "UJOINT_ZX", "FIXED"]
 name_mot: ["motor"]
 """
+#: The share of files without a fault, whose accelerations are compared with an independent reader.
+_WHOLE = 0.2
 _WORDS = (
     "0", "-1", "1e308", "nan", "1e-300", "", "inf", "1 2 3", "0 0 0", "a", "rod", "thigh", "world", "-0", "1e12", "9" * 20, "fixed",
     "prismatic", "ball", "<", "&", "'", '"', "\0", "\u00e9", "__model__", "../x", "/etc/passwd",
@@ -34,6 +41,8 @@ _WORDS = (
 
 def make(rng: random.Random) -> str:
     """A file's name and content, and that of a YAML beside it, as JSON."""
+    if rng.random() < _WHOLE and find_spec("pinocchio"):
+        return json.dumps({"name": "whole.urdf", "content": whole_robots.write(rng), "beside": "", "whole": rng.randrange(1000)})
     seeds = {".urdf": _LEG.read_text(encoding="utf-8"), ".sdf": FOUR_BAR, **({".xml": _TREE} if find_spec("mujoco") else {})}
     ending = rng.choice(sorted(seeds))
     text = seeds[ending]
@@ -69,6 +78,9 @@ def check(text: str) -> tuple[str, ...]:
         path.write_text(case["content"], encoding="utf-8", errors="replace")
         if case["beside"]:
             path.with_suffix(".yaml").write_text(case["beside"], encoding="utf-8", errors="replace")
+        if "whole" in case:
+            whole_robots.require_accelerations(path, case["whole"])
+            return ()
         try:
             read_model(path)
         except CutjointError as error:

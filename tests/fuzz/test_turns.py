@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from math import sqrt
 
 import pytest
 
@@ -23,11 +24,12 @@ def play(turns: Turns, costs: dict[str, float], *, seconds: float, setups: dict[
 
 
 @pytest.mark.parametrize("shares", [{"short": 1, "long": 1, "other": 1}, {"short": 1, "long": 2, "other": 0.5}])
-def test_kinds_share_the_time(shares: dict[str, float]) -> None:
+def test_kinds_share_time_and_inputs(shares: dict[str, float]) -> None:
+    """Time and inputs have a product in the ratio of the shares' squares: n = k s/sqrt(c) inputs of c seconds each."""
     costs = {"short": 0.01, "long": 20.0, "other": 1.0}
     seeds = play(Turns.of(0, shares, {}), costs, seconds=2000)
     for name, share in shares.items():
-        fair = 2000 * share / sum(shares.values())
+        fair = 2000 * share * sqrt(costs[name]) / sum(share * sqrt(costs[name]) for name, share in shares.items())
         assert len(seeds[name]) * costs[name] == pytest.approx(fair, abs=2 * max(TURN, *costs.values()))
 
 
@@ -50,7 +52,7 @@ def test_each_kind_has_its_turn_where_one_input_takes_most_of_the_time() -> None
 
 def test_a_long_set_up_is_not_taken_for_long_inputs() -> None:
     seeds = play(Turns.of(0, {"a": 1, "b": 1}, {}), {"a": 1.0, "b": 1.0}, seconds=300, setups={"a": 100.0})
-    assert Counter({name: len(each) for name, each in seeds.items()}) == pytest.approx({"a": 50, "b": 150}, abs=2 * TURN)
+    assert Counter({name: len(each) for name, each in seeds.items()}) == pytest.approx({"a": 80, "b": 120}, abs=2 * TURN)
 
 
 def test_no_input_begins_that_would_not_end() -> None:

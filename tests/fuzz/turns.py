@@ -1,9 +1,10 @@
-"""Turns of the kinds of input: each gets seconds in proportion to its share, however dear one of its inputs is."""
+"""Turns of the kinds of input: what each gets, in seconds and in inputs alike, is in proportion to its share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 #: Seconds that a turn takes, where an input takes no longer, and the most inputs of one.
 TURN, MANY = 3.0, 1000
@@ -32,8 +33,8 @@ class Account:
 
     @property
     def level(self) -> float:
-        """Seconds by share, with those that turns under way will take."""
-        return (self.seconds + self.under_way * max(TURN, self.each)) / self.share
+        """The geometric mean of seconds and inputs by share, with turns under way, so that kinds with dear inputs have some."""
+        return sqrt((self.seconds + self.under_way * max(TURN, self.each)) * self.begun) / self.share
 
     def begin(self, left: float) -> range:
         """The numbers of the inputs of a turn, no more than have ended before and fit into the seconds that are left."""

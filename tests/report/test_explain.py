@@ -347,3 +347,13 @@ def test_a_model_without_loops_forces_or_parameters() -> None:
     assert "### Cut joints\n\nNone." in text
     assert "### Forces\n\nNone but gravity." in text
     assert_renders(text)
+
+
+def test_names_of_files_mean_nothing_to_markdown(tmp_path: Path) -> None:
+    path = tmp_path / "a`|<b>_[x](y)$\n#.yaml"
+    path.write_text((MODELS / "pendulum.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    model = read_model(path)
+    text = explain(model, find_scene(model, None))
+    assert "a\\`\\|\\<b\\>_\\[x\\]\\(y\\)\\$\\\\n\\#.yaml:" in text
+    assert "a`|" not in text
+    assert "<b>" not in text

@@ -11,16 +11,19 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from errno import ENOSPC
 from functools import cache
 from pathlib import Path
 from textwrap import dedent
+from typing import BinaryIO
 
 import pytest
 from click.testing import Result
 
+from cutjoint.run import result_files
 from cutjoint.run.outputs import OutputError, partial_of, reason_of, require_apart, units_of
 from cutjoint.run.record import RunFile
-from cutjoint.run.result_files import TableFile, write_whole
+from cutjoint.run.result_files import TableFile, write_files, write_whole
 from cutjoint.run.results import read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError
@@ -453,3 +456,29 @@ def test_one_run_at_a_time_writes_a_table(folder: Path) -> None:
     assert done.output.endswith("run.partial.csv: another run writes this file; wait for it, or write elsewhere\n")
     table.leave("")
     assert simulate(*WHOLE, "--out", "run.csv").exit_code == 0
+
+
+@pytest.mark.parametrize("failing", range(3))
+def test_files_of_a_folder_are_written_all_or_none(failing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is full at any of them leaves an earlier folder as it was."""
+    names = ("a.h", "a.cpp", "a_simulator")
+    write_files(tmp_path, dict.fromkeys(names, "earlier"))
+    calls: list[int] = []
+
+    def write(file: BinaryIO, data: bytes) -> None:
+        calls.append(file.write(data[:3]))
+        if len(calls) > failing:
+            raise OSError(ENOSPC, "No space left on device")
+        file.write(data[3:])
+
+    monkeypatch.setattr(result_files, "write_all", write)
+    with pytest.raises(OutputError, match="No space left on device"):
+        write_files(tmp_path, dict.fromkeys(names, "new"))
+    assert {p.name: p.read_text(encoding="utf-8") for p in tmp_path.iterdir()} == dict.fromkeys(names, "earlier")
+
+
+def test_permissions_of_files_of_a_folder(tmp_path: Path) -> None:
+    write_files(tmp_path, {"a.h": "1", "program": b"2"}, {"program": 0o750})
+    (tmp_path / "a.h").chmod(0o640)
+    write_files(tmp_path, {"a.h": "3", "program": b"4"}, {"program": 0o750})
+    assert [(tmp_path / name).stat().st_mode & 0o777 for name in ("a.h", "program")] == [0o640, 0o750]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from cutjoint.run.stopping import Terminated, ended_by_signals, stop_requests
+from tests.conftest import MODELS
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
@@ -54,6 +57,30 @@ class Finalised:
     def __del__(self) -> None:
         os.kill(os.getpid(), self.number)
         time.sleep(0.001)
+
+
+#: Calls the program and sends it SIGINT when it begins to import a module.
+_IMPORTING = """
+import os, signal, sys
+module = sys.argv.pop()
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Finder())
+from cutjoint.entry import main
+sys.argv[0] = "cutjoint"
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["cutjoint.cli", "click", "cutjoint.commands.check", "numpy"])
+def test_ctrl_c_while_modules_are_imported(module: str) -> None:
+    command = [sys.executable, "-c", _IMPORTING, "check", str(MODELS / "pendulum.yaml"), module]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode in (130, -signal.SIGINT), done.stderr in ("", "interrupted\n")) == (True, True), done.stderr
 
 
 @pytest.mark.parametrize(("number", "error"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)])

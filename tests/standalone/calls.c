@@ -44,13 +44,14 @@ static void wrong_calls(void) {
   EXPECT(press_set_state(sim, 0.0, NULL, v) == PRESS_NO_ARRAY);
   q[0] = NAN;
   EXPECT(press_set_state(sim, 0.0, q, v) == PRESS_NOT_FINITE);
-  EXPECT(press_restore(sim, q) == PRESS_NO_ARRAY && press_restore(sim, NULL) == PRESS_NO_ARRAY);
+  EXPECT(press_restore(sim, q, sizeof q) == PRESS_NO_ARRAY && press_restore(sim, NULL, press_snapshot_size()) == PRESS_NO_ARRAY);
   EXPECT(press_output_name(PRESS_OUTPUTS) == NULL && press_output_name(-1) == NULL && press_parameter_unit(1000) == NULL);
   EXPECT(press_find_output("nothing") == -1 && press_find_output(NULL) == -1);
   EXPECT(press_find_output(press_output_name(1)) == 1);
   EXPECT(press_find_start_coordinate(press_start_coordinate_name(1)) == 1 && press_start_coordinate_name(PRESS_START_COORDINATES) == NULL);
   EXPECT(press_find_start_speed(press_start_speed_name(1)) == 1 && press_start_speed_name(PRESS_START_SPEEDS) == NULL);
-  EXPECT(press_explain(sim, NULL, 10) == PRESS_NO_ARRAY);
+  EXPECT(press_explain(sim, NULL, 10) == PRESS_NO_ARRAY && press_explain(NULL, NULL, 10) == PRESS_NO_SIMULATION);
+  EXPECT(press_explain(NULL, text, sizeof text) == PRESS_NO_SIMULATION && strcmp(text, press_status_text(PRESS_NO_SIMULATION)) == 0);
   EXPECT(press_explain(sim, small, sizeof small) == PRESS_OK && strlen(small) == sizeof small - 1);
   EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strcmp(text, "nothing failed") == 0);
   EXPECT(strlen(press_status_text(PRESS_NOT_STARTED)) > 0 && strlen(press_status_text(12345)) > 0);
@@ -97,7 +98,8 @@ static void snapshots(void) {
   EXPECT(press_start(sim) == PRESS_OK && press_play(sim, 10, NULL) == PRESS_OK && press_save(sim, snapshot) == PRESS_OK);
   EXPECT(press_play(sim, 50, NULL) == PRESS_OK);
   memcpy(first, press_outputs(sim), sizeof first);
-  EXPECT(other && press_restore(other, snapshot) == PRESS_OK && press_play(other, 50, NULL) == PRESS_OK);
+  EXPECT(other && press_restore(other, snapshot, press_snapshot_size() - 1) == PRESS_NO_ARRAY &&
+         press_restore(other, snapshot, press_snapshot_size()) == PRESS_OK && press_play(other, 50, NULL) == PRESS_OK);
   EXPECT(memcmp(first, press_outputs(other), sizeof first) == 0 && press_time(sim) == press_time(other));
 }
 

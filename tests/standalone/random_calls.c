@@ -55,7 +55,7 @@ static int call(press_sim* sim) {
     case 11: return press_save(sim, snapshot);
     case 26: return press_last_step(sim, rand() % 8 ? &effort : NULL);
     case 27: return press_set_limit(sim, rand() % 8 - 1, rand() % 2 ? INFINITY : number());
-    case 12: return press_restore(sim, snapshot);
+    case 12: return press_restore(sim, snapshot, press_snapshot_size());
     case 13: return press_explain(sim, text, (size_t)(rand() % 300));
     case 14: return press_status_text(rand() % 40 - 10) != NULL;
     case 15: return press_outputs(sim) != NULL && press_speeds(sim) != NULL && press_multipliers(sim) != NULL;

@@ -75,9 +75,10 @@ def test_without_a_compiler_that_of_pypi_is_called(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "programs"))
     monkeypatch.syspath_prepend(tmp_path)
     compiler = find_compiler()
-    assert compiler.command == (str(tmp_path / "ziglang" / "zig"), "c++")
-    assert (compiler.version, compiler.is_zig) == ("called with c++ --version", True)
-    tools = zig_tools(tmp_path, compiler.command[0], ("-target", "aarch64-linux-gnu.2.17"))
+    zig = str(tmp_path / "ziglang" / "zig")
+    assert compiler.command == (zig, "c++", "-mcpu=baseline")
+    assert (compiler.version, compiler.zig, compiler.words) == ("called with c++ -mcpu=baseline --version", (zig,), ("-mcpu=baseline",))
+    tools = zig_tools(tmp_path, zig, target=("-target", "aarch64-linux-gnu.2.17"))
     said = {name: subprocess.run([tools[name], "a b"], capture_output=True, text=True, check=True).stdout for name in ("c++", "ar")}
     assert said == {"c++": "called with c++ -target aarch64-linux-gnu.2.17 a b\n", "ar": "called with ar a b\n"}
 

@@ -17,9 +17,10 @@ from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
-from cutjoint.run.result_files import write_files, write_whole
+from cutjoint.run.result_files import write_files
 from cutjoint.run.scenes import find_case, held_as_usual
 from cutjoint.toolchain.build import simulator_of
+from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model
 
 #: The target whose product is a module for browsers and other hosts of WebAssembly.
@@ -57,6 +58,7 @@ def _write_module(
     poses: bool,
 ) -> str:  # fmt: skip
     """Write the folder with its module of WebAssembly; what was written, in words."""
+    require_zig()
     case, found = find_case(model, scene)
     chosen = held_as_usual(found, method, integrator)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
@@ -64,8 +66,7 @@ def _write_module(
     files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"
     require_apart({"the model": Path(model.span.file)}, documents=[(f"--out {folder}: file", folder / name) for name in (*files, module)])
     made = alone.build_module()
-    write_files(folder, files)
-    write_whole(folder / module, made)
+    write_files(folder, {**files, module: made})
     return f"{module}, {len(made) / 1000:.0f} kB, with its calls in JavaScript ({alone.name}.mjs) in {folder}"
 
 

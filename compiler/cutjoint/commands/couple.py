@@ -63,6 +63,7 @@ def command(
             options.err.print(f"{model}: scene '{chosen.name}': {options.describe_error(failure)}", markup=False)
             raise SystemExit(1) from None
         _report(plan, read, chosen, run, out, error)
+        faults = [fault for fmu in controllers if (fault := fmu.fault)]
     if view is not None:
         shown = show_run(read, replace(chosen, end=plan.end), by, parameters, run)
         options.console_beside(out).print(f"view: {write_shown(view, shown)}", markup=False)
@@ -70,6 +71,9 @@ def command(
         console = options.console_beside(out)
         pictures = plot_run(run, f"{read.name}, {chosen.name}", plots, chosen.plots)
         console.print(f"plots: {', '.join(map(str, pictures))}", markup=False)
+    if faults:
+        options.err.print("\n".join(f"{fault}; the table is whole" for fault in faults), markup=False)
+        raise SystemExit(1)
 
 
 def _words_of(fmu: Path, fmus: Sequence[Path]) -> str:

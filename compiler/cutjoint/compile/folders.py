@@ -6,7 +6,6 @@ Program -> files -> simulator or library
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,11 +41,11 @@ from cutjoint.methods import (
 from cutjoint.model.functions import functions_of_host
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import MissingPartialsError, RunError
-from cutjoint.package.locations import path_of, templates_folder
+from cutjoint.package.locations import licence_of_musl, path_of, templates_folder
 from cutjoint.program.records import Program
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
-from cutjoint.run.result_files import write_files, write_whole
+from cutjoint.run.result_files import write_files
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
@@ -223,6 +222,7 @@ class Standalone:
         return {
             f"{self.name}.mjs": page.render("wasm/module.mjs.jinja", p=self.name, code=module_script()),
             f"{self.name}.d.mts": page.render("wasm/module.d.mts.jinja", kinds=kinds),
+            "LICENSE.musl": licence_of_musl(),
         }
 
 
@@ -259,7 +259,8 @@ def make_standalone(
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if adjoint:
-        parts = replace(parts, transposed=_transposed(parts, chosen))
+        require_differentiable(parts.method, chosen, "adjoint: ")
+        parts = replace(parts, transposed=_transposed(parts))
     if linearise and derives_steps and STEPS[parts.method][chosen].differentiable:
         parts = replace(parts, balance=_balance(parts, equations.scene, STEPS[parts.method][chosen]))
     run_file = make_run_file(equations.topology.model, equations.scene, {}, task="simulate", method=parts.method, options=options)
@@ -328,15 +329,19 @@ def _parts(equations: Equations, program: Program, lanes: bool) -> SimulationCod
     return SimulationCode(mechanism=start, program=schedule_recursive(start, lanes=lanes), system=system)
 
 
-def _transposed(parts: SimulationCode, integrator: str) -> Derived:
-    """The transposed functions of a mechanism.
+def require_differentiable(method: str, integrator: str, asked: str = "") -> None:
+    """Check that steps have derivatives; ``asked`` stands before the message.
 
     Raises:
-        RunError: its runs have no derivatives from their end.
+        RunError: they have none.
     """
-    if not STEPS[parts.method][integrator].differentiable:
-        able = names_of(STEPS[parts.method], lambda steps: steps.differentiable)
-        raise RunError(f"adjoint: steps of '{integrator}' have no derivatives; use {join_or(able)}")
+    if not STEPS[method][integrator].differentiable:
+        able = join_or(names_of(STEPS[method], lambda steps: steps.differentiable))
+        raise RunError(f"{asked}steps of '{integrator}' have no derivatives; use {able}")
+
+
+def _transposed(parts: SimulationCode) -> Derived:
+    """The transposed functions of a mechanism."""
     if parts.system is None:
         return transpose(parts.mechanism, parts.program)
     start, outputs = parts.mechanism, parts.system.equations.outputs  # whose columns are the system's
@@ -367,15 +372,15 @@ class Delivery:
     alone: Standalone | None
 
     def write(self, simulator: Path, flags: Sequence[str]) -> None:
-        """Write all files; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
+        """Write all files or none; each replaces an earlier one as a whole, so that an earlier program that is running goes on.
 
         Raises:
             ToolchainError: the C++ compiler failed.
             OutputError: a file cannot be written.
         """
         built = simulator if self.alone is None else self.alone.build_simulator(flags)
-        write_files(self.folder, self.files)
-        os.chmod(write_whole(self.folder / self.program, built.read_bytes()), built.stat().st_mode & 0o777)
+        files = {**self.files, self.program: built.read_bytes()}
+        write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
 
 def plan_delivery(

@@ -64,6 +64,11 @@ class ControllerFmu:
         self.step = None if experiment is None or experiment.stepSize is None else float(experiment.stepSize)
 
     @property
+    def fault(self) -> str:
+        """The fault of an instance while it was ended; "" without one."""
+        return self._process.fault
+
+    @property
     def version(self) -> str:
         """2 or 3."""
         return str(self._description.fmiVersion)[0]

@@ -40,7 +40,7 @@ class SlaveProcess:
     def __init__(self, path: Path, folder: Path, seconds: float) -> None:
         self._path, self._folder, self._seconds = path, folder, seconds
         self._process: subprocess.Popen[bytes] | None = None
-        self._printed = b""
+        self._printed, self.fault = b"", ""
 
     def call(self, what: str, name: str, *arguments: Any) -> Any:
         """The value of a method of `Slave`; ``what`` did not work says the error.
@@ -62,15 +62,17 @@ class SlaveProcess:
         return found.get("value")
 
     def close(self) -> None:
-        """End the instance as the standard says, also after a call that failed; what it does then matters to nobody."""
+        """End the instance as the standard says, also after a call that failed; `fault` says what went wrong with it."""
         if self._process is not None:
             self._connection.settimeout(min(self._seconds, _LEAVE))
             try:
-                self._ask("close", ())
-            except (OSError, ValueError):
+                reason = printable(str(self._ask("close", ()).get("error", "")))
+            except (OSError, ValueError) as error:
+                reason = f"no answer in {min(self._seconds, _LEAVE):g} s" if isinstance(error, TimeoutError) else self._reason(error)
                 self.kill()
             else:
                 self._connection.settimeout(self._seconds)
+            self.fault = f"{self._path}: it cannot be terminated: {reason}" if reason else self.fault
 
     def kill(self) -> int:
         """End the process and what it has started; its status."""

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import groupby
+from heapq import merge
+from itertools import groupby, repeat
 from math import isfinite
+from operator import mul
 from pathlib import Path
 from time import perf_counter
 
@@ -27,6 +29,8 @@ from cutjoint.stepping.simulation import Simulation, SimulationError
 _EXCHANGES = 20
 #: Times that are nearer than this share of a step of communication are one.
 _ROUNDING = 1e-6
+#: Exchanges of an FMU in a run at most: hours.
+_MOST = 1e8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,10 +79,11 @@ def co_simulate(plan: Plan, *, out: Path | None = None, progress: Progress | Non
     are the controllers', and stay.
 
     Raises:
-        RunError: the start does not settle, or the FMU refuses a call.
+        RunError: steps of communication are hardly meant to be as short, the start does not settle, or the FMU refuses a call.
         SimulationError: the motion of the model cannot go on.
         OutputError: the table cannot be written.
     """
+    _require_exchanges(plan)
     run = _run(plan, out, progress)
     return replace(run, estimator=partial(_estimate, plan)) if estimate else run
 
@@ -111,7 +116,7 @@ def _run(plan: Plan, out: Path | None, progress: Progress | None) -> Trajectory:
     values = np.array(rows)
     columns = {name: values[:, 1 + i] for i, name in enumerate(plan.units)}
     return Trajectory(
-        t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=len(_exchange_times(plan)), evaluations=0,
+        t=values[:, 0], columns=Columns(columns), units=Columns(plan.units), steps=sum(1 for _ in _exchange_times(plan)), evaluations=0,
         seconds=perf_counter() - begun, undetermined=(), failure=None, table=out, coordinates=np.array(places),
     )  # fmt: skip
 
@@ -167,18 +172,29 @@ def _count(end: float, step: float) -> int:
 
 
 def _times(plan: Plan) -> Iterator[tuple[float, bool]]:
-    """The times of rows and of exchanges, and whether there is a row; times that rounding tells apart are one."""
-    exchanges = dict.fromkeys(_exchange_times(plan), False)
-    rows = dict.fromkeys((*(i * plan.output_step for i in range(_count(plan.end, plan.output_step) + 1)), plan.end), True)
-    for _, group in groupby(sorted((exchanges | rows).items()), lambda item: round(item[0] / (_ROUNDING * plan.step))):
+    """The times of rows and of exchanges, and whether there is a row; times that rounding tells apart are one.  None is kept."""
+    exchanges = ((time, False) for time in _exchange_times(plan))
+    rows = ((min(i * plan.output_step, plan.end), True) for i in range(_count(plan.end, plan.output_step) + 1))
+    for _, group in groupby(merge(exchanges, rows, [(plan.end, True)]), lambda item: round(item[0] / (_ROUNDING * plan.step))):
         found = list(group)
         yield found[0][0], any(is_row for _, is_row in found)
 
 
-def _exchange_times(plan: Plan) -> list[float]:
+def _exchange_times(plan: Plan) -> Iterator[float]:
     """The times of exchanges behind the start."""
-    times = {i * party.step for party in plan.parties for i in range(1, _count(plan.end, party.step) + 1)}
-    return [next(group) for _, group in groupby(sorted(times), lambda time: round(time / (_ROUNDING * plan.step)))]
+    steps = [party.step for party in plan.parties]
+    times = merge(*(map(mul, repeat(step), range(1, _count(plan.end, step) + 1)) for step in steps))
+    return (next(group) for _, group in groupby(times, lambda time: round(time / (_ROUNDING * plan.step))))
+
+
+def _require_exchanges(plan: Plan) -> None:
+    """Check that the steps of communication are not so many that something else was meant."""
+    for party in plan.parties:
+        if (count := plan.end / party.step) > _MOST:
+            raise RunError(
+                f"{party.fmu.path}: steps of communication of {party.step:g} s are {count:.1e} exchanges to {plan.end:g} s; say"
+                " --communication-step, or end earlier by --end"
+            )
 
 
 def _begin(plan: Plan, simulation: Simulation, ends: list[_End]) -> None:

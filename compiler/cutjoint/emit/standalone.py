@@ -46,7 +46,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
-from cutjoint.package.locations import runtime_folder
+from cutjoint.package.locations import licence, runtime_folder
 
 #: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
 _CORE = "cutjoint/core/checked_simulation.hpp"
@@ -116,6 +116,7 @@ def emit_standalone(
         f"{p}_simulator.c": page.render("standalone/simulator.c.jinja", **_in_c(page), **view),
         f"{p}.run": page.render("standalone/run.jinja", **view),
         "README.md": page.render("standalone/README.md.jinja", **view),
+        "LICENSE": licence(),
         **code_file(parts.mechanism.topology.model),
         **({} if libm is None else libm.files),
     }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sympy.printing.cxx import CXX17CodePrinter
 
 from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.elements.interactions import AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench
 from cutjoint.formulate.inputs import input_functions, input_parameters
 from cutjoint.methods import PLAIN_CLOSURE, Loops
 from cutjoint.model.errors import ModelError, Problem
@@ -83,6 +84,10 @@ class Numbers:
         return sympy.sympify(expression).xreplace(dict(self.inputs)).xreplace(known)
 
 
+#: The interactions whose equations others have too: those that stand in the twin and in programs of peers by hand.
+KNOWN = (AxisForce, Compliance, LineForce, OnCoordinate, RoadContact, Wrench)
+
+
 def require_mechanics_alone(model: Model) -> None:
     """Raise ModelError for states, signals, laws that read other elements, friction that sticks, grounds of wheels, contacts, springs of
     balls, gears with laws and functions of the user, which programs with mechanics alone do not have."""
@@ -93,7 +98,7 @@ def require_mechanics_alone(model: Model) -> None:
     problems = [Problem(span=e.span, element=f"'{e.name}'", message=message, hint="leave it out") for e in found]
     problems += [
         Problem(span=f.span, element=f"'{f.name}'", message=f"only cutjoint has {_words(f)}", hint="leave it out")
-        for f in model.forces if isinstance(f, JointFriction | Contact | BallSpring) or (f.has_road and f.expressions and f not in found)
+        for f in model.forces if type(f.interaction) not in KNOWN or (f.has_road and f.expressions and f not in found)
     ]  # fmt: skip
     problems += [
         Problem(span=g.span, element=f"gear '{g.name}'", message=f"only cutjoint has gears {what}", hint="give it a ratio")
@@ -118,7 +123,9 @@ def _words(force: Force) -> str:
         return "contacts"
     if isinstance(force, BallSpring):
         return "springs and dampers of balls"
-    return "wheels that turn" if isinstance(force, Wheel) else "a ground of a wheel's own"
+    if isinstance(force, Wheel):
+        return "wheels that turn"
+    return "a ground of a wheel's own" if force.has_road else f"forces of kind '{force.element.kind}'"
 
 
 _LARGEST_POWER = 12

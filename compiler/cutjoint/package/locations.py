@@ -30,6 +30,16 @@ def runtime_folder() -> Path:
     return _find("runtime")
 
 
+def licence() -> str:
+    """The text of the licence of the runtime, which exported code contains."""
+    return _find("LICENSE").read_text(encoding="utf-8")
+
+
+def licence_of_musl() -> str:
+    """The text of the licence of the mathematics, which modules of WebAssembly contain."""
+    return (runtime_folder() / "libm" / "COPYRIGHT").read_text(encoding="utf-8")
+
+
 def library_folder() -> Path:
     """The folder of the submodels that the package ships."""
     return _PACKAGE / "library"
@@ -47,9 +57,9 @@ def code_folders() -> tuple[Path, ...]:
 
 def _find(name: str) -> Path:
     for candidate in (_PACKAGE / name, _PACKAGE.parent.parent / name):
-        if candidate.is_dir():
+        if candidate.exists():
             return candidate
-    raise FileNotFoundError(f"the folder {name}/ of cutjoint is missing; install cutjoint again")
+    raise FileNotFoundError(f"{name} of cutjoint is missing; install cutjoint again")
 
 
 __version__ = version("cutjoint")

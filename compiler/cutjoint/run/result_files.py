@@ -7,7 +7,7 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from errno import ENXIO
 from math import isfinite
@@ -210,27 +210,49 @@ def write_whole(path: Path, content: str | bytes) -> Path:
         with _open_stream(path) as stream, naming_output(path):
             write_all(stream, data)
         return path
-    target = resolved(path)
-    beside = target.with_name(f".{target.name[:100]}.{os.urandom(6).hex()}")
-    with naming_output(path):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        mode = _mode_of(target)
-        try:
-            with beside.open("xb", buffering=0) as file:
-                write_all(file, data)
-                if mode is not None:
-                    set_mode(file.fileno(), mode)
-            beside.replace(target)
-        except BaseException:
-            beside.unlink(missing_ok=True)
-            raise
+    with _written_beside() as write:
+        write(path, data)
     return path
 
 
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files by name into a folder, each as `write_whole` does; errors as there."""
-    for name, text in files.items():
-        write_whole(folder / name, text)
+def write_files(folder: Path, files: Mapping[str, str | bytes], modes: Mapping[str, int] | None = None) -> None:
+    """Write files by name into a folder, all or none as far as the system can; some have permissions, ``modes``, of their own.
+
+    Raises:
+        OutputError: one cannot be written, and all are as they were.
+    """
+    with _written_beside() as write:
+        for name, content in files.items():
+            write(folder / name, content.encode() if isinstance(content, str) else content, (modes or {}).get(name))
+
+
+@contextmanager
+def _written_beside() -> Iterator[Callable[..., None]]:
+    """A call that writes a file beside its path; at the end all replace what was there, and where something failed none does."""
+    written: list[tuple[Path, Path, Path]] = []
+
+    def write(path: Path, data: bytes, mode: int | None = None) -> None:
+        target = resolved(path)
+        beside = target.with_name(f".{target.name[:100]}.{os.urandom(6).hex()}")
+        with naming_output(path):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            earlier = _mode_of(target)
+            written.append((path, beside, target))
+            with beside.open("xb", buffering=0) as file:
+                write_all(file, data)
+                if (kept := earlier if mode is None else mode) is not None:
+                    set_mode(file.fileno(), kept)
+
+    try:
+        yield write
+        while written:
+            path, beside, target = written[0]
+            with naming_output(path):
+                beside.replace(target)
+            written.pop(0)
+    finally:
+        for _, beside, _ in written:
+            beside.unlink(missing_ok=True)
 
 
 def write_all(file: BinaryIO, data: bytes) -> None:

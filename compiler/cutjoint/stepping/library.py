@@ -184,7 +184,7 @@ class Library:
         self.give_speed = self._function("give_speed", index, sim, index, number)
         self.snapshot_size = self._function("snapshot_size", ctypes.c_size_t)
         self.save = self._function("save", index, sim, ctypes.c_void_p)
-        self.restore = self._function("restore", index, sim, ctypes.c_void_p)
+        self.restore = self._function("restore", index, sim, ctypes.c_void_p, ctypes.c_size_t)
         self.status_text = self._function("status_text", text, index)
         self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}

@@ -831,7 +831,7 @@ class Simulation:
             ValueError: the bytes are none.
         """
         room = ctypes.create_string_buffer(snapshot, len(snapshot))
-        if len(snapshot) != self.library.snapshot_size() or self.library.restore(self.address, ctypes.addressof(room)):
+        if self.library.restore(self.address, ctypes.addressof(room), len(snapshot)):
             raise ValueError(f"these bytes are no snapshot of '{self.library.model}'")
         self._is_started = True
 

@@ -61,7 +61,8 @@ def find_target(flags: Sequence[str]) -> Target:
         ToolchainError: there is no compiler, or it does not take the flags.
     """
     compiler = find_compiler()
-    call = subprocess.run([*compiler.command, *flags, "-x", "c++", "-dM", "-E", os.devnull], capture_output=True, text=True, check=False)
+    words = (*compiler.command, *flags, "-x", "c++", "-dM", "-E", os.devnull)
+    call = subprocess.run(words, capture_output=True, text=True, check=False, cwd=os.sep)
     if call.returncode:
         said = (call.stderr.strip().splitlines() or ["no reason given"])[0]
         raise ToolchainError(f"flags {shlex.join(flags)}: the compiler refuses them: {said}; write others")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,8 +18,8 @@ _at_work: set[subprocess.Popen[str]] = set()
 
 
 @contextmanager
-def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
-    """A tool at work, in a folder if one is given; its standard output has its errors too.
+def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path = Path(os.sep)) -> Iterator[subprocess.Popen[str]]:
+    """A tool at work in a folder of ours, since tools take files of the present one for their own; its standard output has its errors too.
 
     It, and all that it has started, ends at the latest with this block.
 
@@ -34,7 +35,7 @@ def tool(command: Sequence[str], environment: Mapping[str, str], folder: Path | 
         _at_work.discard(process)
 
 
-def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path | None) -> subprocess.Popen[str]:
+def _start(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> subprocess.Popen[str]:
     kept = [sys.executable, "-I", "-S", str(Path(keeper.__file__).absolute()), *command]
     try:
         return subprocess.Popen(

@@ -11,7 +11,7 @@ from pathlib import Path
 from cutjoint.package.errors import ToolchainError
 from cutjoint.package.locations import binaries_folder, runtime_folder
 from cutjoint.toolchain.children import tool
-from cutjoint.toolchain.compiler import PACKAGES, Compiler, tools_path
+from cutjoint.toolchain.compiler import PACKAGES, Compiler, find_tool, tools_path
 from cutjoint.toolchain.flags import are_known, require_flags
 from cutjoint.toolchain.temporary import is_plain
 from cutjoint.toolchain.waits import STATUS, Watch, listened, made_file
@@ -45,13 +45,13 @@ def build_project(
     scratch = out / "tmp"  # compilers that are killed leave files where $TMPDIR says
     scratch.mkdir(parents=True)
     environment = {**os.environ, "CXX": _one_word(compiler, scratch), "TMPDIR": str(scratch), "PATH": tools_path()}
-    if compiler.is_zig:
-        zig = zig_tools(scratch, compiler.command[0])
+    if compiler.zig:
+        zig = zig_tools(scratch, *compiler.zig, target=compiler.words)
         environment["CC"], definitions = str(zig["cc"]), (*(f"-DCMAKE_{n.upper()}={zig[n]}" for n in ("ar", "ranlib")), *definitions)
     require_flags(compiler, flags, scratch, environment, runs=runs, shared=shared)
     command = [
-        "cmake", "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG",
-        f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *_shipped_headers(out), *definitions,
+        str(find_tool("cmake")), "-S", str(source), "-B", str(out), "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
+        "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", f"-DCUTJOINT_FLAGS={' '.join(flags)}", *_STRICT, *_shipped_headers(out), *definitions,
     ]  # fmt: skip
     if _UNKNOWN in _call(command, environment, compiler, flags):
         raise ToolchainError(f"cmake does not know this compiler ({_advice(_UNKNOWN, compiler, flags)})")
@@ -71,10 +71,10 @@ def _one_word(compiler: Compiler, folder: Path) -> str:
     return str(_script(folder / "c++", compiler.command))
 
 
-def zig_tools(folder: Path, zig: str, target: Sequence[str] = ()) -> dict[str, Path]:
-    """Zig's tools, compilers with the words of a target, as programs in a folder under the names that others have."""
+def zig_tools(folder: Path, *zig: str, target: Sequence[str] = ()) -> dict[str, Path]:
+    """Zig's tools by the words that call it, compilers with those of a target, as programs in a folder under the names that others have."""
     words = {"cc": ("cc", *target), "c++": ("c++", *target), "ar": ("ar",), "ranlib": ("ranlib",)}
-    return {name: _script(folder / name, (zig, *each)) for name, each in words.items()}
+    return {name: _script(folder / name, (*zig, *each)) for name, each in words.items()}
 
 
 def _script(file: Path, command: Sequence[str]) -> Path:
@@ -90,7 +90,7 @@ def _compile(source: Path, out: Path, environment: Mapping[str, str], compiler: 
     Raises:
         ToolchainError: the compiler refused it.
     """
-    command, environment = ["cmake", "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
+    command, environment = [str(find_tool("cmake")), "--build", str(out)], {**environment, "NINJA_STATUS": STATUS}
     if not listened():
         _call(command, environment, compiler, flags)
         return
@@ -110,7 +110,7 @@ def _call(
         ToolchainError: it failed.
     """
     lines = []
-    with tool(command, environment) as process:
+    with tool(command, environment, Path(environment["TMPDIR"])) as process:
         assert process.stdout is not None
         for line in process.stdout:
             lines.append(line)
@@ -120,7 +120,7 @@ def _call(
     text = "".join(lines)
     if status != 0:
         found = [x.strip() for x in text.splitlines() if "error" in x.lower() or "not find" in x]
-        raise ToolchainError(f"{command[0]} failed: {'; '.join(found[:5]) or text[-800:]} ({_advice(text, compiler, flags)})")
+        raise ToolchainError(f"{Path(command[0]).name} failed: {'; '.join(found[:5]) or text[-800:]} ({_advice(text, compiler, flags)})")
     return text
 
 

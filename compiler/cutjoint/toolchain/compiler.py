@@ -7,12 +7,14 @@ import platform
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.util import find_spec
+from importlib.machinery import PathFinder
+from itertools import pairwise
 from pathlib import Path
 
 from cutjoint.package.errors import MissingToolsError, ToolchainError
@@ -52,15 +54,20 @@ class Compiler:
         return f"{self.version}, called by {shlex.join(self.command)}" if len(self.command) > 1 else self.version
 
     @property
-    def is_zig(self) -> bool:
-        """Return whether it is Zig's, which is a compiler of C, an archiver and more by its first word."""
-        return self.command[1:2] == ("c++",)
+    def zig(self) -> tuple[str, ...]:
+        """The words that call Zig, which is a compiler of C, an archiver and more by its next word; none where it is no Zig."""
+        return self.command[: _place_of_zig(self.command)]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words behind those that call Zig's compiler of C++."""
+        return self.command[len(self.zig) + 1 :]
 
     @property
     def key(self) -> tuple[str, ...]:
         """The properties of the compiler and its environment on which built files depend."""
         variables = (f"{name}={os.environ[name]}" for name in _VARIABLES if os.environ.get(name))
-        return (self.version, *self.command[1:], *variables)
+        return (self.version, *resolve(self.command[1:]), *variables)
 
 
 def find_compiler() -> Compiler:
@@ -73,7 +80,7 @@ def find_compiler() -> Compiler:
     """
     if IS_WINDOWS:
         raise MissingToolsError(f"this takes generated code, which is not compiled on Windows; {ADVICE}")
-    command = _command_of_environment() or _usual_command()
+    command = _for_all_processors(_command_of_environment() or _usual_command())
     require_tools(*([] if command else ["a C++ compiler"]))
     return Compiler(command=command, version=ask_version(command))
 
@@ -99,7 +106,7 @@ def require_tools(*missing: str) -> None:
     Raises:
         MissingToolsError: a tool is missing.
     """
-    absent = [*(tool for tool in ("cmake", "ninja") if shutil.which(tool, path=tools_path()) is None), *missing]
+    absent = [*(tool for tool in ("cmake", "ninja") if find_tool(tool) is None), *missing]
     if absent:
         fault = f"missing: {', '.join(absent)};"
         if binaries_folder().is_dir():
@@ -107,37 +114,57 @@ def require_tools(*missing: str) -> None:
         raise MissingToolsError(f"{fault} apt-get install {PACKAGES}")
 
 
+def find_tool(name: str) -> str | None:
+    """The absolute path of a tool, None where there is none."""
+    found = shutil.which(name, path=tools_path())
+    return found and os.path.abspath(found)
+
+
 def tools_path() -> str:
-    """The folders of tools: those of $PATH, then that of this Python's packages."""
-    return os.pathsep.join((os.environ.get("PATH", os.defpath), sysconfig.get_path("scripts")))
+    """The absolute folders of tools: those of $PATH and of Python's packages, but not the present one, which may be a stranger's."""
+    asked = (os.environ.get("PATH", os.defpath) + os.pathsep + sysconfig.get_path("scripts")).split(os.pathsep)
+    return os.pathsep.join(os.path.abspath(folder) for folder in asked if os.path.normpath(folder) != os.curdir)
 
 
 def _command_of_environment() -> tuple[str, ...]:
     """The command in $CXX; nothing if it is not set."""
     asked = os.environ.get("CXX", "").strip()
     try:
-        words = [asked] if shutil.which(asked) else shlex.split(asked)
+        words = [asked] if find_tool(asked) else shlex.split(asked)
     except ValueError as error:
         raise ToolchainError(f"CXX={asked}: {error}; set $CXX to a C++20 compiler, or unset it") from None
     if not words:
         return ()
-    found = shutil.which(words[0])
+    found = find_tool(words[0])
     if found is None:
         raise ToolchainError(f"CXX={asked}: there is no program '{words[0]}'; set $CXX to a C++20 compiler, or unset it")
-    return (os.path.abspath(found), *words[1:])
+    return (found, *words[1:])
 
 
 def _usual_command() -> tuple[str, ...]:
     """The first compiler that is installed; nothing if none is."""
-    if found := shutil.which("g++") or shutil.which("clang++"):
+    if found := find_tool("g++") or find_tool("clang++"):
         return (found,)
     return (found, "c++") if (found := find_zig()) else ()
 
 
 def find_zig() -> str | None:
-    """The program of the package ziglang; None where there is none."""
-    package = find_spec("ziglang")
+    """The program of the package ziglang, which is not taken from the present folder; None where there is none."""
+    here = os.getcwd()
+    package = PathFinder.find_spec("ziglang", [folder for folder in sys.path if os.path.abspath(folder) != here])
     return shutil.which("zig", path=os.path.dirname(package.origin)) if package and package.origin else None
+
+
+def _place_of_zig(command: Sequence[str]) -> int:
+    """The place of the word by which Zig compiles C++; 0 where it does not."""
+    return next((i for i, (name, word) in enumerate(pairwise(command), 1) if word == "c++" and Path(name).stem in ("zig", "ziglang")), 0)
+
+
+def _for_all_processors(command: tuple[str, ...]) -> tuple[str, ...]:
+    """A command whose Zig compiles and links for all processors of a kind, as others do, and not for this one, where no word names one."""
+    behind = _place_of_zig(command) + 1
+    named = any(word.lstrip("-").startswith(("target", "mcpu", "march")) for word in command[behind:])
+    return command if behind == 1 or named else (*command[:behind], "-mcpu=baseline", *command[behind:])
 
 
 @cache
@@ -151,7 +178,7 @@ def ask_version(command: tuple[str, ...]) -> str:
     try:
         done = subprocess.run(
             [*command, "--version"], stdin=subprocess.DEVNULL, capture_output=True, encoding="utf-8", errors="replace", check=False,
-            timeout=_PATIENCE,
+            timeout=_PATIENCE, cwd=os.sep,
         )  # fmt: skip
         lines = done.stdout.splitlines()
         if done.returncode == 0 and lines and lines[0].strip():

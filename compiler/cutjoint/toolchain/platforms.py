@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import platform
-import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from cutjoint.package.errors import ToolchainError
-from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, require_tools
+from cutjoint.toolchain.compiler import Compiler, ask_version, find_compiler, find_tool, require_tools
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +36,7 @@ class Platform:
         if self.is_here():
             return find_compiler()
         require_tools()
-        found = shutil.which(f"{self.tools}-g++")
+        found = find_tool(f"{self.tools}-g++")
         if found is None:
             raise ToolchainError(
                 f"missing: {self.tools}-g++, which compiles for {self.system} on {self.processor}; apt-get install {self.package}"

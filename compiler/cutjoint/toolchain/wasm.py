@@ -41,6 +41,17 @@ _STACK = 1 << 20
 SECTION = "cutjoint"
 
 
+def require_zig() -> str:
+    """The compiler for WebAssembly.
+
+    Raises:
+        MissingToolsError: ziglang is not installed.
+    """
+    if zig := find_zig():
+        return zig
+    raise MissingToolsError("missing: ziglang, which compiles for WebAssembly; pip install 'cutjoint[compiler]'")
+
+
 def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
     """The module of a folder that stands alone, with its C interface, whose functions have the ``name`` before their own; or that of the
     cache.
@@ -49,9 +60,7 @@ def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
         MissingToolsError: ziglang is not installed.
         ToolchainError: it refused the code.
     """
-    zig = find_zig()
-    if zig is None:
-        raise MissingToolsError("missing: ziglang, which compiles for WebAssembly; pip install 'cutjoint[compiler]'")
+    zig = require_zig()
     exports = [f"-Wl,--export={function}" for file, text in files.items() if file.endswith(".h") for function in _functions(name, text)]
     linked = ("-mexec-model=reactor", f"-Wl,-z,stack-size={_STACK}", "-s", *exports)
     return _build(f"{name}.wasm", files, digest, (zig, "c++"), (zig, "cc"), _WASM, linked).read_bytes()

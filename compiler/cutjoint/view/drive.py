@@ -30,6 +30,7 @@ from cutjoint.run.roads import profile_pieces
 from cutjoint.run.run_file import parameter_values
 from cutjoint.stepping.load import open_standalone
 from cutjoint.stepping.simulation import Simulation
+from cutjoint.toolchain.wasm import require_zig
 from cutjoint.view.page import Drive
 from cutjoint.view.records import Array
 from cutjoint.view.sizes import find_sizes, named_looks
@@ -139,6 +140,7 @@ def make_drive(
     """
     rests = {p.name: p.value for p in input_parameters(model)}
     values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
+    require_zig()
     numbers = Numbers.of(model, scene, parameters)
     masses = {body.name: numbers.number(body.mass) for body in model.bodies}
     wheels = list(_wheels(model))

@@ -18,7 +18,7 @@ import numpy as np
 from cutjoint.compile.folders import module_script
 from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Plot, Vector
-from cutjoint.package.locations import templates_folder
+from cutjoint.package.locations import licence_of_musl, templates_folder
 from cutjoint.run.results import Trajectory
 from cutjoint.view import meshes
 from cutjoint.view.ghost import GhostRun
@@ -105,7 +105,7 @@ def make_page(
     if over is not None:
         data |= {"over-glb": _encoded(write_gltf(over.drawing)), "over-table": as_table(over.drawing.t, [*over.columns.values()])}
     return _environment().get_template("page.html.jinja").render(
-        title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None,
+        title=escape(f"{title}, {scene}"), is_live=is_live, driving=drive is not None, notice="" if drive is None else licence_of_musl(),
         data=[(name, crc32(text.encode()), text) for name, text in data.items()],
         scripts=scripts, hashes=[script_hash(script) for script in scripts],
         styles=[(folder / name).read_text(encoding="utf-8") for name in ("vendor/uplot.min.css", "page.css")],

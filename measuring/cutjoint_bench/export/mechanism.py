@@ -33,6 +33,7 @@ def build_mechanism(model: Model, scene: Scene, parameters: Mapping[str, float])
         raise RunError(f"{model.span.file}: peers know neither guards nor sensors of rods of reduced models; export the full model")
     if scene.road.parts:
         raise RunError(f"{scene.span}: scene '{scene.name}': peers know neither surfaces nor friction of roads; leave them out of 'road'")
+    require_mechanics_alone(model)
     topology = build_topology(model)
     starts, coordinates = find_start(topology, scene, parameters)
     return _Builder(topology, scene, Numbers.of(model, scene, parameters), starts, coordinates).build()
@@ -50,7 +51,6 @@ class _Builder:
 
     def build(self) -> Mechanism:
         model = self.topology.model
-        require_mechanics_alone(model)
         roots = self.roots()
         joints = [(t, self.joint(t.joint, roots, t.reversed)) for t in self.topology.tree]
         bodies = tuple(self.rigid_body(root, members) for root, members in _groups(roots).items())

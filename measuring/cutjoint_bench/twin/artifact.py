@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Any
 
 from cutjoint.compile.pipeline import generate
+from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.formulate.natural.equations import LagrangianEquations
 from cutjoint.formulate.records import Equations
 from cutjoint.methods import CLOSURES, DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, Implementation, join_and, names_of
@@ -66,6 +67,7 @@ def _require_twin(model: Model, scene: Scene, method: str) -> None:
     if not METHODS[method].twin:
         twins = ", ".join(names_of(METHODS, lambda m: m.twin))
         raise RunError(f"{method} has no generic twin: there is one of {twins}; use --implementation generated")
+    require_mechanics_alone(model)
     if is_reduced(model, scene):
         raise RunError("the generic twin knows neither guards nor columns of reduced models: run the full model")
     closure = METHODS[method].closure(scene.numerics.closure, Implementation.GENERIC)

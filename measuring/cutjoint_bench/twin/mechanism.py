@@ -28,7 +28,6 @@ from cutjoint.elements.joint import (
     rate_name,
 )
 from cutjoint.elements.joint import Motion as ChainMotion
-from cutjoint.export.laws import require_mechanics_alone
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.inputs import make_charts, open_parameters
 from cutjoint.formulate.layout import Chart
@@ -74,7 +73,6 @@ def force_source(output: Output, force: Force, scene: Scene) -> Json:
 def heading(trees: Trees) -> Json:
     """The beginning of the descriptions for all twins."""
     model = trees.model
-    require_mechanics_alone(model)
     return {
         "name": model.name,
         "scene": trees.scene.name,

@@ -20,7 +20,7 @@ from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
-from cutjoint.package.locations import without_mark
+from cutjoint.package.locations import licence, without_mark
 from cutjoint.run.scenes import held_as_usual
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
@@ -133,7 +133,7 @@ def make_fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
         layer=page.render(f"fmu/fmi{version}.cpp.jinja", **view, token=token),
         project={name: page.render(f"fmu/{name}.jinja", **view) for name in ("CMakeLists.txt", "avx2.cpp", "chosen.h")},
-        license=page.render("fmu/license.txt.jinja", **view),
+        license=page.render("fmu/license.txt.jinja", **view) + licence(),
         page=page.render(
             "fmu/index.html.jinja", **view, scene=scene.name, steps=str(standalone.settings), variables=interface.variables,
             picture=f"../{PICTURES[version]}" if version == 2 else PICTURES[version].removeprefix("documentation/"),

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from cutjoint.formulate.inputs import reference_point
 from cutjoint.model.records import Body, Model, Scalar, Vector
 from cutjoint.report.explain.latex import Symbols, column, latex, matrix, parameter_symbols, place, text
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 from cutjoint.topology.records import Topology
 
 _LAW = (
@@ -45,7 +45,7 @@ def _arm(topology: Topology, body: Body) -> Vector:
 def _entry(bodies: Sequence[Body], arms: Mapping[str, Vector], model: Model) -> Entry:
     first, title = bodies[0], with_others([b.name for b in bodies])
     if first.is_massless:
-        rows = ((code(b.name), b.span.place) for b in bodies)
+        rows = ((code(b.name), line_of(b)) for b in bodies)
         return Entry(title=title, notes=("Massless.",), formulas=(r"M = 0, \quad Q = 0",), table=make_table(_HEADINGS[:2], rows))
     notes = (f"With the numbers of {code(first.name)}:",) if len(bodies) > 1 else ()
     return Entry(
@@ -56,7 +56,7 @@ def _entry(bodies: Sequence[Body], arms: Mapping[str, Vector], model: Model) -> 
 
 def _row(body: Body, arm: Vector, model: Model) -> tuple[str, ...]:
     return (
-        code(body.name), body.span.place, text(body.mass, model), place(body.centre_of_mass, model), place(arm, model),
+        code(body.name), line_of(body), text(body.mass, model), place(body.centre_of_mass, model), place(arm, model),
         *inertia_cells(body, model),
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ from cutjoint.model.records import Joint, Model, Numerics, Scalar
 from cutjoint.report.explain.forces import explain_gears
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import number, parameter_symbols, place, without_noise
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
@@ -95,7 +95,7 @@ def _direction_headings(kernel: ClosureKernel) -> list[str]:
 def _row(joint: Joint, kernel: ClosureKernel, model: Model) -> list[str]:
     ends = place(joint.at, model) + (f" to {place(joint.to, model)}" if joint.to is not None else "")
     directions = (place(d, model) for d in (*kernel.base_directions, *kernel.follower_directions))
-    return [code(joint.name), joint.span.place, code(joint.base), code(joint.follower), ends, *directions]
+    return [code(joint.name), line_of(joint), code(joint.base), code(joint.follower), ends, *directions]
 
 
 #: Names that sort last, so that what is subtracted is printed last.

@@ -25,7 +25,7 @@ from cutjoint.report.explain.joints import explain_joints
 from cutjoint.report.explain.latex import latex, parameter_symbols, text
 from cutjoint.report.explain.natural.document import explain_natural
 from cutjoint.report.explain.operations import cost_table, count_operations, derive, operations_table, parameter_costs
-from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, make_table, render
+from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, line_of, make_table, render
 from cutjoint.topology.build import build_topology
 
 
@@ -163,16 +163,16 @@ _NOTE = "Passes made it from the model of the file; its elements are explained a
 
 def _entries(model: Model, scene: Scene, done: Sequence[Note]) -> Iterator[Entry]:
     if done:
-        rows = make_table(("element", "line", "what was done"), ((code(n.element), n.span.place, n.words) for n in done))
+        rows = make_table(("element", "line", "what was done"), ((code(n.element), line_of(n), n.words) for n in done))
         yield _entry("Passes", "Each element that a pass changed.", rows)
     guards = [g for g in model.guards if is_active(g.force, scene)]
     if guards:
-        cells = ((code(g.force.name), g.force.span.place, ", ".join(text(m, model) for m in g.margins)) for g in guards)
+        cells = ((code(g.force.name), line_of(g.force), ", ".join(text(m, model) for m in g.margins)) for g in guards)
         words = "Forces that are taken out, since they do not act while these margins are not negative. A run stops where one is negative."
         yield _entry("Guards", words, make_table(("force", "line", "margins"), cells))
     rods = [r for r in model.reactions if isinstance(r, RodForce)]
     if rods:
-        sums = ((code(r.name), r.span.place, " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.pushes)) for r in rods)
+        sums = ((code(r.name), line_of(r), " + ".join(f"{text(w, model)} {code(rod)}" for rod, w in r.pushes)) for r in rods)
         words = "Reactions of links that distances stand for: the forces that push the distances' points apart, each times its share."
         yield _entry("Sensors of rods", words, make_table(("sensor", "line", "sum"), sums))
     others = [o for o in scene.outputs if o.stands_for]

@@ -15,7 +15,7 @@ from cutjoint.model.records import Force, Gear, JointCoordinate, Model, Scalar
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import place, text, variants
 from cutjoint.report.explain.laws import RATE, differentiate, expand_polynomials, explain_calspan, explain_law, law_symbols
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 
 Cells = tuple[tuple[str, str], ...]
 
@@ -197,7 +197,7 @@ def explain_forces(
     entries = [_entry([forces[n] for n in names], [descriptions[n] for n in names]) for names in groups]
     off = [f for f in model.forces if f.name not in forces]
     if off:
-        rows = make_table(("force", "line"), ((code(f.name), f.span.place) for f in off))
+        rows = make_table(("force", "line"), ((code(f.name), line_of(f)) for f in off))
         entries.append(Entry(title="Switched off", notes=("Not in this scene's equations.",), formulas=(), table=rows))
     return Chapter(title="Forces", notes=notes if model.forces else ("None but gravity.",), formulas=(), entries=tuple(entries))
 
@@ -209,7 +209,7 @@ def _entry(forces: Sequence[Force], descriptions: Sequence[ForceDescription]) ->
     notes = [f"Constants: {', '.join(f'{name} = {value}' for name, value in shared)}."] if shared else []
     headings = ("force", "line", *(name for name, _ in (*first.places, *constants[0])))
     rows = [
-        (code(f.name), f.span.place, *(cell for _, cell in (*m.places, *numbers)))
+        (code(f.name), line_of(f), *(cell for _, cell in (*m.places, *numbers)))
         for f, m, numbers in zip(forces, descriptions, constants, strict=True)
     ]  # fmt: skip
     names = [f.name for f in forces]
@@ -229,7 +229,7 @@ def explain_gears(model: Model) -> tuple[Entry, ...]:
 
 def _gear_entry(gears: Sequence[Gear], model: Model) -> Entry:
     rows = [
-        (code(g.name), g.span.place, _coordinate(g.first), ", ".join(map(_coordinate, g.coordinates[1:])), _relation(g, model))
+        (code(g.name), line_of(g), _coordinate(g.first), ", ".join(map(_coordinate, g.coordinates[1:])), _relation(g, model))
         for g in gears
     ]  # fmt: skip
     linear = r"\Phi = q_a - r q_b, \quad \dot \Phi = \dot q_a - r \dot q_b, \quad \ddot \Phi = \ddot q_a - r \ddot q_b"

@@ -11,7 +11,7 @@ from cutjoint.model.records import GROUND, Binding, Joint, Model
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
-from cutjoint.report.explain.views import Counterparts, Entry, Table, code, make_table, plural
+from cutjoint.report.explain.views import Counterparts, Entry, Table, code, line_of, make_table, plural
 from cutjoint.report.tables import closing_equations
 from cutjoint.topology.records import Branch, SubtreeClass, Topology, TreeJoint, degrees, eliminate
 
@@ -127,7 +127,7 @@ def cut_table(equations: RecursiveEquations) -> Table:
     """One row a cut joint."""
     sizes = {closure.joint: len(closure.names) for closure in equations.closures}
     rows = [
-        (code(c.name), c.span.place, c.kind, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
+        (code(c.name), line_of(c), c.kind, _cut_by(c), code(c.base), code(c.follower), str(sizes[c.name]))
         for c in equations.topology.cuts
     ]  # fmt: skip
     return make_table(("cut joint", "line", "kind", "cut by", "base", "follower", "equations"), rows)

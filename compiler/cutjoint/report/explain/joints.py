@@ -14,7 +14,7 @@ from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.report.explain.graph import unknowns_of
 from cutjoint.report.explain.latex import equations as print_equations
 from cutjoint.report.explain.latex import latex, parameter_symbols, place, text, variants, without_noise
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 from cutjoint.topology.records import TreeJoint
 
 _LAW = (
@@ -99,7 +99,7 @@ def _row(t: TreeJoint, model: Model) -> tuple[str, ...]:
     axes = "; ".join(place(axis, model) for axis in joint.axes) or "-"
     pitch = f", pitch {text(joint.pitch, model)}" if joint.pitch is not None else ""
     reverse = ", reversed" if t.reversed else ""
-    return code(joint.name), joint.span.place, code(t.parent), code(t.child) + reverse, ends, axes + pitch, unknowns_of(t)
+    return code(joint.name), line_of(joint), code(t.parent), code(t.child) + reverse, ends, axes + pitch, unknowns_of(t)
 
 
 def explain_guide(joint: Joint, equations: Equations) -> tuple[str, ...]:

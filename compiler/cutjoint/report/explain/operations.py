@@ -13,7 +13,7 @@ from cutjoint.program.records import Program
 from cutjoint.program.scalars import FREE
 from cutjoint.program.schedule import schedule
 from cutjoint.report.explain.latex import number
-from cutjoint.report.explain.views import Table, code, make_table
+from cutjoint.report.explain.views import Table, code, line_of, make_table
 from cutjoint.run.settings import find_closure
 from cutjoint.topology.records import Topology
 
@@ -56,7 +56,7 @@ def operations_table(
     model, joints = topology.model, (*(t.joint for t in topology.tree), *topology.closing)
     known = {stage for stage, _ in counts}
     stages = [*(s for s in order if s in known), *sorted(known - set(order))]
-    lines = {e.name: e.span.place for e in (*model.bodies, *joints, *model.forces, *model.signals, *model.states)}
+    lines = {e.name: line_of(e) for e in (*model.bodies, *joints, *model.forces, *model.signals, *model.states)}
     elements = [name for name in ("", *lines) if any((stage, name) in counts for stage in stages)]
     rows = [
         (code(name) if name else unnamed, lines.get(name, ""), *_cells([counts.get((stage, name), 0) for stage in stages]))
@@ -106,7 +106,7 @@ def _dependent(program: Program, index: int) -> set[int]:
 def cost_table(costs: tuple[Cost, ...]) -> Table:
     """One row a parameter."""
     rows = [
-        (code(c.parameter.name), c.parameter.span.place, number(c.parameter.value, times="e{}"), c.parameter.unit,
+        (code(c.parameter.name), line_of(c.parameter), number(c.parameter.value, times="e{}"), c.parameter.unit,
          f"{c.operations:+d}" if c.operations else "0", str(c.stored))
         for c in costs
     ]  # fmt: skip

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from cutjoint.emit.source import environment
+from cutjoint.model.text import escaped
 from cutjoint.package.locations import __version__
 from cutjoint.report.explain.latex import DIGITS
 from cutjoint.topology.records import SubtreeClass
@@ -87,6 +88,11 @@ def _is_numeric(cells: Sequence[str]) -> bool:
 def code(names: Iterable[str] | str) -> str:
     """Names as the model file has them."""
     return ", ".join(f"`{name}`" for name in ([names] if isinstance(names, str) else names))
+
+
+def line_of(element: Any) -> str:
+    """The file's name, in which nothing means anything to Markdown, and the line of an element."""
+    return re.sub(r"([!-,/;-@[-^`{-~])", r"\\\1", escaped(element.span.place))
 
 
 def with_others(names: Sequence[str]) -> str:

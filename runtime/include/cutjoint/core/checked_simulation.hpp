@@ -338,14 +338,19 @@ class CheckedSimulation {
     return snapshot ? write<typename Sim::Memory>([s] { return s->sim.memory(); }, snapshot) : no_array;
   }
 
-  static int restore(CheckedSimulation* s, const void* snapshot) {
-    return !holds_one(s) ? no_simulation : read<typename Sim::Memory>(snapshot, [s](const auto& memory) { s->sim.restore(memory); });
+  static int restore(CheckedSimulation* s, const void* snapshot, std::size_t bytes) {
+    if (!holds_one(s)) return no_simulation;
+    if (bytes != snapshot_size()) return no_array;
+    return read<typename Sim::Memory>(snapshot, [s](const auto& memory) { s->sim.restore(memory); });
   }
 
   /// The meaning of the last status, the name and place of the failed element, and advice, in at most so many bytes.
   static int explain(const CheckedSimulation* s, char* text, std::size_t bytes) {
-    if (!holds_one(s)) return no_simulation;
-    if (!text || bytes == 0) return no_array;
+    if (!text || bytes == 0) return holds_one(s) ? no_array : no_simulation;
+    if (!holds_one(s)) {
+      Text{text, bytes} << text_of_status(no_simulation);
+      return no_simulation;
+    }
     const Fault& fault = s->fault;
     Text words{text, bytes};
     words << text_of(fault.cause);

@@ -19,7 +19,7 @@ from cutjoint.report.explain.joints import coordinate_symbol, explain_guide
 from cutjoint.report.explain.latex import matrix, text, variants
 from cutjoint.report.explain.natural.derivation import Derivation, clean_place
 from cutjoint.report.explain.natural.shapes import left_out_note
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, make_table, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, code, group, line_of, make_table, with_others
 
 _NOTES = (
     "Bodies that share nodes need no equation for these. What a joint asks for beyond that are products of nodes or combinations, over "
@@ -113,7 +113,7 @@ def explain_joint_constraints(d: Derivation, counterparts: Sequence[Counterparts
 def _shared(d: Derivation) -> Entry:
     layout = d.full.layout
     rows = [
-        (code(j.name), j.span.place, j.kind, code(j.base), code(j.follower), _what(layout, j),
+        (code(j.name), line_of(j), j.kind, code(j.base), code(j.follower), _what(layout, j),
          code(e.name for e in joint_equations(layout, j)) or "none")
         for j in d.model.joints
     ]  # fmt: skip
@@ -166,7 +166,7 @@ def _entry(d: Derivation, joints: Sequence[Joint], equations: Sequence[Sequence[
     pitch = ["pitch $h$"] if first.pitch is not None else []
     headings = ("joint", "line", "base", "follower", "point", *pitch, *(f"${symbol}$" for symbol in directions[0]))
     rows = [
-        (code(j.name), j.span.place, code(j.base), code(j.follower), _ends(j, d), *([text(j.pitch, d.model)] if pitch else []),
+        (code(j.name), line_of(j), code(j.base), code(j.follower), _ends(j, d), *([text(j.pitch, d.model)] if pitch else []),
          *(clean_place(direction, d.model) for direction in by_symbol.values()))
         for j, by_symbol in zip(joints, directions, strict=True)
     ]  # fmt: skip

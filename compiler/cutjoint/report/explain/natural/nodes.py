@@ -13,7 +13,7 @@ from cutjoint.model.records import GROUND, Body
 from cutjoint.report.explain.bodies import inertia_cells
 from cutjoint.report.explain.latex import column, equations, parameter_symbols, place, text, variants
 from cutjoint.report.explain.natural.derivation import Derivation, clean
-from cutjoint.report.explain.views import Chapter, Counterparts, Entry, Table, code, group, make_table, plural, with_others
+from cutjoint.report.explain.views import Chapter, Counterparts, Entry, Table, code, group, line_of, make_table, plural, with_others
 
 _LAW = (
     r"M = \mu \otimes \mathbf{1}, \quad \mu = B^+ J B^{+T}, \quad J = \begin{bmatrix} J_2 & m c \cr m c^T & m \end{bmatrix}, \quad"
@@ -41,7 +41,7 @@ def explain_masses(d: Derivation, counterparts: Sequence[Counterparts]) -> Chapt
     entries = [_entry(d, names, [formulas[n] for n in names], [b for n in names for b in heavy[n]]) for names in alike]
     light = [b for b in d.model.bodies if b.is_massless]
     if light:
-        table = make_table(_HEADINGS[:2], ((code(b.name), b.span.place) for b in light))
+        table = make_table(_HEADINGS[:2], ((code(b.name), line_of(b)) for b in light))
         entries.append(Entry(title=with_others([b.name for b in light]), notes=("Massless.",), formulas=(r"\mu = 0",), table=table))
     gravity = f"g = {column(d.model.gravity, parameter_symbols(d.model))}"
     return Chapter(title="Mass matrices", notes=_NOTES, formulas=(*_LAW, gravity), entries=tuple(entries))
@@ -55,7 +55,7 @@ def _formula(d: Derivation, g: Group) -> tuple[str, ...]:
 
 def _entry(d: Derivation, names: Sequence[str], formulas: Sequence[tuple[str, ...]], bodies: Sequence[Body]) -> Entry:
     rows = (
-        (code(b.name), b.span.place, text(b.mass, d.model), place(b.centre_of_mass, d.model), *inertia_cells(b, d.model)) for b in bodies
+        (code(b.name), line_of(b), text(b.mass, d.model), place(b.centre_of_mass, d.model), *inertia_cells(b, d.model)) for b in bodies
     )
     return Entry(title=with_others(names), notes=(), formulas=variants(names, formulas), table=make_table(_HEADINGS, rows))
 

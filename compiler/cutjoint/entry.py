@@ -1,0 +1,16 @@
+"""The program `cutjoint`: a signal while Python still imports ends it without a traceback."""
+
+from __future__ import annotations
+
+import _signal as signal  # the usual one imports others
+
+
+def main() -> None:
+    """Call the command line; until all that it imports at once is there, SIGINT ends the process as the system does."""
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from cutjoint.cli import main as command_line
+
+    signal.signal(signal.SIGINT, usual)
+    command_line()
