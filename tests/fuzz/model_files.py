@@ -67,7 +67,10 @@ outputs: [{push: {value: drag.force, unit: kN}}]
     "points.csv": "name, x [mm], y, z\nA, 100, 0.2, 0.3\nB, 0, 0, -1\n",
 }
 #: What a reader of YAML makes characters of, or cannot.
-ESCAPES = ('"\\ud800"', '"\\udfff\\ud800"', '"\\U00110000"', '"\\UFFFFFFFF"', '"\\0"', '"\\x1b"', '"\\e[31m"', '"\\u202e"', '"\\N"', '"\\uFFFE"', "\u00b2")
+ESCAPES = (
+    '"\\ud800"', '"\\udfff\\ud800"', '"\\U00110000"', '"\\UFFFFFFFF"', '"\\0"',
+    '"\\x1b"', '"\\e[31m"', '"\\u202e"', '"\\N"', '"\\uFFFE"', "\u00b2",
+)  # fmt: skip
 #: Stands in a file outside of the model's folder.
 SECRET = "4711.815"
 #: Names that lead elsewhere, and what must not be taken for a number, a name, a unit or an expression.

@@ -44,7 +44,8 @@ _NUMBERS = ("0", "-1", "1e999", "-1e308", "1e-320", "1e9", "nan", "inf", "", "1_
 _LINES = (
     "$", "$$$$", "$ROAD_CRG_FILE", "$ROAD_CRG_MODS", "$ROAD_CRG", "#:KRBI", "#:LRFI", "#:KDBI", "U:", "D:", "D:long section 2,m",
     "D:long section at v = 1,m", "D:long section \u00b2,m", "border_mode_v = 4", "refline_continuation = 1", "reference_line_end_u = 0",
-    "reference_line_end_x = 1e9", "long_section_v_increment = 0", "scale_curvature = 1e9", "refpoint_u = -1e9", "border_smooth_ubeg = 1e9", "*", "!",
+    "reference_line_end_x = 1e9", "long_section_v_increment = 0", "scale_curvature = 1e9", "refpoint_u = -1e9", "border_smooth_ubeg = 1e9",
+    "*", "!",
 )  # fmt: skip
 
 

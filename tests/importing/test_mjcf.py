@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 import sympy
 
 from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.importing import mjcf_process
 from cutjoint.importing.document import import_file
 from cutjoint.importing.robot import of_quaternion
 from cutjoint.model.errors import ModelError
@@ -237,3 +239,60 @@ def test_what_includes_bring(tmp_path: Path) -> None:
     (tmp_path / "parts" / "arm.xml").write_text(f"<mujoco>{ARMS}</mujoco>")
     model = read_model(written(tmp_path, '<include file="parts/arm.xml"/>', ""))
     assert [body.name for body in model.bodies] == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("name", ["pipe.xml", "loop.xml", "x" * 5000, "parts/pipe.xml"])
+@pytest.mark.parametrize("element", ['<include file="{}"/>', '<asset><hfield name="h" size="1 1 1 1" file="{}"/></asset>'])
+def test_files_that_are_none_are_refused(tmp_path: Path, name: str, element: str) -> None:
+    """A pipe that nobody writes, a link to itself, a name that no file can have; of what is taken in too, seen from its folder."""
+    (tmp_path / "parts").mkdir()
+    for folder in (tmp_path, tmp_path / "parts"):
+        os.mkfifo(folder / "pipe.xml")
+        (folder / "loop.xml").symlink_to("loop.xml")
+    with pytest.raises(ModelError, match=f"names '{name[:60]}', which (is no file|no file can be)"):
+        read_model(written(tmp_path, ARMS, element.format(name)))
+    (tmp_path / "parts" / "part.xml").write_text(f"<mujoco>{element.format(name.removeprefix('parts/'))}</mujoco>")
+    with pytest.raises(ModelError, match=r"which (is no file|no file can be)"):
+        read_model(written(tmp_path, ARMS, '<include file="parts/part.xml"/>'))
+
+
+@pytest.mark.parametrize("part", ["", "parts"])
+@pytest.mark.parametrize("name", ["pipe.stl", "loop.stl", "x" * 5000])
+def test_pictures_that_are_no_files_are_not_opened(tmp_path: Path, name: str, part: str) -> None:
+    """The folder of meshes of a file counts for what it takes in."""
+    (tmp_path / part).mkdir(exist_ok=True)
+    os.mkfifo(tmp_path / part / "pipe.stl")
+    (tmp_path / part / "loop.stl").symlink_to("loop.stl")
+    (tmp_path / "assets.xml").write_text(f'<mujoco><asset><mesh name="m" file="{name}"/></asset></mujoco>')
+    imported = import_file(written(tmp_path, ARMS, f'<compiler meshdir="{part}"/><include file="assets.xml"/>'))
+    assert any("are not drawn" in note for note in imported.notes)
+
+
+def test_a_folder_above_the_file_may_be_named(tmp_path: Path) -> None:
+    """Masses of meshes count, and their paths lead from there."""
+    (tmp_path / "robot").mkdir()
+    ends = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in ends)
+    (tmp_path / "wedge.obj").write_text(corners + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces))
+    body = '<body name="a"><joint name="j"/><geom type="mesh" mesh="m" density="600"/></body>'
+    path = written(tmp_path / "robot", body, '<asset><mesh name="m" file="../wedge.obj"/></asset>')
+    with pytest.raises(ModelError, match="outside the folder of the file"):
+        import_file(path)
+    imported = import_file(path, folder=tmp_path)
+    assert 'mesh: wedge.obj' in imported.text
+    assert [float(body.mass) for body in read_model_text(imported.text, "m.yaml", folder=tmp_path).bodies] == pytest.approx([100], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limit", "start", "said"),
+    [
+        (1e-3, mjcf_process._START, "has taken longer than 0.001 s"), (60, "import os; os.abort()", "ends with SIGABRT"),
+        (60, "1/0", "ends with status 1"),
+    ],
+)
+def test_mujoco_may_take_long_or_crash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float, start: str, said: str) -> None:
+    monkeypatch.setattr(mjcf_process, "LIMIT", limit)
+    monkeypatch.setattr(mjcf_process, "_START", start)
+    with pytest.raises(ModelError, match=said):
+        read_model(written(tmp_path, ARMS, ""))

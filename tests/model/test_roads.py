@@ -230,7 +230,7 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
     ({"blocks": "$ROAD_CRG_MODS\ngrid_nan_mode = 0\n$\n", "grid": np.where(np.arange(36).reshape(9, 4) == 12, np.nan, GRID)},
      "grid_nan_mode = 0 is not heeded; write 1 or 2"),
     ({"blocks": "$ROAD_CRG_FILE\nother.crg\n$\n"}, "the data is in another file"),
-    *(({"old": "increment = 0.5", "new": f"increment = {step}"}, f"road.crg:6:1: scene 's': reference_line_increment is {step}; write 1e-06 or")
+    *(({"old": "increment = 0.5", "new": f"increment = {step}"}, f"road.crg:6:1: scene 's': reference_line_increment is {step}; write 1e")
       for step in (0, -1, 1e-300)),
     ({"line": "reference_line_end_u = 4\n", "old": "reference_line_increment = 0.5\n"}, "reference_line_increment is -0.75; write 1e-06"),
     ({"line": "long_section_v_increment = 0\n"}, "road.crg:10:1: scene 's': long_section_v_increment is 0"),

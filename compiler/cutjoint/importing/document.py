@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from cutjoint.importing.mjcf import read_mjcf
 from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump, short
 from cutjoint.importing.sdf import read_sdf
 from cutjoint.importing.urdf import read_urdf
-from cutjoint.importing.xml import Node
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
 from cutjoint.model.text import escaped
 from cutjoint.package.locations import AnyPath
@@ -378,8 +377,8 @@ def _flow(value: Any) -> str:
     return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
 
 
-#: Readers by the endings of files.
-READERS: dict[str, Callable[[Path], tuple[Robot, Node]]] = {".urdf": read_urdf, ".sdf": read_sdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+#: The formats that are read, by the endings of files.
+READERS = {".urdf": "URDF", ".sdf": "SDF", ".world": "SDF", ".xml": "MJCF", ".mjcf": "MJCF"}
 
 
 @dataclass(frozen=True)
@@ -408,16 +407,24 @@ def name_of(path: Path) -> Path:
     return path.with_name(f"{path.name}.yaml")
 
 
-def import_file(path: Path, *, free: bool = False) -> Imported:
+def import_file(path: Path, *, free: bool = False, folder: Path | None = None, model: str = "") -> Imported:
     """A file of another program as a model file; with ``free`` its base moves freely, else it stands on the ground unless the file says it.
 
+    Files that it names are below a ``folder``, that of the file otherwise, and so are paths of its pictures.  ``model`` is one of an SDF.
     Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.
     """
-    robot, root = READERS[path.suffix.lower()](path)
+    folder = folder or path.parent
+    match READERS.get(path.suffix.lower()):
+        case "URDF":
+            robot, root = read_urdf(path)
+        case "SDF":
+            robot, root = read_sdf(path, model)
+        case _:
+            robot, root = read_mjcf(path, folder)
     robot.leave_out_idle()
     robot.join_balls()
     closed = close(robot)
-    document = Document(robot, closed, path.parent, free=free)
+    document = Document(robot, closed, folder, free=free)
     left_out = dict(root.left_out())
     text = document.text(path.name, left_out)
     return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.q)

@@ -25,17 +25,17 @@ _FLAGS = ("GRAVITY", "SPRING", "DAMPER", "FRICTIONLOSS", "CONSTRAINT", "EQUALITY
 _SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICTIONLOSS", "CONSTRAINT"}}
 
 
-def read_mjcf(path: Path) -> tuple[Robot, Node]:
-    """The robot of an MJCF file.
+def read_mjcf(path: Path, folder: Path) -> tuple[Robot, Node]:
+    """The robot of an MJCF file, which may name files in a folder.
 
     Raises:
-        ModelError: the file is wrong, names a file outside its folder, or says what a model file cannot.
+        ModelError: the file is wrong, names a file outside the folder, or says what a model file cannot.
         MissingPackageError: MuJoCo is not installed.
     """
     root = read_xml(path)
     if root.tag != "mujoco":
         root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")
-    model, absent = compile_mjcf(path, root)
+    model, absent = compile_mjcf(path, root, folder)
     import mujoco
 
     _heed(root)
@@ -171,7 +171,7 @@ class _Reading:
                 centred = Pose(of_quaternion(*map(float, m.mesh_quat[mesh])), m.mesh_pos[mesh].copy())
                 geometry = Pose(of_quaternion(*map(float, m.geom_quat[geom])), m.geom_pos[geom].copy())
                 link.mesh, link.scale, link.mesh_pose = self._path(path), float(scale[0]), geometry @ centred.inverse()
-                link.colour = colour_of(tuple(map(float, m.geom_rgba[geom])))
+                link.colour = colour_of([str(part) for part in m.geom_rgba[geom]])
 
     def _path(self, path: str) -> str:
         folders = {node.attributes.get(key, "") for node in elements(self._root) for key in ("meshdir", "assetdir")} - {""}

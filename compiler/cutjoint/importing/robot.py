@@ -5,7 +5,7 @@ Each reader makes a :class:`Robot`; `closing.py` finds a position in which its l
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import TypeAlias
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cutjoint.importing.xml import Node
 from cutjoint.model.mass import TOLERANCE
+from cutjoint.model.text import is_number
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -423,6 +424,8 @@ def unlike(wanted: str, taken: Container[str]) -> str:
     return wanted if wanted not in taken else next(name for i in count(2) if (name := f"{wanted}_{i}") not in taken)
 
 
-def colour_of(parts: tuple[float, ...]) -> str:
-    """A colour of a model file, of red, green, blue and more, each from 0 to 1."""
-    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02x}" for part in parts[:3])
+def colour_of(parts: Sequence[str]) -> str:
+    """A colour of a model file, of texts of red, green, blue and more, each from 0 to 1; "" where they are none."""
+    if len(parts) < 3 or not all(map(is_number, parts)):
+        return ""
+    return "#" + "".join(f"{round(255 * min(max(float(part), 0.0), 1.0)):02x}" for part in parts[:3])
