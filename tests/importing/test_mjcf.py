@@ -296,3 +296,27 @@ def test_mujoco_may_take_long_or_crash(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(mjcf_process, "_START", start)
     with pytest.raises(ModelError, match=said):
         read_model(written(tmp_path, ARMS, ""))
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_a_free_body_moves_to_where_a_loop_closes(tmp_path: Path, kind: str) -> None:
+    """Only where the joints do not reach; MuJoCo's sites meet in the coordinates that the import says."""
+    place = '<site name="s" pos="-.1 .05 0" euler="20 -40 70"/>'
+    free = f'<body name="b" pos=".8 0 .2" euler="10 20 30"><freejoint/><geom size=".1 .02 .03" type="box"/>{place}</body>'
+    arm = hinged("a", "0 0 0", '<site name="t" pos=".3 0 0"/>')
+    path = written(tmp_path, arm + free, f'<equality><{kind} site1="t" site2="s"/></equality>')
+    imported = import_file(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    q, base = imported.zero["b_joint"], np.zeros(9)
+    mujoco.mju_quat2Mat(base, model.qpos0[4:])
+    data.qpos[0] = imported.zero["a_j"][0]
+    data.qpos[1:4] = model.qpos0[1:4] + base.reshape(3, 3) @ q[:3]
+    data.qpos[4:] = model.qpos0[4:]
+    mujoco.mju_quatIntegrate(data.qpos[4:], q[3:], 1)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.site("s").xpos - data.site("t").xpos).max() < 1e-9
+    assert kind == "connect" or np.abs(data.site("s").xmat - data.site("t").xmat).max() < 1e-9
+    read = read_model_text(imported.text, "m.yaml")
+    assert [float(x) for x in next(body for body in read.bodies if body.name == "b").centre_of_mass] == pytest.approx(data.body("b").xipos)
+    assert [float(x) for x in next(joint for joint in read.joints if joint.kind == "free").at] == pytest.approx(data.body("b").xpos)

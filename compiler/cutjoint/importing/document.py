@@ -199,6 +199,8 @@ class Document:
     def _add_joint(self, joint: Joint) -> None:
         link, parent = self._robot.links[joint.child], self.carriers[joint.parent]
         pose = self._closed.poses[joint.parent] @ joint.origin
+        if joint.kind == "free":  # it may have been moved to where loops close
+            pose = self._closed.poses[joint.child] @ joint.inner.inverse()
         if joint.kind == "fixed" and link.massless:
             self.carriers[link.name] = parent
             if not self._is_used(link):
