@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -320,3 +321,35 @@ def test_a_free_body_moves_to_where_a_loop_closes(tmp_path: Path, kind: str) -> 
     read = read_model_text(imported.text, "m.yaml")
     assert [float(x) for x in next(body for body in read.bodies if body.name == "b").centre_of_mass] == pytest.approx(data.body("b").xipos)
     assert [float(x) for x in next(joint for joint in read.joints if joint.kind == "free").at] == pytest.approx(data.body("b").xpos)
+
+
+def test_coordinates_in_the_head_are_those_of_mujoco(tmp_path: Path) -> None:
+    """With ``ref``: at the coordinates that the head of the file names the model stands where MuJoCo has it."""
+    arms = hinged("a", "0 0 0", hinged("b", "1 0 0")).replace('"b_j"', '"b_j" ref="0.5"')
+    imported = import_file(written(tmp_path, arms, radians := '<compiler angle="radian"/>'))
+    assert "# Coordinates are zero where those of the file are: b_j 0.5." in imported.text
+    couple = radians + '<equality><joint joint1="b_j" joint2="a_j" polycoef="0.02 0.3 0 0 0"/></equality>'
+    path = written(tmp_path, arms, couple)
+    imported = import_file(path)
+    said = re.search(r"count from where they do: (a_j \S+, )?b_j (\S+?)\.?\n", imported.text)
+    assert said
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = [imported.zero["a_j"][0], float(said[2])]
+    mujoco.mj_forward(model, data)
+    bodies = read_model_text(imported.text, "m.yaml").bodies
+    assert [float(x) for x in bodies[1].centre_of_mass] == pytest.approx(data.xipos[2], abs=1e-8)
+    assert data.qpos[1] - 0.5 == pytest.approx(0.02 + 0.3 * data.qpos[0])
+
+
+def test_actuators_with_several_controls_and_delays_are_named(tmp_path: Path) -> None:
+    """Those behind them keep their own controls."""
+    motors = (
+        '<actuator><orientation name="aim" joint="ball" kp="3"/><motor name="late" joint="a_j" delay="0.01" nsample="10"/>'
+        '<motor name="m" joint="a_j" gear="7" ctrllimited="true" ctrlrange="-2 3"/></actuator>'
+    )
+    ball = '<body name="c" pos="1 0 0"><joint name="ball" type="ball"/><geom size="0.1"/></body>'
+    imported = import_file(written(tmp_path, hinged("a", "0 0 0", ball), motors))
+    assert "the actuator aim is left out: it has several controls" in imported.notes
+    assert "the actuator late is left out: it has a delay" in imported.notes
+    assert 'law: "7*max(-2, min(3, m))"' in imported.text

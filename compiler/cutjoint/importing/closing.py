@@ -25,6 +25,10 @@ class Closed:
     poses: dict[str, Pose]
     gap: float
 
+    def own(self, references: Mapping[str, float]) -> dict[str, Array]:
+        """The coordinates as the file counts them."""
+        return {name: values + references.get(name, 0.0) for name, values in self.q.items()}
+
 
 def close(robot: Robot, *, free: bool = False) -> Closed:
     """Find where loops and couplings close; bodies that move freely stay, unless nothing else closes them, or they are ``free`` to move.

@@ -105,16 +105,19 @@ class Document:
         self._notes.setdefault(sentence, []).extend(names)
 
     def _position(self) -> Iterator[str]:
-        robot, moved = self._robot, {j: q for j, q in self._closed.q.items() if q.any()}
+        robot, zero = self._robot, self._closed.own(self._robot.references)
+        values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in zero.items() if j in self.joints and q.any())
+        start = "in the file's own position (qpos0)" if robot.references else "where all coordinates of the file are zero"
         if not robot.loops and not robot.couplings:
+            if values:
+                yield f"coordinates are zero where those of the file are: {values}"
             return
         if self._closed.gap > 1e-9:
             yield f"loops close within {self._closed.gap:.1g} m or rad by the file's numbers; here they close wholly"
-        if moved:
-            values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in moved.items())
-            yield f"loops do not close where all coordinates of the file are zero; they count from where they do: {values}"
+        if any(q.any() for q in self._closed.q.values()):
+            yield f"loops do not close {start}; they count from where they do: {values}"
         else:
-            yield "loops close where all coordinates of the file are zero; the design position is that"
+            yield f"loops close {start}; the design position is that{f', with {values}' if values else ''}"
 
     # names
 
@@ -429,4 +432,4 @@ def import_file(path: Path, *, free: bool = False, folder: Path | None = None, m
     document = Document(robot, closed, folder, free=free)
     left_out = dict(root.left_out())
     text = document.text(path.name, left_out)
-    return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.q)
+    return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.own(robot.references))

@@ -78,8 +78,9 @@ class _Reading:
             self._add_site(site)
         self._add_loops()
         self._add_tendons()
-        for actuator in range(model.nu):
+        for actuator in range(model.nactuator):
             self._add_actuator(actuator)
+        self.robot.references = {name: start for name, start in self._start.items() if start}
         self._add_starts()
         self._tell()
 
@@ -255,25 +256,29 @@ class _Reading:
         kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
         direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
+        gear, control = float(m.actuator_gear[m.actuator_outadr[i]][0]), int(m.actuator_ctrladr[i])
         if of_joint:
             self._burden(self.robot.joints[self._of_joint[target]], i)
         elif pulls and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
             self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
-        direct = direct and not m.actuator_delay[i] and not off
+        reason = (
+            "it is switched off" if off else "it has a delay" if m.actuator_delay[i] else "it has several controls" if m.actuator_ctrlnum[i] != 1
+            else "it has dynamics of its own, or acts on no joint or fixed tendon"
+        )  # fmt: skip
+        direct = direct and not m.actuator_delay[i] and not off and m.actuator_ctrlnum[i] == m.actuator_outnum[i] == 1
         if not ((of_joint or pulls) and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
-            reason = "it is switched off" if off else "it has dynamics of its own, or acts on no joint or fixed tendon"
             self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
         if pulls:
             self._pulled.add(target)
         joint = next(iter(pulls)) if pulls else self._of_joint[target]
         offset = sum(k * self._start[j] for j, k in pulls.items()) if pulls else self._start.get(joint, 0.0)
-        drive = Drive(name, joint, float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
+        drive = Drive(name, joint, gear, float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
         if bias:
             drive.bias, drive.stiffness, drive.damping = (float(x) * k for x, k in zip(m.actuator_biasprm[i][:3], (1, -1, -1), strict=True))
-        if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
-            drive.controls = float(m.actuator_ctrlrange[i][0]), float(m.actuator_ctrlrange[i][1])
+        if m.actuator_ctrllimited[control] and "CLAMPCTRL" not in self._off:
+            drive.controls = float(m.actuator_ctrlrange[control][0]), float(m.actuator_ctrlrange[control][1])
         if m.actuator_forcelimited[i]:
             drive.forces = float(m.actuator_forcerange[i][0]), float(m.actuator_forcerange[i][1])
         self.robot.drives.append(drive)
@@ -290,7 +295,7 @@ class _Reading:
 
     def _burden(self, joint: Joint, i: int) -> None:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
-        m, gear = self.m, float(self.m.actuator_gear[i][0])
+        m, gear = self.m, float(self.m.actuator_gear[self.m.actuator_outadr[i]][0])
         if np.any(m.actuator_dampingpoly[i]):
             joint.node.refuse("has an actuator with a damper that is not linear", "leave the further coefficients out")
         joint.armature += gear**2 * float(m.actuator_armature[i])

@@ -212,6 +212,7 @@ def short(value: float, digits: int = 12) -> float | int:
 @dataclass
 class Robot:
     """All of a file, as read.  A link without a parent stands on the ground.  ``starts`` are coordinates by joints, by names of scenes;
+    ``references`` are the file's own coordinates by joints, but for zeros, where those here are zero;
     ``balls`` are those that stand for three hinges; ``notes`` are sentences of decisions."""
 
     name: str
@@ -222,6 +223,7 @@ class Robot:
     drives: list[Drive] = field(default_factory=list)
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    references: dict[str, float] = field(default_factory=dict)
     balls: dict[str, list[Joint]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
