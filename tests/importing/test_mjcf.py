@@ -209,7 +209,6 @@ def test_starts_and_what_is_left_out(tmp_path: Path) -> None:
         ('<asset><skin name="x" file="../x.skn"/></asset>', "outside the folder of the file"),
         ('<extension><plugin plugin="mujoco.pid"/></extension>', "a plugin, whose code is not run"),
         ('<include file="m.xml"/>', "includes 'm.xml' again"),
-        ('<equality><joint joint1="a_j" polycoef="0.1 0 0 0 0"/></equality>', "holds the joint 'a_j' still"),
         ("<nonsense/>", "is refused by MuJoCo"),
         ('<asset><model name="x" file="/etc/passwd"/></asset>', "outside the folder of the file"),
         ('<asset><model name="x" file="m.xml"/></asset>', "includes 'm.xml' again"),

@@ -32,6 +32,8 @@ _LONGEST = 200
 _TRIALS = 5
 #: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
 _STRAIGHT = 1e-10
+#: The speed, m/s and rad/s, below which dry friction of free joints and balls is smooth.
+_SLIDING = 0.01
 #: Words that are no text in YAML.
 _WORDS = ("true", "false", "null")
 
@@ -215,23 +217,38 @@ class Document:
         element: dict[str, Any] = {"kind": joint.kind, "bodies": [parent, child], "at": _vector(pose.place)}
         if joint.kind in _COORDINATE:
             element["axis"] = _direction(pose.rotation @ joint.axis)
-        if joint.armature:
+        if joint.armature and joint.kind in _COORDINATE:
             element["armature"] = joint.armature
         self._sections["joints"][name] = element
+        if joint.armature and joint.kind not in _COORDINATE:
+            self._add_armature(joint, parent, child, element["at"])
         self._weld_shaft(child)
         q = self._closed.q.get(joint.name, np.zeros(1))
         self._resist(name, element, joint, pose.rotation @ q if joint.kind == "spherical" else q)
 
+    def _add_armature(self, joint: Joint, parent: str, child: str, at: list[float | int]) -> None:
+        """That of a free joint or a ball on what stands still is a body without weight, with the same inertia about all axes."""
+        if parent != "ground":
+            joint.node.refuse(f"has an armature on a joint of kind {joint.kind} whose carrier moves", "leave it out")
+        body, inertia = self._name(f"{child}_armature"), [joint.armature] * 3
+        self._sections["bodies"][body] = {"massless": True, "inertia": inertia}
+        if joint.kind == "free":
+            self._sections["bodies"][body] = {"mass": joint.armature, "centre_of_mass": at, "inertia": inertia}
+            lift = {"kind": "load", "body": body, "at": at, "force": [short(-joint.armature * g) for g in self._robot.gravity]}
+            self._sections["forces"][self._name(f"{body}_lift")] = lift
+        self._sections["joints"][self._name(f"{body}_weld")] = {"kind": "fixed", "bodies": [child, body], "at": at}
+        self._note("armatures of free joints and balls are bodies, without weight", body)
+
     def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: Array) -> None:
         """The spring, damper and friction of a joint, whose coordinates in the file are ``here`` in the design position; a ball's turn it
         there from where its spring is at rest, rad in global axes."""
-        if joint.kind == "free" and joint.damping and not joint.stiffness and not joint.friction:
-            self._slow(name, element, joint.damping)
+        if joint.kind == "free" and not joint.stiffness:
+            self._slow(name, element, joint.damping, joint.friction)
             return
         if joint.kind not in (*_COORDINATE, "spherical") and (joint.stiffness or joint.damping or joint.friction):
             joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or write three hinges")
         if joint.kind == "spherical" and joint.friction:
-            joint.node.refuse("has dry friction on a ball", "set it to zero, or write three hinges")
+            self._slow(name, element, 0.0, joint.friction)
         if joint.stiffness or joint.damping:
             spring: dict[str, Any] = {"stiffness": joint.stiffness, "damping": joint.damping}
             if joint.stiffness and joint.kind == "spherical":
@@ -239,20 +256,31 @@ class Document:
             elif joint.stiffness:
                 spring["free_position"] = short(joint.rest - float(here[0]))
             element["spring"] = {key: value for key, value in spring.items() if value}
-        if joint.friction:
+        if joint.friction and joint.kind != "spherical":
             force = self._name(f"{name}_friction")
             radius = {"radius": 1} if joint.kind == "revolute" else {}
             friction = {"kind": "joint_friction", "joint": name, "coefficient": 1, **radius, "preload": joint.friction, "carried": False}
             self._sections["forces"][force] = friction
 
-    def _slow(self, name: str, element: dict[str, Any], damping: float) -> None:
-        """The damper of a free joint, on places and turns."""
+    def _slow(self, name: str, element: dict[str, Any], damping: float, friction: float) -> None:
+        """The damper and the dry friction of a free joint or a ball, on places and turns."""
+        if not damping and not friction:
+            return
+
+        def against(words: list[str]) -> list[str]:
+            size = f"/sqrt({' + '.join(f'{word}**2' for word in words)} + {_SLIDING}**2)"
+            parts = [*([repr(damping)] if damping else []), *([f"{friction!r}{size}"] if friction else [])]
+            return [f"-{parts[0] if len(parts) == 1 else f'({parts[0]} + {parts[1]})'}*{word}" for word in words]
+
+        if friction:
+            self._note("dry friction of free joints and balls acts against their velocity, smoothly below 0.01 m/s or rad/s", name)
         base, follower = element["bodies"]
-        drag = {"kind": "load", "body": follower, "at": element["at"], "force": [f"-{damping!r}*v{i}" for i in "xyz"]}
-        self._sections["forces"][self._name(f"{name}_drag")] = drag
+        if element["kind"] == "free":
+            drag = {"kind": "load", "body": follower, "at": element["at"], "force": against([f"v{i}" for i in "xyz"])}
+            self._sections["forces"][self._name(f"{name}_drag")] = drag
         for body, other in ((follower, base), (base, follower)):
             if body != "ground":
-                torque = [f"-{damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
+                torque = against([f"(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"])
                 damper = self._name(f"{name}_damping", "reaction")
                 self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
 
@@ -390,8 +418,8 @@ READERS = {".urdf": "URDF", ".sdf": "SDF", ".world": "SDF", ".xml": "MJCF", ".mj
 class Imported:
     """The ``text`` of a model file; ``notes`` are sentences of decisions, ``left_out`` counts tags and attributes that were not taken.
 
-    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, where
-    the model's are zero.
+    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, without
+    their references, where the model's are zero.
     """
 
     text: str
@@ -432,4 +460,4 @@ def import_file(path: Path, *, free: bool = False, folder: Path | None = None, m
     document = Document(robot, closed, folder, free=free)
     left_out = dict(root.left_out())
     text = document.text(path.name, left_out)
-    return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.own(robot.references))
+    return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.q)

@@ -145,8 +145,8 @@ class _Reading:
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
             added.rest = float(m.qpos_spring[address]) - self._start[name]
-        elif added.armature or (kind == _FREE and (added.stiffness or added.friction)):
-            added.node.refuse(f"has an armature, a spring or friction on a joint of kind {added.kind}", "leave it out")
+        elif kind == _FREE and added.stiffness:
+            added.node.refuse("has a spring on a free joint", "leave it out")
         self._of_joint[joint] = name
         self.robot.joints[name] = added
 
@@ -222,7 +222,13 @@ class _Reading:
         second = "" if int(m.eq_obj2id[i]) < 0 else self._of_joint[int(m.eq_obj2id[i])]
         constant, slope, *bend = map(float, m.eq_data[i][:5])
         if not second or (slope == 0 and not any(bend)):
-            node.refuse(f"holds the joint '{first}' still", "leave its joint out, or write it as a weld")
+            joint = self.robot.joints[first]
+            held = joint.moved(np.array([constant])) @ joint.inner.inverse()
+            joint.origin, joint.kind = held, "fixed"
+            joint.stiffness = joint.damping = joint.friction = joint.armature = 0.0
+            self._start.pop(first)
+            self.robot.notes.append(f"{first} is fixed, since the equality {name} holds it still")
+            return
         coupling = Coupling(name, node, {first: 1.0, second: -slope}, constant)
         if any(bend):
             coupling.leader, coupling.bend = second, tuple(bend)
@@ -359,11 +365,21 @@ def _united(loops: list[Loop]) -> Loop:
     if not axis.any():
         return one
     if not all(np.linalg.norm(np.cross(axis, place - mine[a])) < 1e-6 for place in mine):
-        one.node.refuse("connects two bodies in points that are on no line", "write a weld")
+        return _rigid(one, np.array(mine), np.array(theirs))
     along = [[float(way @ (place - places[a])) for place in places] for way, places in ((axis, mine), (other, theirs))]
     if np.abs(np.subtract(along[0], along[1])).max() > CLOSED:
         one.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
     return Loop(one.name, one.node, "revolute", one.links, _along(axis, mine[a]), _along(other, theirs[a]), np.array([0.0, 0.0, 1.0]))
+
+
+def _rigid(loop: Loop, mine: Array, theirs: Array) -> Loop:
+    """Three points or more of two bodies, (n, 3) each, that are on no line, hold them together wholly."""
+    centres = mine.mean(axis=0), theirs.mean(axis=0)
+    u, _, v = np.linalg.svd((theirs - centres[1]).T @ (mine - centres[0]))
+    turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v
+    if np.abs((theirs - centres[1]) @ turn - mine + centres[0]).max() > CLOSED:
+        loop.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
+    return Loop(loop.name, loop.node, "fixed", loop.links, Pose(place=centres[0]), Pose(turn, centres[1]))
 
 
 def _unit(vector: Array) -> Array:
