@@ -335,3 +335,26 @@ def test_joints_that_are_held_still_and_points_on_no_line(tmp_path: Path) -> Non
     bodies = {body.name: body for body in read_model_text(imported.text, "m.yaml").bodies}
     assert [float(x) for x in bodies["b"].centre_of_mass] == pytest.approx(data.body("b").xipos)
     assert not any(q.any() for q in imported.zero.values())
+
+
+TENDONS = """
+<mujoco><compiler angle="radian"/><worldbody>
+<site name="wall" pos="0.1 0.2 1.5"/>
+<body name="a" pos="0 0 1"><joint name="a_j" axis="0 1 0" ref="0.3"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
+<body name="b" pos="0.3 0 0"><joint name="b_j" axis="0 1 1"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
+<site name="tip" pos="0.3 0 0.05"/></body></body></worldbody>
+<tendon><fixed name="belt" stiffness="7" damping="0.4" springlength="0.6"><joint joint="a_j" coef="2"/><joint joint="b_j" coef="-1"/></fixed>
+<spatial name="cord" stiffness="30" damping="2" springlength="0.5"><site site="wall"/><site site="tip"/></spatial></tendon></mujoco>
+"""
+
+
+@needs_cpp
+def test_springs_along_tendons(tmp_path: Path) -> None:
+    imported = compare(tmp_path, TENDONS, "{end: 0.2, output_step: 0.05, rates: {a_j.angle_rate: 1, b_j.angle_rate: 2}}")
+    assert "belt_pull" in imported.text
+    assert "kind: point_spring" in imported.text
+    assert "parameters" not in imported.text
+    model = tmp_path / "slack.xml"
+    model.write_text(TENDONS.replace('springlength="0.5"', 'springlength="0.4 0.5"'))
+    with pytest.raises(ModelError, match="spatial 'cord': is a tendon with friction, armature, slack"):
+        import_file(model)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cutjoint.importing.closing import Closed, Relation, close, solve_couplings
 from cutjoint.importing.mjcf import read_mjcf
-from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump, short
+from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, Spring, excess, forward, lump, short
 from cutjoint.importing.sdf import read_sdf
 from cutjoint.importing.urdf import read_urdf
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
@@ -69,6 +69,8 @@ class Document:
             self._add_gear(relation)
         for drive in robot.drives:
             self._add_drive(drive)
+        for spring in robot.springs:
+            self._add_spring(spring)
         if not self._sections["outputs"]:
             able = [name for name in self.joints if robot.joints[name].kind in _COORDINATE]
             self._sections["outputs"] = {self._coordinate(name): True for name in able[:_OUTPUTS]}
@@ -323,14 +325,25 @@ class Document:
         if any(joint.kind not in _COORDINATE or joint.name not in self.joints for joint in joints):
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
-        name = self._name(drive.name, "input")
+        name = self._name(drive.name, "input") if drive.gain else drive.name
         unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.pulls else {}
-        self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
+        if drive.gain:
+            self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
         laws = self._pull(drive, name) if drive.pulls else {drive.joint: drive.law(name, float(self._closed.q[drive.joint][0]))}
         for joint, law in laws.items():
             force = self._name(f"{self.joints[joint]}_motor")
             self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[joint], "law": law}
             self._sections["outputs"][self._coordinate(joint)] = True
+
+    def _add_spring(self, spring: Spring) -> None:
+        ends = (spring.first, spring.second)
+        first, second = (_vector(self._closed.poses[link].rotation @ place + self._closed.poses[link].place) for link, place in ends)
+        parts = [*([f"{spring.stiffness!r}*(length - {short(spring.rest)!r})"] if spring.stiffness else []),
+                 *([f"{spring.damping!r}*rate"] if spring.damping else [])]  # fmt: skip
+        bodies = [self.carriers[link] for link, _ in ends]
+        if bodies[0] != bodies[1]:
+            force = {"kind": "point_spring", "bodies": bodies, "from": first, "to": second, "law": " + ".join(parts)}
+            self._sections["forces"][self._name(spring.name, "spring")] = force
 
     def _pull(self, drive: Drive, name: str) -> dict[str, str]:
         """The laws by joints of a drive on a tendon, whose force is a signal."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.mjcf_files import compile_mjcf, elements
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, Spring, colour_of, of_quaternion, unlike
 from cutjoint.importing.xml import Node, read_xml
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
@@ -80,6 +80,7 @@ class _Reading:
         self._add_tendons()
         for actuator in range(model.nactuator):
             self._add_actuator(actuator)
+        self._add_resisting_tendons()
         self.robot.references = {name: start for name, start in self._start.items() if start}
         self._add_starts()
         self._tell()
@@ -269,7 +270,8 @@ class _Reading:
             self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
         reason = (
-            "it is switched off" if off else "it has a delay" if m.actuator_delay[i] else "it has several controls" if m.actuator_ctrlnum[i] != 1
+            "it is switched off" if off else "it has a delay" if m.actuator_delay[i]
+            else "it has several controls" if m.actuator_ctrlnum[i] != 1
             else "it has dynamics of its own, or acts on no joint or fixed tendon"
         )  # fmt: skip
         direct = direct and not m.actuator_delay[i] and not off and m.actuator_ctrlnum[i] == m.actuator_outnum[i] == 1
@@ -347,12 +349,35 @@ class _Reading:
             notes.append("left out: forces of the medium (density, viscosity)")
         for body in np.flatnonzero(m.body_gravcomp):
             self._node("body", self._links[body]).refuse("has gravcomp", "leave it out, or write it as loads")
-        names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss")
+
+    def _add_resisting_tendons(self) -> None:
+        """Springs and dampers along fixed tendons, and along straight ones between two sites."""
+        m = self.m
         for i in range(m.ntendon):
-            if any(np.any(getattr(m, f"tendon_{name}")[i]) for name in names):
-                title = self._name("TENDON", i, "")
-                node = self._nodes.get(("fixed", title)) or self._nodes.get(("spatial", title)) or self._root
-                node.refuse("is a tendon with stiffness, damping, friction or armature", "leave them out, or write them as springs")
+            stiffness, damping = (0.0 if flag in self._off else float(value) for value, flag in (
+                (m.tendon_stiffness[i], "SPRING"), (m.tendon_damping[i], "DAMPER")))  # fmt: skip
+            others = any(np.any(getattr(m, f"tendon_{name}")[i]) for name in ("stiffnesspoly", "dampingpoly", "armature", "frictionloss"))
+            if not (stiffness or damping or others):
+                continue
+            name, (rest, most) = self._name("TENDON", i, f"tendon_{i + 1}"), map(float, m.tendon_lengthspring[i])
+            wraps = slice(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
+            sites = [int(site) for site in m.wrap_objid[wraps]]
+            if others or (stiffness and rest != most):
+                self._tendon(i).refuse("is a tendon with friction, armature, slack or a spring that is not linear", "leave it out")
+            if pulls := self._fixed_tendon(i):
+                offset = sum(k * self._start.get(j, 0.0) for j, k in pulls.items())
+                drive = Drive(name, next(iter(pulls)), 1.0, 0.0, stiffness * rest, stiffness, damping, offset=offset, pulls=pulls)
+                self.robot.drives.append(drive)
+            elif len(sites) == 2 and all(m.wrap_type[wraps] == int(self._mujoco.mjtWrap.mjWRAP_SITE)):
+                first, second = ((self._links[int(m.site_bodyid[site])], m.site_pos[site].copy()) for site in sites)
+                self.robot.springs.append(Spring(name, first, second, stiffness, damping, rest))
+            else:
+                self._tendon(i).refuse("is a tendon with a spring or damper over more than two sites", "leave it out, or write springs")
+            self._pulled.add(i)
+
+    def _tendon(self, i: int) -> Node:
+        name = self._name("TENDON", i, "")
+        return self._nodes.get(("fixed", name)) or self._nodes.get(("spatial", name)) or self._root
 
 
 def _united(loops: list[Loop]) -> Loop:

@@ -136,6 +136,18 @@ class Loop:
     friction: float = 0.0
 
 
+@dataclass(frozen=True)
+class Spring:
+    """A spring (N/m) and a damper (N s/m) between points, each a link and a place (3) in it, at rest where they are ``rest`` m apart."""
+
+    name: str
+    first: tuple[str, Array]
+    second: tuple[str, Array]
+    stiffness: float
+    damping: float
+    rest: float
+
+
 @dataclass(eq=False)
 class Coupling:
     """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
@@ -221,6 +233,7 @@ class Robot:
     loops: list[Loop] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     starts: dict[str, dict[str, float]] = field(default_factory=dict)
     references: dict[str, float] = field(default_factory=dict)
@@ -271,6 +284,7 @@ class Robot:
         drives = [drive for drive in self.drives if joints.intersection(drive.joints)]
         names = [*sorted(gone), *(tie.name for tie in ties), *(tie.name for tie in bound), *(drive.name for drive in drives)]
         self.notes.append(f"left out, since nothing resists their motion: {', '.join(names)}")
+        self.springs = [spring for spring in self.springs if spring.first[0] not in gone and spring.second[0] not in gone]
         self.links = {name: link for name, link in self.links.items() if name not in gone}
         self.joints = {name: joint for name, joint in self.joints.items() if name not in joints}
         self.loops = [loop for loop in self.loops if loop not in ties]
