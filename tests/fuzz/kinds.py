@@ -20,6 +20,7 @@ from . import (
     model_files,
     parts,
     poses,
+    road_files,
     robots,
     run_files,
     signals,
@@ -59,6 +60,7 @@ KINDS: Mapping[str, Kind] = {
         Kind(name="poses", suffix=".pose.json", make=poses.make, check=poses.check, limit=120),
         Kind(name="massless", suffix=".massless.json", make=massless.make, check=massless.check, limit=240),
         Kind(name="robots", suffix=".robot.json", make=robots.make, check=robots.check, limit=60, waits=False),
+        Kind(name="road_files", suffix=".road.json", make=road_files.make, check=road_files.check, limit=30, waits=False),
         Kind(name="tyres", suffix=".damaged.tir", make=tyres.make, check=tyres.check, limit=60, waits=False),
         Kind(name="friction", suffix=".friction.json", make=friction.make, check=friction.check, limit=240),
     )

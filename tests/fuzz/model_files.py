@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 import random
 import re
 import time
@@ -65,12 +66,18 @@ outputs: [{push: {value: drag.force, unit: kN}}]
     "parts/data/drag.csv": "# made\nrate [mm/s], value [kN]\n-1000, 2\n250.5, 0.5\n1e3, -2\n",
     "points.csv": "name, x [mm], y, z\nA, 100, 0.2, 0.3\nB, 0, 0, -1\n",
 }
+#: What a reader of YAML makes characters of, or cannot.
+ESCAPES = (
+    '"\\ud800"', '"\\udfff\\ud800"', '"\\U00110000"', '"\\UFFFFFFFF"', '"\\0"',
+    '"\\x1b"', '"\\e[31m"', '"\\u202e"', '"\\N"', '"\\uFFFE"', "\u00b2",
+)  # fmt: skip
 #: Stands in a file outside of the model's folder.
 SECRET = "4711.815"
 #: Names that lead elsewhere, and what must not be taken for a number, a name, a unit or an expression.
 NAMES = (
     "../secret.csv", "link.csv", "parts/../../secret.csv", "/etc/passwd", "library/double_wishbone", "library/../x", "parts", "rows.yaml",
     "row.yaml", "tail.yaml", "nothing.csv", "", "a\\b.csv", "x" * 300 + ".csv", "\u202e.csv", "con.csv", "data/drag.csv", "*.csv",
+    "loop.csv", "pipe.csv", "x" * 5000 + ".csv",
 )  # fmt: skip
 CELLS = (
     "nan", "inf", "", "1_000", "0x10", "1e999", "1,5", "--1", "١", "1 2", '"1"', "=1+1", "1;2", "-0", "1e-320", "#", "\t", "1\r", "\ufeff1",
@@ -96,7 +103,7 @@ def _damaged(rng: random.Random, name: str, text: str) -> str:
     what = rng.randrange(4)
     if what == 0:
         at, length = rng.randrange(len(text) + 1), rng.choice((0, 1, 3, 20))
-        put = rng.choice(("", ",", "\n", "#", ":", "{", "}", "[", "'", "\t", "\r", "\x1b", "é", "-", text[:at]))
+        put = rng.choice(("", ",", "\n", "#", ":", "{", "}", "[", "'", "\t", "\r", "\x1b", "é", "-", text[:at], *ESCAPES))
         return text[:at] + put + text[at + length :]
     if what == 1:
         lines = text.split("\n")
@@ -125,6 +132,8 @@ def check(text: str) -> tuple[str, ...]:
         (Path(name) / "secret.csv").write_text(f"rate,value\n0,{SECRET}\n1,{SECRET}\n", encoding="utf-8")
         for link in ("link.csv", "parts/link.csv"):
             (folder / link).symlink_to(Path(name) / "secret.csv")
+        (folder / "loop.csv").symlink_to("loop.csv")
+        os.mkfifo(folder / "pipe.csv")
         begin = time.process_time()
         try:
             return _read(folder, files)

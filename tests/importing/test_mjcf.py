@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 import sympy
 
 from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.importing import mjcf_process
 from cutjoint.importing.document import import_file
 from cutjoint.importing.robot import of_quaternion
 from cutjoint.model.errors import ModelError
@@ -206,7 +209,6 @@ def test_starts_and_what_is_left_out(tmp_path: Path) -> None:
         ('<asset><skin name="x" file="../x.skn"/></asset>', "outside the folder of the file"),
         ('<extension><plugin plugin="mujoco.pid"/></extension>', "a plugin, whose code is not run"),
         ('<include file="m.xml"/>', "includes 'm.xml' again"),
-        ('<equality><joint joint1="a_j" polycoef="0.1 0 0 0 0"/></equality>', "holds the joint 'a_j' still"),
         ("<nonsense/>", "is refused by MuJoCo"),
         ('<asset><model name="x" file="/etc/passwd"/></asset>', "outside the folder of the file"),
         ('<asset><model name="x" file="m.xml"/></asset>', "includes 'm.xml' again"),
@@ -237,3 +239,116 @@ def test_what_includes_bring(tmp_path: Path) -> None:
     (tmp_path / "parts" / "arm.xml").write_text(f"<mujoco>{ARMS}</mujoco>")
     model = read_model(written(tmp_path, '<include file="parts/arm.xml"/>', ""))
     assert [body.name for body in model.bodies] == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("name", ["pipe.xml", "loop.xml", "x" * 5000, "parts/pipe.xml"])
+@pytest.mark.parametrize("element", ['<include file="{}"/>', '<asset><hfield name="h" size="1 1 1 1" file="{}"/></asset>'])
+def test_files_that_are_none_are_refused(tmp_path: Path, name: str, element: str) -> None:
+    """A pipe that nobody writes, a link to itself, a name that no file can have; of what is taken in too, seen from its folder."""
+    (tmp_path / "parts").mkdir()
+    for folder in (tmp_path, tmp_path / "parts"):
+        os.mkfifo(folder / "pipe.xml")
+        (folder / "loop.xml").symlink_to("loop.xml")
+    with pytest.raises(ModelError, match=f"names '{name[:60]}', which (is no file|no file can be)"):
+        read_model(written(tmp_path, ARMS, element.format(name)))
+    (tmp_path / "parts" / "part.xml").write_text(f"<mujoco>{element.format(name.removeprefix('parts/'))}</mujoco>")
+    with pytest.raises(ModelError, match=r"which (is no file|no file can be)"):
+        read_model(written(tmp_path, ARMS, '<include file="parts/part.xml"/>'))
+
+
+@pytest.mark.parametrize("part", ["", "parts"])
+@pytest.mark.parametrize("name", ["pipe.stl", "loop.stl", "x" * 5000])
+def test_pictures_that_are_no_files_are_not_opened(tmp_path: Path, name: str, part: str) -> None:
+    """The folder of meshes of a file counts for what it takes in."""
+    (tmp_path / part).mkdir(exist_ok=True)
+    os.mkfifo(tmp_path / part / "pipe.stl")
+    (tmp_path / part / "loop.stl").symlink_to("loop.stl")
+    (tmp_path / "assets.xml").write_text(f'<mujoco><asset><mesh name="m" file="{name}"/></asset></mujoco>')
+    imported = import_file(written(tmp_path, ARMS, f'<compiler meshdir="{part}"/><include file="assets.xml"/>'))
+    assert any("are not drawn" in note for note in imported.notes)
+
+
+def test_a_folder_above_the_file_may_be_named(tmp_path: Path) -> None:
+    """Masses of meshes count, and their paths lead from there."""
+    (tmp_path / "robot").mkdir()
+    ends = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in ends)
+    (tmp_path / "wedge.obj").write_text(corners + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces))
+    body = '<body name="a"><joint name="j"/><geom type="mesh" mesh="m" density="600"/></body>'
+    path = written(tmp_path / "robot", body, '<asset><mesh name="m" file="../wedge.obj"/></asset>')
+    with pytest.raises(ModelError, match="outside the folder of the file"):
+        import_file(path)
+    imported = import_file(path, folder=tmp_path)
+    assert 'mesh: wedge.obj' in imported.text
+    assert [float(body.mass) for body in read_model_text(imported.text, "m.yaml", folder=tmp_path).bodies] == pytest.approx([100], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("limit", "start", "said"),
+    [
+        (1e-3, mjcf_process._START, "has taken longer than 0.001 s"), (60, "import os; os.abort()", "ends with SIGABRT"),
+        (60, "1/0", "ends with status 1"),
+    ],
+)
+def test_mujoco_may_take_long_or_crash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: float, start: str, said: str) -> None:
+    monkeypatch.setattr(mjcf_process, "LIMIT", limit)
+    monkeypatch.setattr(mjcf_process, "_START", start)
+    with pytest.raises(ModelError, match=said):
+        read_model(written(tmp_path, ARMS, ""))
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_a_free_body_moves_to_where_a_loop_closes(tmp_path: Path, kind: str) -> None:
+    """Only where the joints do not reach; MuJoCo's sites meet in the coordinates that the import says."""
+    place = '<site name="s" pos="-.1 .05 0" euler="20 -40 70"/>'
+    free = f'<body name="b" pos=".8 0 .2" euler="10 20 30"><freejoint/><geom size=".1 .02 .03" type="box"/>{place}</body>'
+    arm = hinged("a", "0 0 0", '<site name="t" pos=".3 0 0"/>')
+    path = written(tmp_path, arm + free, f'<equality><{kind} site1="t" site2="s"/></equality>')
+    imported = import_file(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    q, base = imported.zero["b_joint"], np.zeros(9)
+    mujoco.mju_quat2Mat(base, model.qpos0[4:])
+    data.qpos[0] = imported.zero["a_j"][0]
+    data.qpos[1:4] = model.qpos0[1:4] + base.reshape(3, 3) @ q[:3]
+    data.qpos[4:] = model.qpos0[4:]
+    mujoco.mju_quatIntegrate(data.qpos[4:], q[3:], 1)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.site("s").xpos - data.site("t").xpos).max() < 1e-9
+    assert kind == "connect" or np.abs(data.site("s").xmat - data.site("t").xmat).max() < 1e-9
+    read = read_model_text(imported.text, "m.yaml")
+    assert [float(x) for x in next(body for body in read.bodies if body.name == "b").centre_of_mass] == pytest.approx(data.body("b").xipos)
+    assert [float(x) for x in next(joint for joint in read.joints if joint.kind == "free").at] == pytest.approx(data.body("b").xpos)
+
+
+def test_coordinates_in_the_head_are_those_of_mujoco(tmp_path: Path) -> None:
+    """With ``ref``: at the coordinates that the head of the file names the model stands where MuJoCo has it."""
+    arms = hinged("a", "0 0 0", hinged("b", "1 0 0")).replace('"b_j"', '"b_j" ref="0.5"')
+    imported = import_file(written(tmp_path, arms, radians := '<compiler angle="radian"/>'))
+    assert "# Coordinates are zero where those of the file are: b_j 0.5." in imported.text
+    couple = radians + '<equality><joint joint1="b_j" joint2="a_j" polycoef="0.02 0.3 0 0 0"/></equality>'
+    path = written(tmp_path, arms, couple)
+    imported = import_file(path)
+    said = re.search(r"count from where they do: (a_j \S+, )?b_j (\S+?)\.?\n", imported.text)
+    assert said
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = [imported.zero["a_j"][0], float(said[2])]
+    mujoco.mj_forward(model, data)
+    bodies = read_model_text(imported.text, "m.yaml").bodies
+    assert [float(x) for x in bodies[1].centre_of_mass] == pytest.approx(data.xipos[2], abs=1e-8)
+    assert data.qpos[1] - 0.5 == pytest.approx(0.02 + 0.3 * data.qpos[0])
+
+
+def test_actuators_with_several_controls_and_delays_are_named(tmp_path: Path) -> None:
+    """Those behind them keep their own controls."""
+    motors = (
+        '<actuator><orientation name="aim" joint="ball" kp="3"/><motor name="late" joint="a_j" delay="0.01" nsample="10"/>'
+        '<motor name="m" joint="a_j" gear="7" ctrllimited="true" ctrlrange="-2 3"/></actuator>'
+    )
+    ball = '<body name="c" pos="1 0 0"><joint name="ball" type="ball"/><geom size="0.1"/></body>'
+    imported = import_file(written(tmp_path, hinged("a", "0 0 0", ball), motors))
+    assert "the actuator aim is left out: it has several controls" in imported.notes
+    assert "the actuator late is left out: it has a delay" in imported.notes
+    assert 'law: "7*max(-2, min(3, m))"' in imported.text

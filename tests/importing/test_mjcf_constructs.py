@@ -280,3 +280,81 @@ def test_what_mujoco_refuses_has_its_line(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"joint 'coupler_joint': is refused by MuJoCo: .*unrecognized attribute: 'kind'") as caught:
         import_file(path)
     assert 'kind="x"' in path.read_text().splitlines()[caught.value.problems[0].span.line - 1]
+
+
+@needs_cpp
+def test_armatures_of_free_joints(tmp_path: Path) -> None:
+    """Accelerations and motion as MuJoCo's, which adds them to the mass matrix alone, so that they weigh nothing."""
+    text = BASE.replace('damping="0.7"', 'damping="0.7" armature="0.6"')
+    imported = compare(tmp_path, text, "{end: 0.2, output_step: 0.05, rates: {root.vx: 1, root.wy: 2, ball.wx: 1, ball.wz: 3}}")
+    assert "base_armature_lift" in imported.text
+
+
+@needs_cpp
+def test_a_ball_with_armature_and_friction_on_the_ground(tmp_path: Path) -> None:
+    """Without gravity and about the heaviest axis: (I + A) w' = -f."""
+    ball = '<joint name="b" type="ball" armature="0.3" frictionloss="0.2"/>'
+    body = f'<body name="a">{ball}<inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.2"/></body>'
+    path = tmp_path / "m.xml"
+    path.write_text(f'<mujoco><option gravity="0 0 0"/><worldbody>{body}</worldbody></mujoco>')
+    text = import_file(path).text
+    scene = "outputs: [a.wz]\nscenes:\n  motion: {end: 2, output_step: 0.1, rates: {b.wz: 1.0}}\n"
+    read = read_model_text(text[: text.index("scenes:")] + scene, "m.yaml")
+    run = simulate(compile_interpreted(read, read.scenes["motion"]), accuracy=1e-8)
+    speed = np.array(run["a.wz"])
+    # sqrt(w^2 + s^2) falls by 0.4 rad/s2, but for the speed below which friction is smooth
+    root = np.sqrt(speed**2 + 1e-4)
+    assert root - 0.01 * np.arcsinh(0.01 / speed) == pytest.approx(
+        root[0] - 0.01 * np.arcsinh(0.01 / speed[0]) - 0.4 * np.array(run["t"]), abs=1e-6
+    )
+
+
+def test_joints_that_are_held_still_and_points_on_no_line(tmp_path: Path) -> None:
+    """A hinge that an equality holds is fixed where MuJoCo holds it; three points of two bodies weld them."""
+    arm = '<body name="{0}" pos="{1}"><joint name="{0}_j" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>{2}</body>'
+    places = {"s": ((0.1, 0, 0), (0.4, 0.1, 0), (0.1, 0.2, 0.3))}
+    turn, shift = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([1, 2, 0.5])
+    sites = "".join(f'<site name="s{i}" pos="{x} {y} {z}"/>' for i, (x, y, z) in enumerate(places["s"]))
+    others = "".join(
+        f'<site name="o{i}" pos="{" ".join(map(repr, map(float, turn.T @ (np.array(p) - shift))))}"/>' for i, p in enumerate(places["s"])
+    )
+    free = f'<body name="f" pos="1 2 0.5" euler="0 0 90"><freejoint/><geom size="0.1"/>{others}</body>'
+    ties = "".join(f'<connect site1="s{i}" site2="o{i}"/>' for i in range(3))
+    held = '<joint joint1="b_j" polycoef="0.25 0 0 0 0"/>'
+    path = tmp_path / "m.xml"
+    path.write_text(f"<mujoco><worldbody>{arm.format('a', '0 0 0', sites)}{arm.format('b', '0 0 2', '')}{free}</worldbody>"
+                    f"<equality>{ties}{held}</equality></mujoco>")  # fmt: skip
+    imported = import_file(path)
+    joints = {joint.name: joint for joint in read_model_text(imported.text, "m.yaml").joints}
+    assert "b_j is fixed, since the equality equality_4 holds it still" in imported.notes
+    assert [joint.kind for joint in joints.values()].count("fixed") == 2
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[1] = 0.25
+    mujoco.mj_forward(model, data)
+    bodies = {body.name: body for body in read_model_text(imported.text, "m.yaml").bodies}
+    assert [float(x) for x in bodies["b"].centre_of_mass] == pytest.approx(data.body("b").xipos)
+    assert not any(q.any() for q in imported.zero.values())
+
+
+TENDONS = """
+<mujoco><compiler angle="radian"/><worldbody>
+<site name="wall" pos="0.1 0.2 1.5"/>
+<body name="a" pos="0 0 1"><joint name="a_j" axis="0 1 0" ref="0.3"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
+<body name="b" pos="0.3 0 0"><joint name="b_j" axis="0 1 1"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
+<site name="tip" pos="0.3 0 0.05"/></body></body></worldbody>
+<tendon><fixed name="belt" stiffness="7" damping="0.4" springlength="0.6"><joint joint="a_j" coef="2"/><joint joint="b_j" coef="-1"/></fixed>
+<spatial name="cord" stiffness="30" damping="2" springlength="0.5"><site site="wall"/><site site="tip"/></spatial></tendon></mujoco>
+"""
+
+
+@needs_cpp
+def test_springs_along_tendons(tmp_path: Path) -> None:
+    imported = compare(tmp_path, TENDONS, "{end: 0.2, output_step: 0.05, rates: {a_j.angle_rate: 1, b_j.angle_rate: 2}}")
+    assert "belt_pull" in imported.text
+    assert "kind: point_spring" in imported.text
+    assert "parameters" not in imported.text
+    model = tmp_path / "slack.xml"
+    model.write_text(TENDONS.replace('springlength="0.5"', 'springlength="0.4 0.5"'))
+    with pytest.raises(ModelError, match="spatial 'cord': is a tendon with friction, armature, slack"):
+        import_file(model)

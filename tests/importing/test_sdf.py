@@ -76,7 +76,11 @@ def test_a_gearbox_relates_turns_about_its_reference(tmp_path: Path) -> None:
         ('name="j1" type="revolute"', 'name="j1" type="universal"', "is of type 'universal'"),
         ('expressed_in="__model__"', 'expressed_in="x"', "expressed in 'x', which is not there"),
         ("<xyz>0 1 0</xyz>\n", "<xyz>0 0 0</xyz>\n", "an axis without length"),
-        ("</model>", "<model name='inner'/></model>", "stands inside another model"),
+        ("</model>", "<include><uri>model://x</uri></include></model>", "includes another file, which is not read"),
+        ('attached_to="rod"', 'attached_to="end"', "placed relative to itself"),
+        ('version="1.9"', 'version="1.\u00b2"', "has the version '1.\u00b2'; write for example 1.9"),
+        ('version="1.9"', f'version="1.{"9" * 10_000}"', "has the version '1.999"),
+        ("<parent>world</parent><child>crank</child>", "<parent>crank</parent><child>crank</child>", "connects 'crank' with itself"),
     ],
 )
 def test_faults_are_told(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -90,3 +94,72 @@ def test_gravity_of_a_world_counts(tmp_path: Path) -> None:
     text = FOUR_BAR.replace("<model", f"{world}<model").replace("</sdf>", "</world></sdf>")
     assert "gravity: [0, 0, -1.6]" in import_file(written(tmp_path, text)).text
     assert np.allclose([float(x) for x in read_model(written(tmp_path, text)).gravity], [0, 0, -1.6])
+
+
+def test_a_long_chain_of_frames_is_no_circle(tmp_path: Path) -> None:
+    count = 200
+    relative = ["", *(f' relative_to="j{i}"' for i in range(1, count))]
+    links = "".join(f'<link name="l{i}"><pose{relative[i]}>0 0 0.1 0 0 0</pose>{MASS}</link>' for i in range(count))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><pose relative_to="l{i - 1}">0 0 0.1 0 0 0</pose><parent>l{i - 1}</parent><child>l{i}</child>'
+        "<axis><xyz>0 1 0</xyz></axis></joint>" for i in range(1, count)
+    )  # fmt: skip
+    text = import_file(written(tmp_path, f'<sdf version="1.9"><model name="chain">{links}{joints}</model></sdf>')).text
+    assert f"l{count - 1}: {{mass: 1, centre_of_mass: [0, 0, {0.2 * count - 0.1:.12g}]" in text
+
+
+MASS = "<inertial><mass>1</mass></inertial>"
+PENDULUM = (
+    f'<link name="arm"><pose>1 0 0 0 0 0</pose>{MASS}</link><frame name="tip" attached_to="arm"><pose>0.5 0 0 0 0 0</pose></frame>'
+    '<joint name="turn" type="revolute"><pose relative_to="__model__"/><parent>world</parent><child>tip</child>'
+    "<axis><xyz>0 1 0</xyz></axis></joint>"
+)
+
+
+def test_all_models_of_a_world_are_taken_or_one_by_its_name(tmp_path: Path) -> None:
+    """The second model stands a quarter turn about z on, so that its hinge's y is the world's -x."""
+    second = f'<model name="b"><pose relative_to="here">0 0 0 0 0 1.5707963267948966</pose>{PENDULUM}</model>'
+    ground = f'<model name="floor"><static>1</static><link name="slab">{MASS}</link></model>'
+    first, here = f'<model name="a"><pose>0 0 3 0 0 0</pose>{PENDULUM}</model>', '<frame name="here"><pose>0 0 2 0 0 0</pose></frame>'
+    tie = '<joint name="tie" type="ball"><parent>a::arm</parent><child>b::tip</child></joint>'
+    text = f'<sdf version="1.11"><world name="w">{here}{ground}{first}{second}TIE</world></sdf>'
+    path = tmp_path / "two.world"
+    path.write_text(text.replace("TIE", ""))
+    model = read_model(path)
+    assert {joint.name: joint.kind for joint in model.joints} == {"floor_slab_weld": "fixed", "a_turn": "revolute", "b_turn": "revolute"}
+    places = {body.name: [float(x) for x in body.centre_of_mass] for body in model.bodies}
+    assert places["a_arm"] == pytest.approx([1, 0, 3])
+    assert places["b_arm"] == pytest.approx([0, 1, 2])
+    (turn,) = (joint for joint in model.joints if joint.name == "b_turn")
+    assert [float(x) for x in turn.axes[0]] == pytest.approx([-1, 0, 0], abs=1e-12)
+    assert "b_arm" not in import_file(path, model="a").text
+    path.write_text(text.replace("TIE", tie))
+    assert "tie: {kind: spherical, bodies: [a_arm, b_arm], at: [0, 1.5, 2]}" in import_file(path).text
+    assert "tie" not in import_file(path, model="a").text
+    with pytest.raises(ModelError, match="world 'w': has no model 'c'"):
+        import_file(path, model="c")
+
+
+def test_models_inside_others_are_those_written_out(tmp_path: Path) -> None:
+    """A model that is placed by one of its frames, in another, beside the same links by hand."""
+    inner = f'<model name="in" placement_frame="tip"><pose relative_to="base">0 0 1 0 0.3 0</pose>{PENDULUM}</model>'
+    base = f'<link name="base"><pose>0 1 0 0 0 0.2</pose>{MASS}</link>'
+    joints = '<joint name="hold" type="revolute"><parent>base</parent><child>in::tip</child><axis><xyz>1 0 0</xyz></axis></joint>'
+    inner = inner.replace(PENDULUM[PENDULUM.index("<joint") :], "")
+    nested = f'<sdf version="1.9"><model name="m">{base}{inner}{joints}</model></sdf>'
+    by_hand = (
+        f'{base}<link name="in_arm"><pose relative_to="tip">-0.5 0 0 0 0 0</pose>{MASS}</link>'
+        '<frame name="tip"><pose relative_to="base">0 0 1 0 0.3 0</pose></frame>'
+        + joints.replace("in::tip", "in_arm").replace("><parent>base", '><pose relative_to="tip"/><parent>base')
+    )
+    texts = []
+    for text in (nested, f'<sdf version="1.9"><model name="m">{by_hand}</model></sdf>'):
+        texts.append(import_file(written(tmp_path, text)).text)
+    assert texts[0] == texts[1]
+
+
+@pytest.mark.parametrize("colour", ["0.2 0.4 1", "0.2 0.4 1 1"])
+def test_colours_of_three_numbers_or_four(tmp_path: Path, colour: str) -> None:
+    visual = f"<visual name='v'><material><diffuse>{colour}</diffuse></material></visual>"
+    assert 'colour: "#3366ff"' in import_file(written(tmp_path, FOUR_BAR.replace("</link>", f"{visual}</link>", 1))).text
+    assert "colour" not in import_file(written(tmp_path, FOUR_BAR.replace("</link>", f"{visual}</link>", 1).replace(colour, "red"))).text

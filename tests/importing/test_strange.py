@@ -209,7 +209,7 @@ class TestMjcf:
         [
             ('damping="1 2"', "", "a spring or a damper that is not linear"),
             ('stiffness="1 2"', "", "a spring or a damper that is not linear"),
-            ("", '<tendon><fixed armature="1"><joint joint="a_j" coef="1"/></fixed></tendon>', "a tendon with stiffness"),
+            ("", '<tendon><fixed armature="1"><joint joint="a_j" coef="1"/></fixed></tendon>', "a tendon with friction, armature"),
             ("", '<equality><connect name="p" site1="s" site2="w"/><connect site1="t" site2="v"/></equality>', "not as far apart on both"),
         ],
     )

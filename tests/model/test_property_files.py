@@ -172,3 +172,44 @@ def test_choices_and_warnings_of_submodels_are_told() -> None:
         "m.yaml:13:15: submodel 'fin': choices: unknown parameter 'mood'; did you mean 'mode'?",
         "m.yaml:14:13: submodel 'fin': warns: unknown parameter 'sift'; did you mean 'soft'?",
     ]
+
+
+OLD = (DATA / "mf52.tir").read_text()
+ON_OLD = MODEL.replace("wheel_mf62", "wheel_mf52")
+MASSES = ON_OLD.replace("z: 0.3}", "z: 0.3, MASS: 20, IXX: 0.6, IYY: 1}")
+
+
+def test_masses_that_a_file_leaves_out_are_the_instances(tmp_path: Path) -> None:
+    assert told(tmp_path, OLD, ON_OLD) == [
+        "m.yaml:8:13: instance 'w': with and properties lack MASS, IXX, IYY; "
+        "the file leaves them to you: write MASS: ..., IXX: ..., IYY: ... into with"
+    ]
+    lacking = told(tmp_path, re.sub(r"(?m)^IYY\s*=.*$", "", TYRE))[0]
+    assert lacking.endswith("lack IYY; the file leaves them to you: write IYY: ... into with")
+
+
+@pytest.mark.parametrize("absent", ["", r"\1 =", r"\1 = $ nothing"])
+def test_coefficients_that_a_file_lacks_or_leaves_blank_are_those_of_the_format(absent: str, tmp_path: Path) -> None:
+    """The model is that of a file that says their defaults."""
+    keys = ("LONGVL", "PEX4", "PHY3", "RHX1", "QEZ5", "SSZ4", "QSY1", "DREFF")
+    defaults = dict.fromkeys(keys, 0.0) | {"LONGVL": 16.7}
+    lacking, whole = (re.sub(rf"(?m)^({'|'.join(keys)})(\s*=).*$", by, OLD) for by in (absent, r"\1\2 DEFAULT"))
+    for key, value in defaults.items():
+        whole = re.sub(rf"(?m)^({key}\s*=).*$", rf"\1 {value}", whole)
+    said = next(note for note in told(tmp_path, lacking, MASSES) if "lacks" in note)
+    assert said == (
+        "tyre.tir: lacks coefficients, which have the format's defaults in 'wheel': "
+        "0 for PEX4, PHY3, RHX1, QSY1, QEZ5, SSZ4, DREFF, and 16.7 for LONGVL"
+    )
+    models = []
+    for text in (lacking, whole):
+        (tmp_path / "tyre.tir").write_text(text)
+        models.append(read_model_text(MASSES, "m.yaml", folder=tmp_path))
+    assert [signal.value for signal in models[0].signals] == [signal.value for signal in models[1].signals]
+
+
+def test_a_file_of_another_kind_has_no_other_faults(tmp_path: Path) -> None:
+    """FITTYP 5: what its numbers would make of formulas that are not its own is no matter."""
+    old = re.sub(r"(?m)^(PKY2|PTX1|PCX1)(\s*=).*$", r"\1\2 0", re.sub(r"(?m)^FITTYP\s*=.*$", "FITTYP = 5", OLD))
+    (line,) = told(tmp_path, re.sub(r"(?m)^PDX1\s*=.*$", "", old), ON_OLD)
+    assert line.endswith("FITTYP is 5, and the submodel 'wheel' is made for 6, 21 or 52; use another submodel, or another file")

@@ -140,11 +140,11 @@ BANKS = np.array([0, 0.01, 0.02, 0.02, 0.03, 0.01, 0, -0.02, -0.01])
 
 def crg(
     folder: Path, form: str, *, blocks: str = "", line: str = "", heading: Any = 0.6, grid: np.ndarray = GRID, slopes: np.ndarray = SLOPES,
-    banks: np.ndarray = BANKS, old: str = "", new: str = "", interpolation: str = "linear",
+    banks: np.ndarray = BANKS, old: str = "", new: str = "", interpolation: str = "linear", ruler: str = "$" * 72,
 ) -> Road:  # fmt: skip
     """The road of a file that is written here."""
     records = np.column_stack([np.where(np.arange(len(grid)) == 0, np.nan, heading), slopes, banks, grid])
-    text = HEAD.replace("FORMAT", form).replace("BLOCKS", blocks).replace("LINE\n", line).replace(old, new) + "$" * 72 + "\n"
+    text = HEAD.replace("FORMAT", form).replace("BLOCKS", blocks).replace("LINE\n", line).replace(old, new) + ruler + "\n"
     if form[0] == "K":
         kind = np.dtype(">f4" if form == "KRBI" else ">f8")
         data = records.astype(kind).tobytes()
@@ -176,6 +176,12 @@ def test_opencrg_has_grid_slope_and_banking(form: str, tmp_path: Path) -> None:
     assert found.step == pytest.approx((0.5, 0.5))
     assert found.bilinear
     assert np.array(found.heights) == pytest.approx(expected - begin, abs=1e-8 if form == "KRBI" else 1e-15)
+
+
+@pytest.mark.parametrize("form", ["LDFI", "KDBI"])
+def test_a_ruler_with_numbers_ends_the_header_of_opencrg(form: str, tmp_path: Path) -> None:
+    ruler = "".join(f"{i:$>8}" for i in range(10, 90, 10))
+    assert surface_of_file(crg(tmp_path, form, ruler=ruler)) == surface_of_file(crg(tmp_path, form))
 
 
 def test_modifiers_of_opencrg_are_applied(tmp_path: Path) -> None:
@@ -224,6 +230,15 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
     ({"blocks": "$ROAD_CRG_MODS\ngrid_nan_mode = 0\n$\n", "grid": np.where(np.arange(36).reshape(9, 4) == 12, np.nan, GRID)},
      "grid_nan_mode = 0 is not heeded; write 1 or 2"),
     ({"blocks": "$ROAD_CRG_FILE\nother.crg\n$\n"}, "the data is in another file"),
+    *(({"old": "increment = 0.5", "new": f"increment = {step}"}, f"road.crg:6:1: scene 's': reference_line_increment is {step}; write 1e")
+      for step in (0, -1, 1e-300)),
+    ({"line": "reference_line_end_u = 4\n", "old": "reference_line_increment = 0.5\n"}, "reference_line_increment is -0.75; write 1e-06"),
+    ({"line": "long_section_v_increment = 0\n"}, "road.crg:10:1: scene 's': long_section_v_increment is 0"),
+    ({"old": "increment = 0.5", "new": "increment = 1e999"}, "road.crg:6:1: scene 's': reference_line_increment = 1e999 is very large"),
+    ({"old": "10.0,0.5", "new": "10.0,1e999"}, "'U:reference line u,m,10.0,1e999' has no start and increment"),
+    ({"old": "long section 3,m", "new": "long section \u00b2,m"}, "has no place; write long section 1"),
+    ({"grid": np.full((9, 4), np.inf)}, "the data has numbers that are not finite"),
+    ({"grid": GRID[:0], "slopes": SLOPES[:0], "banks": BANKS[:0]}, "the file has less than two cross sections"),
     ({"line": "what is this\n"}, "'what is this' is no keyword with a number"),
     ({"old": "#:LDFI", "new": "#:LXFI"}, "the format of the data is 'LXFI'; it is LRFI, LDFI, KRBI or KDBI"),
     ({"old": "long section 3,m", "new": "long section 3,mm"}, "'long section 3' is in 'mm'; it is in m"),

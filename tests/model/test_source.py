@@ -68,6 +68,10 @@ def test_merge_keys_and_aliases() -> None:
         ("a: *b", "m.yaml:1:4: file: found undefined alias 'b'"),
         ("a: [1", "m.yaml:1:6: file: expected ',' or ']', but got '<stream end>'"),
         ("a: 1\n---\nb: 2", "m.yaml:2:1: file: but found another document"),
+        ('a: "\\ud800"', "m.yaml:1:4: file: an escape is half of a character"),
+        ('"\\udfff": 1', "m.yaml:1:1: file: an escape is half of a character"),
+        ('a: "x\\U00110000"', "m.yaml:1:8: file: an escape names no character"),
+        ('a: "\\UFFFFFFFF"', "m.yaml:1:7: file: an escape names no character"),
         ("a: \x07", "m.yaml:1:4: file: a control character is not allowed in YAML"),
     ],
 )  # fmt: skip

@@ -10,18 +10,24 @@ from cutjoint.commands import options, table
 from cutjoint.importing.document import READERS, import_file, is_foreign, name_of
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_whole
+from cutjoint.topology.reading import read_model_text
 
 
 @table.command("import")
-def command(file: Path, base: str, out: Path | None) -> None:
+def command(file: Path, base: str, name: str, folder: Path | None, out: Path | None) -> None:
     """Write a URDF, SDF or MJCF FILE as a model file."""
     if not is_foreign(file):
         raise click.UsageError(f"{file.name} is of no format that is read; files end in {', '.join(READERS)}")
+    if name and READERS[file.suffix.lower()] != "SDF":
+        raise click.UsageError(f"--model chooses one of an SDF; {file.name} is none")
+    if folder and not file.resolve().is_relative_to(folder.resolve()):
+        raise click.UsageError(f"--folder {folder}: {file.name} is not below it")
     out = Path(name_of(file).name) if out is None else out
     beside = file.with_suffix(".yaml")
     require_apart({"the file": file, "the file with its loops": beside if beside.is_file() else None}, documents=[("--out", out)])
     with options.progress_bar(f"reading {file.name}"):
-        imported = import_file(file, free=base == "free")
+        imported = import_file(file, free=base == "free", folder=folder, model=name)
+        read_model_text(imported.text, str(out), folder=folder or file.parent)  # so that what is written is taken
     write_whole(out, imported.text)
     console = options.console_beside(out)
     for note in imported.notes:

@@ -156,6 +156,9 @@ OPTIONS: Mapping[str, Row] = {
     "file": click.argument("file", type=_READ),
     "base": click.option("--base", type=click.Choice(["fixed", "free"]), default="fixed", show_default=True, help="Whether a URDF's first "
         "link stands on the ground or moves freely; SDF and MJCF say it themselves."),
+    "import.name": click.option("--model", "name", metavar="NAME", default="", help="One of the models of an SDF; all otherwise."),
+    "import.folder": click.option("--folder", type=click.Path(exists=True, file_okay=False, path_type=Path), help="Folder below which the "
+        "FILE may name others, and from which paths of pictures lead; FILE's own otherwise."),
     "scene": click.option("--scene", metavar="NAME", help="Scene of the model file; may be left out if there is only one."),
     **dict.fromkeys(("check.scene", "equilibrium.scene", "explain.scene", "view.scene"), _FIRST_SCENE),
     "modes.scene": click.option("--scene", metavar="NAME", help="Scene of the model file; the first otherwise. With --at it may be left "

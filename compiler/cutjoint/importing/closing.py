@@ -25,10 +25,18 @@ class Closed:
     poses: dict[str, Pose]
     gap: float
 
+    def own(self, references: Mapping[str, float]) -> dict[str, Array]:
+        """The coordinates as the file counts them."""
+        return {name: values + references.get(name, 0.0) for name, values in self.q.items()}
 
-def close(robot: Robot) -> Closed:
-    """Find where loops and couplings close.  Raises ModelError at the loop that stays open by more than CLOSED."""
-    joints = [joint for joint in robot.outwards() if joint.name in robot.in_loops() and joint.freedom and joint.kind != "free"]
+
+def close(robot: Robot, *, free: bool = False) -> Closed:
+    """Find where loops and couplings close; bodies that move freely stay, unless nothing else closes them, or they are ``free`` to move.
+
+    Raises ModelError at the loop that stays open by more than CLOSED.
+    """
+    able = [joint for joint in robot.outwards() if joint.name in robot.in_loops() and joint.freedom]
+    joints = [joint for joint in able if free or joint.kind != "free"]
     still = {joint.name: np.zeros(joint.freedom) for joint in robot.outwards() if joint.freedom}
     ends = np.cumsum([0] + [joint.freedom for joint in joints])
 
@@ -48,6 +56,8 @@ def close(robot: Robot) -> Closed:
     left = residual(values)
     closing: list[Loop | Coupling] = [*robot.loops, *robot.couplings]
     for one, gap in zip(closing, gaps(values), strict=True):
+        if np.abs(gap).max() > CLOSED and len(joints) < len(able):
+            return close(robot, free=True)
         if np.abs(gap).max() > CLOSED:
             apart = f"{np.abs(gap).max():.2g} m or rad"
             one.node.refuse(f"does not close: in the position found it is open by {apart}", "correct the frames of its two ends")

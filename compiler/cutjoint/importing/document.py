@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,9 @@ import numpy as np
 
 from cutjoint.importing.closing import Closed, Relation, close, solve_couplings
 from cutjoint.importing.mjcf import read_mjcf
-from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, excess, forward, lump, short
+from cutjoint.importing.robot import POINT, Array, Drive, Joint, Link, Loop, Robot, Spring, excess, forward, lump, short
 from cutjoint.importing.sdf import read_sdf
 from cutjoint.importing.urdf import read_urdf
-from cutjoint.importing.xml import Node
 from cutjoint.model.names import MAX_NAME_LENGTH, RESERVED_EVERYWHERE, name_problem
 from cutjoint.model.text import escaped
 from cutjoint.package.locations import AnyPath
@@ -33,6 +32,8 @@ _LONGEST = 200
 _TRIALS = 5
 #: A direction that is off an axis by less is this axis, rad: files write the half of pi to ten digits and more.
 _STRAIGHT = 1e-10
+#: The speed, m/s and rad/s, below which dry friction of free joints and balls is smooth.
+_SLIDING = 0.01
 #: Words that are no text in YAML.
 _WORDS = ("true", "false", "null")
 
@@ -68,6 +69,8 @@ class Document:
             self._add_gear(relation)
         for drive in robot.drives:
             self._add_drive(drive)
+        for spring in robot.springs:
+            self._add_spring(spring)
         if not self._sections["outputs"]:
             able = [name for name in self.joints if robot.joints[name].kind in _COORDINATE]
             self._sections["outputs"] = {self._coordinate(name): True for name in able[:_OUTPUTS]}
@@ -106,16 +109,19 @@ class Document:
         self._notes.setdefault(sentence, []).extend(names)
 
     def _position(self) -> Iterator[str]:
-        robot, moved = self._robot, {j: q for j, q in self._closed.q.items() if q.any()}
+        robot, zero = self._robot, self._closed.own(self._robot.references)
+        values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in zero.items() if j in self.joints and q.any())
+        start = "in the file's own position (qpos0)" if robot.references else "where all coordinates of the file are zero"
         if not robot.loops and not robot.couplings:
+            if values:
+                yield f"coordinates are zero where those of the file are: {values}"
             return
         if self._closed.gap > 1e-9:
             yield f"loops close within {self._closed.gap:.1g} m or rad by the file's numbers; here they close wholly"
-        if moved:
-            values = ", ".join(f"{j} {' '.join(f'{x:.9g}' for x in q)}" for j, q in moved.items())
-            yield f"loops do not close where all coordinates of the file are zero; they count from where they do: {values}"
+        if any(q.any() for q in self._closed.q.values()):
+            yield f"loops do not close {start}; they count from where they do: {values}"
         else:
-            yield "loops close where all coordinates of the file are zero; the design position is that"
+            yield f"loops close {start}; the design position is that{f', with {values}' if values else ''}"
 
     # names
 
@@ -200,6 +206,8 @@ class Document:
     def _add_joint(self, joint: Joint) -> None:
         link, parent = self._robot.links[joint.child], self.carriers[joint.parent]
         pose = self._closed.poses[joint.parent] @ joint.origin
+        if joint.kind == "free":  # it may have been moved to where loops close
+            pose = self._closed.poses[joint.child] @ joint.inner.inverse()
         if joint.kind == "fixed" and link.massless:
             self.carriers[link.name] = parent
             if not self._is_used(link):
@@ -211,23 +219,38 @@ class Document:
         element: dict[str, Any] = {"kind": joint.kind, "bodies": [parent, child], "at": _vector(pose.place)}
         if joint.kind in _COORDINATE:
             element["axis"] = _direction(pose.rotation @ joint.axis)
-        if joint.armature:
+        if joint.armature and joint.kind in _COORDINATE:
             element["armature"] = joint.armature
         self._sections["joints"][name] = element
+        if joint.armature and joint.kind not in _COORDINATE:
+            self._add_armature(joint, parent, child, element["at"])
         self._weld_shaft(child)
         q = self._closed.q.get(joint.name, np.zeros(1))
         self._resist(name, element, joint, pose.rotation @ q if joint.kind == "spherical" else q)
 
+    def _add_armature(self, joint: Joint, parent: str, child: str, at: list[float | int]) -> None:
+        """That of a free joint or a ball on what stands still is a body without weight, with the same inertia about all axes."""
+        if parent != "ground":
+            joint.node.refuse(f"has an armature on a joint of kind {joint.kind} whose carrier moves", "leave it out")
+        body, inertia = self._name(f"{child}_armature"), [joint.armature] * 3
+        self._sections["bodies"][body] = {"massless": True, "inertia": inertia}
+        if joint.kind == "free":
+            self._sections["bodies"][body] = {"mass": joint.armature, "centre_of_mass": at, "inertia": inertia}
+            lift = {"kind": "load", "body": body, "at": at, "force": [short(-joint.armature * g) for g in self._robot.gravity]}
+            self._sections["forces"][self._name(f"{body}_lift")] = lift
+        self._sections["joints"][self._name(f"{body}_weld")] = {"kind": "fixed", "bodies": [child, body], "at": at}
+        self._note("armatures of free joints and balls are bodies, without weight", body)
+
     def _resist(self, name: str, element: dict[str, Any], joint: Joint | Loop, here: Array) -> None:
         """The spring, damper and friction of a joint, whose coordinates in the file are ``here`` in the design position; a ball's turn it
         there from where its spring is at rest, rad in global axes."""
-        if joint.kind == "free" and joint.damping and not joint.stiffness and not joint.friction:
-            self._slow(name, element, joint.damping)
+        if joint.kind == "free" and not joint.stiffness:
+            self._slow(name, element, joint.damping, joint.friction)
             return
         if joint.kind not in (*_COORDINATE, "spherical") and (joint.stiffness or joint.damping or joint.friction):
             joint.node.refuse(f"has a spring or friction on a joint of kind {joint.kind}", "set both to zero, or write three hinges")
         if joint.kind == "spherical" and joint.friction:
-            joint.node.refuse("has dry friction on a ball", "set it to zero, or write three hinges")
+            self._slow(name, element, 0.0, joint.friction)
         if joint.stiffness or joint.damping:
             spring: dict[str, Any] = {"stiffness": joint.stiffness, "damping": joint.damping}
             if joint.stiffness and joint.kind == "spherical":
@@ -235,20 +258,31 @@ class Document:
             elif joint.stiffness:
                 spring["free_position"] = short(joint.rest - float(here[0]))
             element["spring"] = {key: value for key, value in spring.items() if value}
-        if joint.friction:
+        if joint.friction and joint.kind != "spherical":
             force = self._name(f"{name}_friction")
             radius = {"radius": 1} if joint.kind == "revolute" else {}
             friction = {"kind": "joint_friction", "joint": name, "coefficient": 1, **radius, "preload": joint.friction, "carried": False}
             self._sections["forces"][force] = friction
 
-    def _slow(self, name: str, element: dict[str, Any], damping: float) -> None:
-        """The damper of a free joint, on places and turns."""
+    def _slow(self, name: str, element: dict[str, Any], damping: float, friction: float) -> None:
+        """The damper and the dry friction of a free joint or a ball, on places and turns."""
+        if not damping and not friction:
+            return
+
+        def against(words: list[str]) -> list[str]:
+            size = f"/sqrt({' + '.join(f'{word}**2' for word in words)} + {_SLIDING}**2)"
+            parts = [*([repr(damping)] if damping else []), *([f"{friction!r}{size}"] if friction else [])]
+            return [f"-{parts[0] if len(parts) == 1 else f'({parts[0]} + {parts[1]})'}*{word}" for word in words]
+
+        if friction:
+            self._note("dry friction of free joints and balls acts against their velocity, smoothly below 0.01 m/s or rad/s", name)
         base, follower = element["bodies"]
-        drag = {"kind": "load", "body": follower, "at": element["at"], "force": [f"-{damping!r}*v{i}" for i in "xyz"]}
-        self._sections["forces"][self._name(f"{name}_drag")] = drag
+        if element["kind"] == "free":
+            drag = {"kind": "load", "body": follower, "at": element["at"], "force": against([f"v{i}" for i in "xyz"])}
+            self._sections["forces"][self._name(f"{name}_drag")] = drag
         for body, other in ((follower, base), (base, follower)):
             if body != "ground":
-                torque = [f"-{damping!r}*(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"]
+                torque = against([f"(w{i}{'' if other == 'ground' else f' - {other}.w{i}'})" for i in "xyz"])
                 damper = self._name(f"{name}_damping", "reaction")
                 self._sections["forces"][damper] = {"kind": "load", "body": body, "torque": torque}
 
@@ -291,14 +325,25 @@ class Document:
         if any(joint.kind not in _COORDINATE or joint.name not in self.joints for joint in joints):
             self._note("drives left out, since their joint has no coordinate of its own", drive.name)
             return
-        name = self._name(drive.name, "input")
+        name = self._name(drive.name, "input") if drive.gain else drive.name
         unit = {"unit": "N*m" if joints[0].kind == "revolute" else "N"} if drive.is_plain and not drive.pulls else {}
-        self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
+        if drive.gain:
+            self._sections["parameters"][name] = {"value": 0, **unit, "binding": "input"}
         laws = self._pull(drive, name) if drive.pulls else {drive.joint: drive.law(name, float(self._closed.q[drive.joint][0]))}
         for joint, law in laws.items():
             force = self._name(f"{self.joints[joint]}_motor")
             self._sections["forces"][force] = {"kind": "joint_force", "joint": self.joints[joint], "law": law}
             self._sections["outputs"][self._coordinate(joint)] = True
+
+    def _add_spring(self, spring: Spring) -> None:
+        ends = (spring.first, spring.second)
+        first, second = (_vector(self._closed.poses[link].rotation @ place + self._closed.poses[link].place) for link, place in ends)
+        parts = [*([f"{spring.stiffness!r}*(length - {short(spring.rest)!r})"] if spring.stiffness else []),
+                 *([f"{spring.damping!r}*rate"] if spring.damping else [])]  # fmt: skip
+        bodies = [self.carriers[link] for link, _ in ends]
+        if bodies[0] != bodies[1]:
+            force = {"kind": "point_spring", "bodies": bodies, "from": first, "to": second, "law": " + ".join(parts)}
+            self._sections["forces"][self._name(spring.name, "spring")] = force
 
     def _pull(self, drive: Drive, name: str) -> dict[str, str]:
         """The laws by joints of a drive on a tendon, whose force is a signal."""
@@ -378,16 +423,16 @@ def _flow(value: Any) -> str:
     return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
 
 
-#: Readers by the endings of files.
-READERS: dict[str, Callable[[Path], tuple[Robot, Node]]] = {".urdf": read_urdf, ".sdf": read_sdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+#: The formats that are read, by the endings of files.
+READERS = {".urdf": "URDF", ".sdf": "SDF", ".world": "SDF", ".xml": "MJCF", ".mjcf": "MJCF"}
 
 
 @dataclass(frozen=True)
 class Imported:
     """The ``text`` of a model file; ``notes`` are sentences of decisions, ``left_out`` counts tags and attributes that were not taken.
 
-    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, where
-    the model's are zero.
+    ``bodies`` and ``joints`` have the model's names by those of the file; ``zero`` has the file's coordinates of joints, rad and m, without
+    their references, where the model's are zero.
     """
 
     text: str
@@ -408,16 +453,24 @@ def name_of(path: Path) -> Path:
     return path.with_name(f"{path.name}.yaml")
 
 
-def import_file(path: Path, *, free: bool = False) -> Imported:
+def import_file(path: Path, *, free: bool = False, folder: Path | None = None, model: str = "") -> Imported:
     """A file of another program as a model file; with ``free`` its base moves freely, else it stands on the ground unless the file says it.
 
+    Files that it names are below a ``folder``, that of the file otherwise, and so are paths of its pictures.  ``model`` is one of an SDF.
     Raises ModelError, with places in the file, for what is wrong in it or cannot be said in a model file.
     """
-    robot, root = READERS[path.suffix.lower()](path)
+    folder = folder or path.parent
+    match READERS.get(path.suffix.lower()):
+        case "URDF":
+            robot, root = read_urdf(path)
+        case "SDF":
+            robot, root = read_sdf(path, model)
+        case _:
+            robot, root = read_mjcf(path, folder)
     robot.leave_out_idle()
     robot.join_balls()
     closed = close(robot)
-    document = Document(robot, closed, path.parent, free=free)
+    document = Document(robot, closed, folder, free=free)
     left_out = dict(root.left_out())
     text = document.text(path.name, left_out)
     return Imported(text, tuple(document.notes), left_out, document.bodies, document.joints, closed.q)

@@ -15,7 +15,7 @@ import numpy as np
 
 from cutjoint.importing.closing import CLOSED
 from cutjoint.importing.mjcf_files import compile_mjcf, elements
-from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, colour_of, of_quaternion, unlike
+from cutjoint.importing.robot import Array, Coupling, Drive, Joint, Link, Loop, Pose, Robot, Spring, colour_of, of_quaternion, unlike
 from cutjoint.importing.xml import Node, read_xml
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
@@ -25,17 +25,17 @@ _FLAGS = ("GRAVITY", "SPRING", "DAMPER", "FRICTIONLOSS", "CONSTRAINT", "EQUALITY
 _SWITCHES = {"stiffness": {"SPRING"}, "damping": {"DAMPER"}, "friction": {"FRICTIONLOSS", "CONSTRAINT"}}
 
 
-def read_mjcf(path: Path) -> tuple[Robot, Node]:
-    """The robot of an MJCF file.
+def read_mjcf(path: Path, folder: Path) -> tuple[Robot, Node]:
+    """The robot of an MJCF file, which may name files in a folder.
 
     Raises:
-        ModelError: the file is wrong, names a file outside its folder, or says what a model file cannot.
+        ModelError: the file is wrong, names a file outside the folder, or says what a model file cannot.
         MissingPackageError: MuJoCo is not installed.
     """
     root = read_xml(path)
     if root.tag != "mujoco":
         root.refuse("is no MJCF", "name a file whose outermost element is <mujoco>; files of other formats end in .urdf or .sdf")
-    model, absent = compile_mjcf(path, root)
+    model, absent = compile_mjcf(path, root, folder)
     import mujoco
 
     _heed(root)
@@ -78,8 +78,10 @@ class _Reading:
             self._add_site(site)
         self._add_loops()
         self._add_tendons()
-        for actuator in range(model.nu):
+        for actuator in range(model.nactuator):
             self._add_actuator(actuator)
+        self._add_resisting_tendons()
+        self.robot.references = {name: start for name, start in self._start.items() if start}
         self._add_starts()
         self._tell()
 
@@ -144,8 +146,8 @@ class _Reading:
         if kind in (_SLIDE, _HINGE):
             self._start[name] = float(m.qpos0[address])
             added.rest = float(m.qpos_spring[address]) - self._start[name]
-        elif added.armature or (kind == _FREE and (added.stiffness or added.friction)):
-            added.node.refuse(f"has an armature, a spring or friction on a joint of kind {added.kind}", "leave it out")
+        elif kind == _FREE and added.stiffness:
+            added.node.refuse("has a spring on a free joint", "leave it out")
         self._of_joint[joint] = name
         self.robot.joints[name] = added
 
@@ -171,7 +173,7 @@ class _Reading:
                 centred = Pose(of_quaternion(*map(float, m.mesh_quat[mesh])), m.mesh_pos[mesh].copy())
                 geometry = Pose(of_quaternion(*map(float, m.geom_quat[geom])), m.geom_pos[geom].copy())
                 link.mesh, link.scale, link.mesh_pose = self._path(path), float(scale[0]), geometry @ centred.inverse()
-                link.colour = colour_of(tuple(map(float, m.geom_rgba[geom])))
+                link.colour = colour_of([str(part) for part in m.geom_rgba[geom]])
 
     def _path(self, path: str) -> str:
         folders = {node.attributes.get(key, "") for node in elements(self._root) for key in ("meshdir", "assetdir")} - {""}
@@ -221,7 +223,13 @@ class _Reading:
         second = "" if int(m.eq_obj2id[i]) < 0 else self._of_joint[int(m.eq_obj2id[i])]
         constant, slope, *bend = map(float, m.eq_data[i][:5])
         if not second or (slope == 0 and not any(bend)):
-            node.refuse(f"holds the joint '{first}' still", "leave its joint out, or write it as a weld")
+            joint = self.robot.joints[first]
+            held = joint.moved(np.array([constant])) @ joint.inner.inverse()
+            joint.origin, joint.kind = held, "fixed"
+            joint.stiffness = joint.damping = joint.friction = joint.armature = 0.0
+            self._start.pop(first)
+            self.robot.notes.append(f"{first} is fixed, since the equality {name} holds it still")
+            return
         coupling = Coupling(name, node, {first: 1.0, second: -slope}, constant)
         if any(bend):
             coupling.leader, coupling.bend = second, tuple(bend)
@@ -255,25 +263,30 @@ class _Reading:
         kinds = int(m.actuator_dyntype[i]), int(m.actuator_gaintype[i])
         direct = kinds == (int(enums.mjtDyn.mjDYN_NONE), int(enums.mjtGain.mjGAIN_FIXED))
         bias = int(m.actuator_biastype[i])
+        gear, control = float(m.actuator_gear[m.actuator_outadr[i]][0]), int(m.actuator_ctrladr[i])
         if of_joint:
             self._burden(self.robot.joints[self._of_joint[target]], i)
         elif pulls and (m.actuator_armature[i] or np.any(m.actuator_damping[i])):
             self._node("general", name).refuse("is an actuator with armature or damping on a tendon", "leave them out")
         off = "ACTUATION" in self._off or bool(m.opt.disableactuator >> int(m.actuator_group[i]) & 1)
-        direct = direct and not m.actuator_delay[i] and not off
+        reason = (
+            "it is switched off" if off else "it has a delay" if m.actuator_delay[i]
+            else "it has several controls" if m.actuator_ctrlnum[i] != 1
+            else "it has dynamics of its own, or acts on no joint or fixed tendon"
+        )  # fmt: skip
+        direct = direct and not m.actuator_delay[i] and not off and m.actuator_ctrlnum[i] == m.actuator_outnum[i] == 1
         if not ((of_joint or pulls) and direct and bias in (int(enums.mjtBias.mjBIAS_NONE), int(enums.mjtBias.mjBIAS_AFFINE))):
-            reason = "it is switched off" if off else "it has dynamics of its own, or acts on no joint or fixed tendon"
             self.robot.notes.append(f"the actuator {name} is left out: {reason}")
             return
         if pulls:
             self._pulled.add(target)
         joint = next(iter(pulls)) if pulls else self._of_joint[target]
         offset = sum(k * self._start[j] for j, k in pulls.items()) if pulls else self._start.get(joint, 0.0)
-        drive = Drive(name, joint, float(m.actuator_gear[i][0]), float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
+        drive = Drive(name, joint, gear, float(m.actuator_gainprm[i][0]), offset=offset, pulls=pulls)
         if bias:
             drive.bias, drive.stiffness, drive.damping = (float(x) * k for x, k in zip(m.actuator_biasprm[i][:3], (1, -1, -1), strict=True))
-        if m.actuator_ctrllimited[i] and "CLAMPCTRL" not in self._off:
-            drive.controls = float(m.actuator_ctrlrange[i][0]), float(m.actuator_ctrlrange[i][1])
+        if m.actuator_ctrllimited[control] and "CLAMPCTRL" not in self._off:
+            drive.controls = float(m.actuator_ctrlrange[control][0]), float(m.actuator_ctrlrange[control][1])
         if m.actuator_forcelimited[i]:
             drive.forces = float(m.actuator_forcerange[i][0]), float(m.actuator_forcerange[i][1])
         self.robot.drives.append(drive)
@@ -290,7 +303,7 @@ class _Reading:
 
     def _burden(self, joint: Joint, i: int) -> None:
         """The rotor of an actuator and its damping, seen through the gear, are the joint's."""
-        m, gear = self.m, float(self.m.actuator_gear[i][0])
+        m, gear = self.m, float(self.m.actuator_gear[self.m.actuator_outadr[i]][0])
         if np.any(m.actuator_dampingpoly[i]):
             joint.node.refuse("has an actuator with a damper that is not linear", "leave the further coefficients out")
         joint.armature += gear**2 * float(m.actuator_armature[i])
@@ -336,12 +349,35 @@ class _Reading:
             notes.append("left out: forces of the medium (density, viscosity)")
         for body in np.flatnonzero(m.body_gravcomp):
             self._node("body", self._links[body]).refuse("has gravcomp", "leave it out, or write it as loads")
-        names = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "frictionloss")
+
+    def _add_resisting_tendons(self) -> None:
+        """Springs and dampers along fixed tendons, and along straight ones between two sites."""
+        m = self.m
         for i in range(m.ntendon):
-            if any(np.any(getattr(m, f"tendon_{name}")[i]) for name in names):
-                title = self._name("TENDON", i, "")
-                node = self._nodes.get(("fixed", title)) or self._nodes.get(("spatial", title)) or self._root
-                node.refuse("is a tendon with stiffness, damping, friction or armature", "leave them out, or write them as springs")
+            stiffness, damping = (0.0 if flag in self._off else float(value) for value, flag in (
+                (m.tendon_stiffness[i], "SPRING"), (m.tendon_damping[i], "DAMPER")))  # fmt: skip
+            others = any(np.any(getattr(m, f"tendon_{name}")[i]) for name in ("stiffnesspoly", "dampingpoly", "armature", "frictionloss"))
+            if not (stiffness or damping or others):
+                continue
+            name, (rest, most) = self._name("TENDON", i, f"tendon_{i + 1}"), map(float, m.tendon_lengthspring[i])
+            wraps = slice(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
+            sites = [int(site) for site in m.wrap_objid[wraps]]
+            if others or (stiffness and rest != most):
+                self._tendon(i).refuse("is a tendon with friction, armature, slack or a spring that is not linear", "leave it out")
+            if pulls := self._fixed_tendon(i):
+                offset = sum(k * self._start.get(j, 0.0) for j, k in pulls.items())
+                drive = Drive(name, next(iter(pulls)), 1.0, 0.0, stiffness * rest, stiffness, damping, offset=offset, pulls=pulls)
+                self.robot.drives.append(drive)
+            elif len(sites) == 2 and all(m.wrap_type[wraps] == int(self._mujoco.mjtWrap.mjWRAP_SITE)):
+                first, second = ((self._links[int(m.site_bodyid[site])], m.site_pos[site].copy()) for site in sites)
+                self.robot.springs.append(Spring(name, first, second, stiffness, damping, rest))
+            else:
+                self._tendon(i).refuse("is a tendon with a spring or damper over more than two sites", "leave it out, or write springs")
+            self._pulled.add(i)
+
+    def _tendon(self, i: int) -> Node:
+        name = self._name("TENDON", i, "")
+        return self._nodes.get(("fixed", name)) or self._nodes.get(("spatial", name)) or self._root
 
 
 def _united(loops: list[Loop]) -> Loop:
@@ -354,11 +390,21 @@ def _united(loops: list[Loop]) -> Loop:
     if not axis.any():
         return one
     if not all(np.linalg.norm(np.cross(axis, place - mine[a])) < 1e-6 for place in mine):
-        one.node.refuse("connects two bodies in points that are on no line", "write a weld")
+        return _rigid(one, np.array(mine), np.array(theirs))
     along = [[float(way @ (place - places[a])) for place in places] for way, places in ((axis, mine), (other, theirs))]
     if np.abs(np.subtract(along[0], along[1])).max() > CLOSED:
         one.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
     return Loop(one.name, one.node, "revolute", one.links, _along(axis, mine[a]), _along(other, theirs[a]), np.array([0.0, 0.0, 1.0]))
+
+
+def _rigid(loop: Loop, mine: Array, theirs: Array) -> Loop:
+    """Three points or more of two bodies, (n, 3) each, that are on no line, hold them together wholly."""
+    centres = mine.mean(axis=0), theirs.mean(axis=0)
+    u, _, v = np.linalg.svd((theirs - centres[1]).T @ (mine - centres[0]))
+    turn = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v
+    if np.abs((theirs - centres[1]) @ turn - mine + centres[0]).max() > CLOSED:
+        loop.node.refuse("connects two bodies in points that are not as far apart on both", "correct the anchors")
+    return Loop(loop.name, loop.node, "fixed", loop.links, Pose(place=centres[0]), Pose(turn, centres[1]))
 
 
 def _unit(vector: Array) -> Array:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cutjoint.importing.mjcf_process import compile_apart
 from cutjoint.importing.xml import LARGEST, Node, read_xml
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.text import is_number
-from cutjoint.package.extensions import MissingPackageError
 
 _INCLUDES = 50
 #: Elements whose files are not needed.
@@ -32,33 +32,32 @@ _NUMBERS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", 
             "wrap_prm")  # fmt: skip
 
 
-def compile_mjcf(path: Path, root: Node) -> tuple[Any, list[str]]:
-    """MuJoCo's model of a file, and its pictures that are not there or outside its folder.
+def compile_mjcf(path: Path, root: Node, folder: Path) -> tuple[Any, list[str]]:
+    """MuJoCo's model of a file, and its pictures that are not there or outside a folder.
 
     Raises:
-        ModelError: the file is wrong, names another file outside its folder, or is too large.
+        ModelError: the file is wrong, names another file outside the folder, or is too large.
         MissingPackageError: MuJoCo is not installed.
     """
     outside: set[str] = set()
-    roots = _require_inside(root, path.parent, path.parent, [path.resolve()], outside)
+    roots = _require_inside(root, path, folder, outside)
     _require_small(roots)
     try:
-        import mujoco
-    except ImportError:
-        raise MissingPackageError("reading MJCF needs the package mujoco: pip install 'cutjoint[mjcf]'") from None
-    warnings: list[str] = []
-    mujoco.set_mju_user_warning(warnings.append)  # else they go to a file in the present folder
-    try:
-        model, absent = _compile(path, root, outside, mujoco)
+        model, answer = compile_apart(path, folder, outside)
     except ValueError as error:
         message = f"is refused by MuJoCo: {' '.join(str(error).split())[:300]}"
         _at_line(roots, str(error)).refuse(message, "correct the file; MuJoCo has to read it")
-    finally:
-        mujoco.set_mju_user_warning(None)
+    problems = list[Problem]()
+    for body, file in answer["weightless"]:
+        message = f"has the mass of '{file}', which is {'outside the folder of the file' if file in outside else 'not there'}"
+        node = next((n for n in elements(root) if n.tag == "body" and n.attributes.get("name") == body), root)
+        problems.append(node.problem(message, "add the file, or write an inertial"))
+    if problems:
+        raise ModelError(list(dict.fromkeys(problems)))
     if not all((np.abs(getattr(model, name)) <= LARGEST).all() for name in _NUMBERS):
         node = next((node for node in elements(root) if any(map(_is_large, node.attributes.values()))), root)
         node.refuse("has numbers that are not finite, or very large", "write plain decimal numbers")
-    return model, list(dict.fromkeys(absent))
+    return model, answer["absent"]
 
 
 def _at_line(roots: list[Node], message: str) -> Node:
@@ -68,60 +67,9 @@ def _at_line(roots: list[Node], message: str) -> Node:
     return next((node for node in found if tag and node.tag == tag[1]), found[-1] if found else roots[0])
 
 
-def _compile(path: Path, root: Node, outside: set[str], mujoco: Any) -> tuple[Any, list[str]]:
-    """MuJoCo's model, and the files of pictures that are not there or ``outside`` the folder: it has points for them, without mass.
-
-    Raises:
-        ModelError: masses of bodies that move follow from them.
-        ValueError: MuJoCo refuses the file.
-    """
-    try:
-        if not outside:
-            return mujoco.MjModel.from_xml_path(str(path)), []
-    except ValueError:
-        pass
-
-    def is_absent(folder: str, file: str) -> bool:
-        target = (path.parent / folder / file).resolve()
-        return bool(file) and (file in outside or not target.is_file() or not target.is_relative_to(path.parent.resolve()))
-
-    spec = mujoco.MjSpec.from_file(str(path))
-    meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if is_absent(spec.meshdir, mesh.file)}
-    textures = [texture for texture in spec.textures if any(is_absent(spec.texturedir, file) for file in _files(texture))]
-    problems = list[Problem]()
-    for geom in spec.geoms:
-        if geom.meshname in meshes:
-            body, file = geom.parent, meshes[geom.meshname].file
-            weighs = geom.mass != 0 and geom.density != 0
-            explicit = body.explicitinertial and spec.compiler.inertiafromgeom != int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
-            if weighs and not explicit and _moves(spec, body):
-                message = f"has the mass of '{file}', which is {'outside the folder of the file' if file in outside else 'not there'}"
-                node = next((n for n in elements(root) if n.tag == "body" and n.attributes.get("name") == body.name), root)
-                problems.append(node.problem(message, "add the file, or write an inertial"))
-            geom.type, geom.size, geom.meshname, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-3, 0, 0], "", 0
-    if problems:
-        raise ModelError(list(dict.fromkeys(problems)))
-    files = [*(mesh.file for mesh in meshes.values()), *(file for texture in textures for file in _files(texture))]
-    for mesh in meshes.values():
-        spec.delete(mesh)
-    for texture in textures:
-        texture.file, texture.cubefiles, texture.type = "", [""] * len(texture.cubefiles), mujoco.mjtTexture.mjTEXTURE_2D
-        texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
-    return spec.compile(), files
-
-
-def _moves(spec: Any, body: Any) -> bool:
-    """Return whether a body, or one that carries it, has a joint."""
-    return bool(body != spec.worldbody and (body.joints or _moves(spec, body.parent)))
-
-
 def _is_large(text: str) -> bool:
     """Return whether an attribute has a number that is not finite or too large."""
     return any(not is_number(word) or abs(float(word)) > LARGEST for word in text.split() if _NUMBER.fullmatch(word))
-
-
-def _files(texture: Any) -> list[str]:
-    return [file for file in (texture.file, *texture.cubefiles) if file]
 
 
 def _require_small(roots: list[Node]) -> None:
@@ -148,39 +96,57 @@ def _whole(text: str) -> int:
     return math.prod(max(1, int(min(float(word), _FAR))) for word in text.split() if is_number(word))
 
 
-def _require_inside(root: Node, folder: Path, at: Path, seen: list[Path], outside: set[str]) -> list[Node]:
-    """The outermost elements of a file and of all that it takes in.  Files outside the folder of the model, very large ones and code are
-    refused; names of pictures outside it are added to ``outside``."""
-    roots = [root]
-    for node in elements(root):
-        if node.tag == "plugin":
-            node.refuse("is a plugin, whose code is not run", "leave it out")
-    folders = {node.attributes.get(key, "") for node in elements(root) for key in ("meshdir", "texturedir", "assetdir")} | {""}
-    named = [(node, value) for node in elements(root) for name, value in node.attributes.items() if name.startswith("file")]
-    for node, file in named:
-        for part in folders:
-            target = (at / part / file).resolve()
-            if not target.is_relative_to(folder.resolve()) and node.tag in _PICTURES:
-                outside.add(file)
+def _require_inside(root: Node, path: Path, folder: Path, outside: set[str]) -> list[Node]:
+    """The outermost elements of a file and of all that it takes in.  Files outside a folder, what is none, very large ones and code are
+    refused; names of pictures that are so are added to ``outside``."""
+    roots, seen = [root], {path.resolve(): path.parent}
+    for one in roots:
+        for node in elements(one):
+            if node.tag == "plugin":
+                node.refuse("is a plugin, whose code is not run", "leave it out")
+            if node.tag not in ("include", "model") or not (file := node.attributes.get("file")):
                 continue
-            target = _inside(node, f"{part}/{file}" if part else file, folder, at)
-            if target.is_file() and target.stat().st_size > _LARGEST_FILE:
-                node.refuse(f"names a file of more than {_LARGEST_FILE // 1_000_000} MB", "make it smaller")
-        if node.tag in ("include", "model"):
-            target = _inside(node, file, folder, at)
-            if target in seen or len(seen) > _INCLUDES:
-                node.refuse(f"includes '{file[:60]}' again, or more than {_INCLUDES} files", "include each file once")
-            seen.append(target)
-            if target.is_file():
-                roots += _require_inside(read_xml(target), folder, at, seen, outside)
+            for target in _look_up(node, file, folder, list(seen.values())):
+                if target in seen or len(seen) > _INCLUDES:
+                    node.refuse(f"includes '{file[:60]}' again, or more than {_INCLUDES} files", "include each file once")
+                seen[target] = target.parent
+                roots.append(read_xml(target))
+    nodes = [node for one in roots for node in elements(one) if node.tag not in ("include", "model")]
+    parts = {node.attributes.get(key, ""): None for node in nodes for key in ("meshdir", "texturedir", "assetdir")} | {"": None}
+    folders = [at / part for at in seen.values() for part in parts]
+    is_stripped = any("strippath" in node.attributes for node in nodes)
+    for node, file in ((each, value) for each in nodes for name, value in each.attributes.items() if name.startswith("file") and value):
+        names = {file, Path(file).name if is_stripped else file}
+        try:
+            found = [target for name in names for target in _look_up(node, name, folder, folders)]
+        except ModelError:
+            if node.tag not in _PICTURES:
+                raise
+            outside.add(file)
+            continue
+        if any(target.stat().st_size > _LARGEST_FILE for target in found):
+            node.refuse(f"names a file of more than {_LARGEST_FILE // 1_000_000} MB", "make it smaller")
     return roots
 
 
-def _inside(node: Node, name: str, folder: Path, at: Path) -> Path:
-    target = (at / name).resolve()
-    if not target.is_relative_to(folder.resolve()):
-        node.refuse(f"names '{name[:60]}', outside the folder of the file", "put what it needs into that folder")
-    return target
+def _look_up(node: Node, name: str, folder: Path, at: Iterable[Path]) -> list[Path]:
+    """The files that a name may mean, seen from folders; ModelError where one is outside the ``folder``, or is none."""
+    found, leaves, hint = list[Path](), False, "put what it needs into that folder"
+    for start in at:
+        try:
+            target = (start / name).resolve()
+            exists, is_file, is_inside = target.exists(), target.is_file(), target.is_relative_to(folder.resolve())
+        except (OSError, RuntimeError, ValueError):  # a link to itself, a name too long
+            node.refuse(f"names '{name[:60]}', which no file can be", hint)
+        if exists and is_inside and not is_file and not target.is_dir():
+            node.refuse(f"names '{name[:60]}', which is no file", hint)
+        if exists and not is_inside:
+            node.refuse(f"names '{name[:60]}', outside the folder of the file", hint)
+        leaves |= not is_inside
+        found += [target] if is_file else []
+    if leaves and not found:
+        node.refuse(f"names '{name[:60]}', outside the folder of the file", hint)
+    return found
 
 
 def elements(node: Node) -> Iterator[Node]:

@@ -5,7 +5,7 @@ Each reader makes a :class:`Robot`; `closing.py` finds a position in which its l
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import TypeAlias
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cutjoint.importing.xml import Node
 from cutjoint.model.mass import TOLERANCE
+from cutjoint.model.text import is_number
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -135,6 +136,18 @@ class Loop:
     friction: float = 0.0
 
 
+@dataclass(frozen=True)
+class Spring:
+    """A spring (N/m) and a damper (N s/m) between points, each a link and a place (3) in it, at rest where they are ``rest`` m apart."""
+
+    name: str
+    first: tuple[str, Array]
+    second: tuple[str, Array]
+    stiffness: float
+    damping: float
+    rest: float
+
+
 @dataclass(eq=False)
 class Coupling:
     """A relation: the sum of ``terms``, factors by joints, times coordinates is ``constant``, plus a polynomial of the coordinate of the
@@ -211,6 +224,7 @@ def short(value: float, digits: int = 12) -> float | int:
 @dataclass
 class Robot:
     """All of a file, as read.  A link without a parent stands on the ground.  ``starts`` are coordinates by joints, by names of scenes;
+    ``references`` are the file's own coordinates by joints, but for zeros, where those here are zero;
     ``balls`` are those that stand for three hinges; ``notes`` are sentences of decisions."""
 
     name: str
@@ -219,8 +233,10 @@ class Robot:
     loops: list[Loop] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     starts: dict[str, dict[str, float]] = field(default_factory=dict)
+    references: dict[str, float] = field(default_factory=dict)
     balls: dict[str, list[Joint]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -268,6 +284,7 @@ class Robot:
         drives = [drive for drive in self.drives if joints.intersection(drive.joints)]
         names = [*sorted(gone), *(tie.name for tie in ties), *(tie.name for tie in bound), *(drive.name for drive in drives)]
         self.notes.append(f"left out, since nothing resists their motion: {', '.join(names)}")
+        self.springs = [spring for spring in self.springs if spring.first[0] not in gone and spring.second[0] not in gone]
         self.links = {name: link for name, link in self.links.items() if name not in gone}
         self.joints = {name: joint for name, joint in self.joints.items() if name not in joints}
         self.loops = [loop for loop in self.loops if loop not in ties]
@@ -423,6 +440,8 @@ def unlike(wanted: str, taken: Container[str]) -> str:
     return wanted if wanted not in taken else next(name for i in count(2) if (name := f"{wanted}_{i}") not in taken)
 
 
-def colour_of(parts: tuple[float, ...]) -> str:
-    """A colour of a model file, of red, green, blue and more, each from 0 to 1."""
-    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02x}" for part in parts[:3])
+def colour_of(parts: Sequence[str]) -> str:
+    """A colour of a model file, of texts of red, green, blue and more, each from 0 to 1; "" where they are none."""
+    if len(parts) < 3 or not all(map(is_number, parts)):
+        return ""
+    return "#" + "".join(f"{round(255 * min(max(float(part), 0.0), 1.0)):02x}" for part in parts[:3])

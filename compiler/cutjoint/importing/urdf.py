@@ -91,7 +91,7 @@ def _link(node: Node) -> Link:
             if scale[0] == scale[1] == scale[2] > 0:
                 link.mesh, link.scale, link.mesh_pose = mesh.name("filename"), scale[0], _pose(visual.find("origin"))
         if (material := visual.find("material")) and (colour := material.find("color")):
-            link.colour = colour_of(colour.numbers(colour.get("rgba"), 4))
+            link.colour = colour_of((colour.get("rgba") or "").split())
     return link
 
 

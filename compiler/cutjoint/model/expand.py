@@ -26,6 +26,7 @@ from cutjoint.model.mirror import mirror_elements
 from cutjoint.model.opening import Opening
 from cutjoint.model.operations import Term
 from cutjoint.model.parameters import read_parameters
+from cutjoint.model.property_file import MASSES, default_of
 from cutjoint.model.quantities import Element as Quantified
 from cutjoint.model.records import DerivedParameter, Parameter, Vector
 from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, with_points
@@ -157,6 +158,9 @@ def _inner(where: Element, use: Use, around: Scope) -> Scope:
     """The scope of an instance's elements; they see the names of what is ``around`` their submodel, but for names of its own."""
     assert use.submodel is not None
     instance, mirror = use.instance, use.instance.mirror
+    if not _check_accepted(where, instance, use.submodel):  # its numbers mean something else, and so does what they lead to
+        around = replace(around, problems=Unheard())
+        where = replace(where, scope=replace(where.scope, problems=Unheard()))
     arguments = _arguments(where, use, use.submodel)
     symbols = frozenset().union(*(term.value.free_symbols for term in arguments.values()))
     own = {*use.submodel.states, *use.submodel.signals}
@@ -178,12 +182,13 @@ def _arguments(where: Element, use: Use, submodel: document.Submodel) -> dict[st
     instance = use.instance
     known = (*submodel.parameters, *submodel.defaults)
     properties = {name: value for name, value in instance.properties.items() if name in known and name not in instance.with_}
-    _match_keys(where, "with", instance.with_, known, "parameter", instance.use, needed=submodel.parameters, others=properties)
-    _check_accepted(where, instance, submodel)
+    absent = absent_properties(instance, submodel)
+    others = properties.keys() | absent.keys()
+    _match_keys(where, "with", instance.with_, known, "parameter", instance.use, needed=submodel.parameters, others=others)
     if instance.binding is not None:
         where.scope.opening.instances.append(f"{escape(where.name)}.*")
     values = {("with", name): value for name, value in instance.with_.items()}
-    values |= {("properties", name): value for name, value in properties.items()}
+    values |= {("properties", name): value for name, value in {**properties, **absent}.items()}
     terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
     given = {keys[1]: where.opened(term, None, keys, is_argument=True) for keys, term in terms.items()}
     return {name: given.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, given)
@@ -200,13 +205,24 @@ def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[
     return {name: known[name] for name in use.submodel.defaults}
 
 
-def _check_accepted(where: Element, instance: document.Instance, submodel: document.Submodel) -> None:
-    """Note properties of another kind than the submodel is made for."""
+def absent_properties(instance: document.Instance, submodel: document.Submodel) -> dict[str, float]:
+    """The coefficients that an instance's properties lack, with the format's defaults, where the submodel is made for such files."""
+    if not instance.properties or not submodel.accepts:
+        return {}
+    names = (name for name in submodel.parameters if name not in instance.properties and name not in instance.with_)
+    return {name: value for name in names if (value := default_of(name)) is not None}
+
+
+def _check_accepted(where: Element, instance: document.Instance, submodel: document.Submodel) -> bool:
+    """Return whether properties are of a kind that the submodel is made for; others are noted."""
+    sound = True
     for key, accepted in submodel.accepts.items():
         value = instance.properties.get(key)
         if value is not None and value not in accepted:
             message = f"{key} is {value:g}, and the submodel '{instance.use}' is made for {join_or(map(str, accepted))}"
             where.fail(message, "use another submodel, or another file", ("properties", key), at_key=True)
+            sound = False
+    return sound
 
 
 def _connectors(where: Element, instance: document.Instance, submodel: document.Submodel) -> dict[str, str]:
@@ -239,4 +255,7 @@ def _match_keys(
     missing = [name for name in (wanted if needed is None else needed) if name not in given and name not in others]
     if missing:
         lacking = f"{field} and properties lack" if others else f"{field} lacks"
-        where.fail(f"{lacking} {', '.join(missing)}", f"the submodel '{submodel}' needs all its {what}s")
+        hint = f"the submodel '{submodel}' needs all its {what}s"
+        if others and MASSES.issuperset(missing):
+            hint = f"the file leaves them to you: write {', '.join(f'{name}: ...' for name in missing)} into {field}"
+        where.fail(f"{lacking} {', '.join(missing)}", hint)

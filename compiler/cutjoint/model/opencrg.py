@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cutjoint.methods import join_or
 from cutjoint.model.errors import ModelError, Problem
 from cutjoint.model.records import Span
-from cutjoint.model.text import UNSIGNED
+from cutjoint.model.text import UNSIGNED, is_number
 
 _Array = NDArray[np.float64]
 #: The formats of the data: bytes of a number of binary ones, characters of one of text.
@@ -35,6 +35,8 @@ _POINT = (
 _SETTING = re.compile(rf"([a-z_]\w*)\s*=\s*([-+]?{UNSIGNED})(?:\s.*)?", re.IGNORECASE | re.ASCII)
 #: The share of its length by which a line may leave that of x and be taken for it; a road of 10 km is off by 0.1 mm.
 _SAME = 1e-8
+#: The largest number of a header and of the data; the least distance of cross sections and of long ones, m.
+_LARGEST, _LEAST = 1e9, 1e-6
 #: The largest gap of a line that closes the wrong way, m, as the format's ``check_tol`` has it.
 _CLOSE = 1e-4
 
@@ -97,6 +99,8 @@ class OpenCrg:
             ModelError: the file is none, or a part of it is not heeded; the message names it.
         """
         data = self._data(self._header())
+        if not (np.isnan(data) | (np.abs(data) <= _LARGEST)).all():
+            self._fail("the data has numbers that are not finite, or very large", "the file is damaged")
         places = {name.removeprefix("reference line "): column for column, (name, _, _) in enumerate(self.channels)}
         line = {part: data[:, places[part]] if part in places else None for part in ("phi", "slope", "banking")}
         columns, v = self._sections()
@@ -133,7 +137,7 @@ class OpenCrg:
             end = self.text.find("\n", at)
             end = len(self.text) if end < 0 else end
             row, at, number = self.text[at:end].rstrip("\r"), end + 1, number + 1
-            if re.fullmatch(r"\${4,}\s*", row):
+            if row.startswith("$$$$"):  # with numbers of columns between, too
                 return at
             if row.startswith("$"):
                 block = "" if block and row[1:2] in ("", " ", "!") else row[1:].split("!")[0].strip().upper()
@@ -149,7 +153,9 @@ class OpenCrg:
         if block.startswith("ROAD_CRG") and block != "ROAD_CRG_MPRO":
             found = self.settings[block]
             if (match := _SETTING.fullmatch(row)) is not None:
-                found[match[1].lower()] = float(match[2]), number
+                if not abs(value := float(match[2])) <= _LARGEST:
+                    self._fail(f"{match[1]} = {match[2][:30]} is very large", "no road is", number)
+                found[match[1].lower()] = value, number
             elif row:
                 self._fail(f"'{row}' is no keyword with a number", "write for example reference_line_increment = 0.01", number)
         elif block == "KD_DEFINITION":
@@ -160,9 +166,9 @@ class OpenCrg:
             elif kind in ("D", "d"):
                 self.channels.append((parts[0].lower(), parts[1] if len(parts) > 1 else "", number))
             elif kind in ("U", "u") and parts[0].lower() == "reference line u":
-                try:
-                    self.line_u = dict(zip(("start", "step"), map(float, parts[2:4]), strict=False))
-                except ValueError:
+                numbers = [float(part) if is_number(part) else nan for part in parts[2:4]]
+                self.line_u = dict(zip(("start", "step"), numbers, strict=False))
+                if not all(abs(value) <= _LARGEST for value in numbers):
                     self._fail(f"'{row}' has no start and increment", "write for example U:reference line u,m,0,0.01", number)
 
     def _value(self, block: str, key: str, default: float) -> float:
@@ -189,7 +195,7 @@ class OpenCrg:
         if len(lines) % each:
             self._fail("the last cross section is not whole", "the file has been cut off")
         records = ("".join(row.rstrip("\r").ljust(80)[:80] for row in lines[i : i + each]) for i in range(0, len(lines), each))
-        return np.array([list(self._numbers(record, size)) for record in records])
+        return np.array([list(self._numbers(record, size)) for record in records]).reshape(len(lines) // each, width)
 
     def _numbers(self, record: str, size: int) -> Iterator[float]:
         for i in range(len(self.channels)):
@@ -208,10 +214,9 @@ class OpenCrg:
             if unit != wanted and (name.startswith("long section") or wanted != "m"):
                 self._fail(f"'{name}' is in '{unit}'", f"it is in {wanted}", number)
             if (match := re.fullmatch(r"long section\s+(at\s+v\s*=\s*)?(.+)", name)) is not None:
-                try:
-                    found.append((float(match[2]), column))
-                except ValueError:
+                if not is_number(match[2]) or abs(float(match[2])) > _LARGEST:
                     self._fail(f"'{name}' has no place", "write long section 1, or long section at v = 0.5", number)
+                found.append((float(match[2]), column))
                 placed.add(match[1] is not None)
         found.sort()
         if len(found) < 2 or len(placed) > 1:
@@ -222,6 +227,7 @@ class OpenCrg:
         right, left = (self._value("ROAD_CRG", f"long_section_v_{side}", nan) for side in ("right", "left"))
         step = self._value("ROAD_CRG", "long_section_v_increment", (left - right) / last)
         step = 0.01 if isnan(step) else step
+        self._require_apart("long_section_v_increment", step)
         first = -step * last / 2 if isnan(right) else right
         return [column for _, column in found], np.array([first + step * i for i in range(last + 1)], dtype=np.float64)
 
@@ -231,7 +237,13 @@ class OpenCrg:
         step = self._value("ROAD_CRG", "reference_line_increment", self.line_u.get("step", 0.01))
         if "reference_line_increment" not in known and "reference_line_end_u" in known and count > 1:
             step = (known["reference_line_end_u"][0] - start) / (count - 1)
+        self._require_apart("reference_line_increment", step)
         return np.array([start + step * i for i in range(count)], dtype=np.float64)
+
+    def _require_apart(self, key: str, step: float) -> None:
+        if step < _LEAST:
+            number = self.settings.get("ROAD_CRG", {}).get(key, (0.0, 1))[1]
+            self._fail(f"{key} is {step:g}", f"write {_LEAST:g} or more", number)
 
     def _filled(self, z: _Array) -> _Array:
         """Heights in place of those that are missing: of each cross section's last ones, and where modifiers say so the same ones."""
@@ -324,8 +336,8 @@ class OpenCrg:
         if not inside and any(options[key] != _OPTIONS[key] for key in _BORDERS):
             self._fail(f"the reference point is beyond the road's edges, at u = {point[0]:g}, v = {point[1]:g}", "choose one on the road")
         for key, way, end in (("ubeg", point[0] - ends["u"][0], 0), ("uend", ends["u"][1] - point[0], -1)):
-            if (reach := options[f"border_smooth_{key}"]) > way:
-                height = float(strip.z[end]) + max(way, 0.0) / reach * (height - float(strip.z[end]))
+            if (reach := options[f"border_smooth_{key}"]) > (inner := max(way, 0.0)):
+                height = float(strip.z[end]) + inner / reach * (height - float(strip.z[end]))
         wanted = {name: self._modifier(f"refpoint_{name}", 0.0) for name in ("x", "y", "z", "phi")}
         return strip.moved(wanted["phi"] - heading, (x, y), (wanted["x"], wanted["y"], wanted["z"] - height))
 

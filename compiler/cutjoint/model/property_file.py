@@ -67,6 +67,13 @@ STANDARD = frozenset(_DIMENSIONS) | frozenset((
     "PCMZ1", "LCZ", "LGYR", "LMP",
 ))  # fmt: skip
 
+#: Coefficients of the format, which are zero where a file does not have them, but for those by which forces are divided; other defaults.
+_COEFFICIENT = re.compile(r"[PQRS][A-Z]{2}\d{1,2}|[BDF]REFF")
+_DIVISORS = ("PCX1", "PDX1", "PKX1", "PCY1", "PDY1", "PKY1", "PKY2", "PTX1", "PTY1", "PTY2")
+_DEFAULTS = {"LONGVL": 16.7}
+#: Keys of the wheel, which many files leave to who uses them.
+MASSES = frozenset(("MASS", "IXX", "IYY"))
+
 #: Texts that count as numbers: a tyre of the right side is the image of one of the left side.
 _WORDS: Mapping[str, Mapping[str, int]] = {"TYRESIDE": {"LEFT": 1, "RIGHT": -1, "SYMMETRIC": 1, "UNKNOWN": 1}}
 #: The kind of tyre that the files of a program have without saying it.
@@ -75,6 +82,11 @@ _IMPLIED = {"PAC2002": 6.0}
 _LINE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.*?)\s*", re.ASCII)
 _COMMENT = re.compile(r"[$!]")
 _FREE_SECTIONS = ("SHAPE", "DEFLECTION_LOAD_CURVE", "BOTTOMING_CURVE")
+
+
+def default_of(key: str) -> float | None:
+    """The number that a key has in the format where a file does not say it, None if it has to."""
+    return 0.0 if _COEFFICIENT.fullmatch(key) and key not in _DIVISORS else _DEFAULTS.get(key)
 
 
 @dataclass(frozen=True)
@@ -167,7 +179,7 @@ class _Reading:
         """The number of a key in SI, None of a text."""
         if key in _WORDS:
             return _WORDS[key].get(_unquoted(text).upper())
-        if text[:1] in "'\"" and text:
+        if text[:1] in "'\"":  # blank too: the file does not say it
             return None
         plain = text.replace("d", "e").replace("D", "e")
         value = float(plain) if is_number(plain) else math.nan

@@ -63,6 +63,10 @@ class Source:
         return self.keys.get(path) or self.value_span(path)
 
 
+#: Half of a character, as the escape "\\ud800" has it; no encoding can write it.
+_SURROGATE = re.compile(r"[\ud800-\udfff]")
+
+
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader with YAML 1.2 scalars and bounds on depth and number of nodes."""
 
@@ -79,6 +83,12 @@ class _Loader(yaml.SafeLoader):
             raise yaml.composer.ComposerError(None, None, f"the file is {bound}", self.get_mark())
         node = super().compose_node(parent, index)
         self.depth -= 1
+        return node
+
+    def compose_scalar_node(self, anchor: dict[Any, yaml.Node]) -> yaml.ScalarNode:
+        node = super().compose_scalar_node(anchor)
+        if not node.value.isascii() and _SURROGATE.search(node.value):
+            raise yaml.composer.ComposerError(None, None, "an escape is half of a character", node.start_mark)
         return node
 
 
@@ -147,6 +157,9 @@ def _compose(text: str, file: str) -> yaml.Node | None:
         before = text[: error.position]
         span = Span(file=file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
         raise _error(span, "a control character is not allowed in YAML") from None
+    except (ValueError, OverflowError):  # of an escape such as "\\U00110000"
+        mark = loader.get_mark()
+        raise _error(Span(file=file, line=mark.line + 1, column=mark.column + 1), "an escape names no character") from None
 
 
 class _Converter:

@@ -11,7 +11,7 @@ from cutjoint.elements.forces import FORCES
 from cutjoint.model import document
 from cutjoint.model.errors import Problems, nearest
 from cutjoint.model.evaluate import evaluate
-from cutjoint.model.expand import Expansion
+from cutjoint.model.expand import Expansion, absent_properties
 from cutjoint.model.expressions import symbols_of
 from cutjoint.model.forces import JOINT_FORCES
 from cutjoint.model.friction import bristle_name
@@ -110,6 +110,11 @@ def unused_properties(source: Source, model: document.Document) -> Iterator[str]
         if spans:
             named = ", ".join(f"{name} (line {span.line})" for name, span in spans.items())
             yield f"{next(iter(spans.values())).file}: nothing in '{use.instance.use}' uses {named}"
+        if absent := absent_properties(use.instance, use.submodel):
+            file = source.key_span((*use.path, "properties", next(iter(use.instance.properties)))).file
+            values = {value: [name for name in absent if absent[name] == value] for value in absent.values()}
+            said = ", and ".join(f"{value:g} for {', '.join(names)}" for value, names in values.items())
+            yield f"{file}: lacks coefficients, which have the format's defaults in '{use.instance.use}': {said}"
 
 
 def choices_made(model: document.Document, scopes: Mapping[str, Scope]) -> dict[str, str]:
