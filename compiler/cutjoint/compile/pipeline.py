@@ -219,7 +219,7 @@ def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
 def way_on(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
     """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
-    if not topology.model.assemblies or scene.on_violation != "restart":
+    if not topology.model.assemblies or scene.on_violation == "stop":
         return None
     from cutjoint.analysis.assembled import without_functions  # others do not wait for what this imports
 
