@@ -6,10 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.report.tables import error_facts
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
@@ -244,6 +246,49 @@ def test_a_light_mechanism_runs_with_nothing_said(settings: dict[str, float]) ->
     reference = completed(simulate(compiled(CRANK, "recursive-newton"), integrator="radau5", tolerance=1e-9))
     for name in run.columns:
         assert np.max(np.abs(run[name] - reference[name])) < 1.5 * run.error[name] + 1e-6
+
+
+#: Loops that a large penalty holds: rounding leaves so much that iterations of finer runs come to no end.
+HELD = """
+cutjoint: 1
+name: held
+gravity: [0, 0, -9.81]
+bodies:
+  left: {mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}
+  bar: {mass: 1, centre_of_mass: [0.5, 0, 1.1], inertia: [0.1, 0.1, 0.1]}
+  right: {mass: 1, centre_of_mass: [1, 0, 0.6], inertia: [0.1, 0.1, 0.1]}
+joints:
+  a: {kind: revolute, bodies: [ground, left], at: [0, 0, 0], axis: y}
+  b: {kind: revolute, bodies: [left, bar], at: [0, 0, 1], axis: y}
+  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: y}
+  d: {kind: revolute, bodies: [ground, right], at: [1, 0, 0], axis: y}
+outputs: [a.angle, bar.x]
+scenes: {fall: {end: 0.5, output_step: 50 ms, rates: {a.angle_rate: 4.0}, numerics: NUMERICS}}
+"""
+
+
+def _held(text: str, scene: str) -> Artifact:
+    model = read_model_text(text, "held.yaml")
+    return compile_interpreted(model, model.scenes[scene])
+
+
+@pytest.mark.parametrize("numerics", ["{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}", "{penalty: 1.0e+11, dt: 5 ms, solver_tolerance: 1.0e-6}"])
+def test_a_run_whose_finer_ones_come_to_no_end_has_an_estimate(numerics: str) -> None:
+    run, exact = (simulate(_held(HELD.replace("NUMERICS", how), "fall"), error=not i, integrator="dormand-prince" if i else None,
+                           tolerance=1e-10 if i else None) for i, how in enumerate((numerics, "{}")))  # fmt: skip
+    for name, error in run.error.largest.items():
+        true = float(np.abs(run[name] - exact[name]).max())
+        assert true / 3 < error < 10 * true
+
+
+def test_where_no_other_run_comes_to_its_end_the_words_say_so() -> None:
+    run = simulate(_held(HELD.replace("NUMERICS", "{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}"), "fall"), error=False)
+    estimate = compare(run, lambda times: None, left=0.25).estimate
+    console = Console(width=200)
+    with console.capture() as said:
+        console.print(error_facts(estimate))
+    assert "not known: no run with finer or coarser steps came to its end" in said.get()
+    assert "inf" not in said.get()
 
 
 def test_without_an_error_there_is_one_run() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import inf
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -294,7 +295,10 @@ def error_facts(error: ErrorEstimate) -> Table:
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes: one such run in 200 at most is off by more than three times as much"
-    rows = [("converged", promised if error.converged else "no: finer steps bring the outputs no nearer, errors may be larger")]
+    doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
+    if inf in error.largest.values():
+        by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
+    rows = [("converged", promised if error.converged else doubt)]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)

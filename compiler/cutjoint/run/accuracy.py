@@ -189,13 +189,18 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     Of a run's error ``left`` is left with steps once finer.  The run's difference from that one is its error, but for the smaller error of
     that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
     motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of
-    integrators explain, two runs agree by chance, and a share of the third's difference is the error.
+    integrators explain, two runs agree by chance, and a share of the third's difference is the error.  Where no finer run comes to its end,
+    the error is at most the difference from a coarser one.
     """
-    finer = again(1)
-    if run.failure is not None or finer is None:
-        return Comparison(estimate=ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False), others=())
+    finer = again(1) if run.failure is None else None
+    coarser = again(-1) if run.failure is None else None
+    if finer is None:
+        apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
+        coarsest = None if coarser is None else again(-2)
+        falling = coarser is not None and coarsest is not None and all_fall(run, differences(jumps, coarsest, coarser), apart)
+        estimate = ErrorEstimate(largest=Columns(apart), units=run.units, converged=falling)
+        return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
     apart = differences(jumps, run, finer)
-    coarser = again(-1)
     if coarser is not None:
         before, after = differences(jumps, coarser, run), apart
     else:
@@ -215,8 +220,13 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
-    """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
-    return _whole(_finer(plan, change, times, _BESIDE))
+    """The run with steps that are so many times finer, its rows at the same times; None if it fails.
+
+    Its iterations go further, or no further where rounding leaves more than that.
+    """
+    shares = (_BESIDE, _IN_ROW, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
+    runs = (_whole(_finer(plan, change, times, share)) for share in shares)
+    return next((run for run in runs if run is not None), None)
 
 
 def _whole(plan: SimulatorRun) -> Trajectory | None:
