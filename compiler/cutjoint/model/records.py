@@ -712,7 +712,7 @@ class Model:
     ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
     of forces that are off, and warnings of submodels; ``choices`` have values that submodels call so, by names of instances.
     ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
-    the user supplies, ``code`` is their C++.
+    the user supplies, ``code`` is their C++.  ``frozen`` are parameters that exported code has as numbers.
     """
 
     name: str
@@ -739,6 +739,7 @@ class Model:
     written: tuple[Joint, ...] | None = None
     functions: tuple[SuppliedFunction, ...] = ()
     code: str = field(default="", repr=False)
+    frozen: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}
