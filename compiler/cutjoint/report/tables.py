@@ -288,6 +288,10 @@ def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple
     return [("speeds not given", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
 
 
+#: The outputs that a line names at most.
+_NAMED = 4
+
+
 def error_facts(error: ErrorEstimate) -> Table:
     """The bounds of the outputs' errors, the worst of each unit."""
     by_unit: dict[str, tuple[float, str]] = {}
@@ -299,6 +303,9 @@ def error_facts(error: ErrorEstimate) -> Table:
     if inf in error.largest.values():
         by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
     rows = [("converged", promised if error.converged else doubt)]
+    if error.converged and error.rough:
+        names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
+        rows = [("converged", f"{promised}; but not {names}: off by more than a tenth of what they reach; a smaller accuracy helps")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)
