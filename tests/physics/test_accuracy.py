@@ -295,6 +295,14 @@ def test_outputs_that_are_far_off_are_named_beside_places_that_have_converged() 
     assert "but not s.force: off by more than a tenth of what they reach" in said.get()
 
 
+@pytest.mark.parametrize(("size", "converged"), [(5e-4, False), (5e-6, True)])
+def test_differences_that_fall_no_further_are_small_below_a_hundred_thousandth(size: float, converged: bool) -> None:
+    """Runs with finer and finer steps that go to and fro by so much of what the output reaches."""
+    t = np.linspace(0, 1, 11)
+    runs = {n: replace(_RUN, t=t, columns=Columns({"b.x": np.sin(t) + size * (n % 2)})) for n in (-1, 0, 1)}
+    assert compare(runs[0], runs.get, left=0.25).estimate.converged is converged
+
+
 _RUN = Trajectory(t=np.zeros(1), columns={}, units={"b.x": "m", "s.force": "N"}, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None)
 
 

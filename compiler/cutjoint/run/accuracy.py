@@ -381,7 +381,7 @@ def _after(run: Trajectory, sought: NearJump, within: float) -> float:
 # The balance of work and energy
 
 #: A smaller share of the energy in a run is no reason for a warning.
-_SMALL = 1e-3
+_SMALL_SHARE = 1e-3
 #: A mechanism whose energy is that of a smaller speed (m/s, rad/s) rests: a start at rest may accelerate by as much in a second, and the
 #: absolute tolerance of steps is this by default.
 _REST = 1e-6
@@ -395,7 +395,7 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
     The defect of exact steps is zero, so that the change by other steps is an estimate of it.  The rest is no error of the steps.
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
-    if run.energy is None or not balances or not run.energy.share > _SMALL:
+    if run.energy is None or not balances or not run.energy.share > _SMALL_SHARE:
         return ""
     if run.energy.kinetic < run.energy.of_unit_speed * _REST**2:
         return ""
