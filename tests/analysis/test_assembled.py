@@ -233,7 +233,8 @@ scenes:
 
 
 def test_a_guide_of_two_coordinates_leaves_a_block_in_its_loops() -> None:
-    text = SWING.replace("ground, right]", "slide, right]").replace("joints:\n", """  slide: {mass: 1, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.1, 0.1]}
+    text = SWING.replace("ground, right]", "slide, right]").replace("joints:\n", """
+  slide: {mass: 1, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.1, 0.1]}
 joints:
   e: {kind: cylindrical, bodies: [ground, slide], at: [1, 0, 0], axis: [0, 1, 0], guide: [0.01*t, 0.1*t]}
 """)  # fmt: skip

@@ -411,7 +411,8 @@ def test_problems_of_all_steps_come_at_once_and_name_what_could_not_be_read() ->
     found = "\n".join(map(str, caught.value.problems))
     for words in (
         "model: the field 'cutjoint' is missing", "point 'top': needs three numbers", "body 'rod': mass needs a number",
-        "body 'rod': unknown field 'colour'", "unknown body 'rodd'; did you mean 'rod'?", "axis needs three numbers", "the file 'none.csv' cannot be found",
+        "body 'rod': unknown field 'colour'", "unknown body 'rodd'; did you mean 'rod'?", "axis needs three numbers",
+        "the file 'none.csv' cannot be found",
         "unknown element 'rodd'; did you mean 'rod'?", "'bar' has no quantity 'xx'", "unknown joint 'elbo'; did you mean 'elbow'?",
         "no force is called 'drg'; did you mean 'drag'?",
     ):  # fmt: skip

@@ -303,7 +303,9 @@ def test_differences_that_fall_no_further_are_small_below_a_hundred_thousandth(s
     assert compare(runs[0], runs.get, left=0.25).estimate.converged is converged
 
 
-_RUN = Trajectory(t=np.zeros(1), columns={}, units={"b.x": "m", "s.force": "N"}, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None)
+_RUN = Trajectory(
+    t=np.zeros(1), columns={}, units={"b.x": "m", "s.force": "N"}, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None
+)  # fmt: skip
 
 
 #: Loops that a large penalty holds: rounding leaves so much that iterations of finer runs come to no end.
@@ -330,7 +332,9 @@ def _held(text: str, scene: str) -> Artifact:
     return compile_interpreted(model, model.scenes[scene])
 
 
-@pytest.mark.parametrize("numerics", ["{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}", "{penalty: 1.0e+11, dt: 5 ms, solver_tolerance: 1.0e-6}"])
+@pytest.mark.parametrize(
+    "numerics", ["{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}", "{penalty: 1.0e+11, dt: 5 ms, solver_tolerance: 1.0e-6}"]
+)
 def test_a_run_whose_finer_ones_come_to_no_end_has_an_estimate(numerics: str) -> None:
     run, exact = (simulate(_held(HELD.replace("NUMERICS", how), "fall"), error=not i, integrator="dormand-prince" if i else None,
                            tolerance=1e-10 if i else None) for i, how in enumerate((numerics, "{}")))  # fmt: skip

@@ -83,9 +83,12 @@ _WRONG = {
         ["s:3:9: rate 'pin.angle_rat': the model has none of this name; did you mean 'pin.angle_rate'?"],
     ),
     "all at once": (
-        f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nscenes: [turn, trn]\nend: -1\nflag: 1\nobjectives:\n  a: {{maximum: slider.y0, unit: kg}}\n",
-        ["s:4:16: study: scenes: the model has no scene 'trn'; did you mean 'turn'?", "s:5:6: study: end: -1 is below 0; write a larger number",
-         "s:6:1: study: unknown field 'flag'; did you mean 'flags'?", "s:8:16: objective 'a': 'slider.y0': 'slider' has no quantity 'y0'; did you mean 'y'?"],
+        f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nscenes: [turn, trn]\nend: -1\nflag: 1\n"
+        "objectives:\n  a: {maximum: slider.y0, unit: kg}\n",
+        ["s:4:16: study: scenes: the model has no scene 'trn'; did you mean 'turn'?",
+         "s:5:6: study: end: -1 is below 0; write a larger number",
+         "s:6:1: study: unknown field 'flag'; did you mean 'flags'?",
+         "s:8:16: objective 'a': 'slider.y0': 'slider' has no quantity 'y0'; did you mean 'y'?"],
     ),
     "unknown field": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nobjctives: {{}}\n",
@@ -187,8 +190,11 @@ def test_the_study_of_the_page_is_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("value", "unit"),
-    [("slider.vx", "m/s"), ("abs(slider.vx)", "m/s"), ("-slider.vx", "m/s"), ("abs(slider.vx) - abs(2*slider.vx)", ""), ("2*slider.vx", "")],
-)
+    [
+        ("slider.vx", "m/s"), ("abs(slider.vx)", "m/s"), ("-slider.vx", "m/s"),
+        ("abs(slider.vx) - abs(2*slider.vx)", ""), ("2*slider.vx", ""),
+    ],
+)  # fmt: skip
 def test_what_is_known_of_units(value: str, unit: str, tmp_path: Path) -> None:
     (objective,) = read_study(study(tmp_path, objectives={"a": {"maximum": value}})).objectives
     assert objective.unit == unit
@@ -200,7 +206,8 @@ def test_what_is_known_of_units(value: str, unit: str, tmp_path: Path) -> None:
         ({"maximum": "pin.angle", "unit": "deg"}, 180 / np.pi), ({"maximum": "2*pin.angle", "unit": "mrad"}, 1e3),
         ({"range": "slider.x - rod.x", "unit": "mm"}, 1e3), ({"integral": "slider.vx", "unit": "mm"}, 1e3),
         ({"crossing": "pin.angle", "at": "1 deg", "unit": "ms"}, 1e3), ({"frequency": "slider.x", "unit": "Hz"}, 1.0),
-        ({"rms": "slider.x*slider.vx", "unit": "cm^2/s"}, 1e4), ({"maximum": "slider.x"}, 1.0), ({"maximum": "3*spring.force", "unit": "kN"}, 1e-3),
+        ({"rms": "slider.x*slider.vx", "unit": "cm^2/s"}, 1e4), ({"maximum": "slider.x"}, 1.0),
+        ({"maximum": "3*spring.force", "unit": "kN"}, 1e-3),
     ],
 )  # fmt: skip
 def test_objectives_are_converted_to_their_units(objective: dict[str, object], factor: float, tmp_path: Path) -> None:

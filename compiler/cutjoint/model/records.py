@@ -638,7 +638,7 @@ class Scene:
     for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
-    real time.  ``on_violation`` decides when a guard is violated: "stop", or "restart" with the full model; None stops for left-out forces alone.
+    real time.  ``on_violation`` decides when a guard is violated: "stop", "restart" with the full model, or None to stop for forces alone.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
     None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which

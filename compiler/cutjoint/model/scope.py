@@ -98,7 +98,7 @@ class Scope:
         return self.connectors.get(name, self.prefix + name)
 
     def broken(self, section: str) -> list[str]:
-        """The names of a section's elements that could not be read, of all sections' where there is none of that name: they may be meant."""
+        """The names of a section's elements that could not be read, of all where it has another name: they may be meant."""
         part: Any = self.source.data
         for key in (*self.path, section):
             part = part.get(key) if isinstance(part, dict) else None

@@ -176,7 +176,7 @@ def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
     """The outputs whose errors are a large share of what they reach."""
     reach = _reach_of(run)
     sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * reach[run.units[name]]) for name in errors}
-    return tuple(name for name, error in errors.items() if _ROUGH * sizes[name] < error < inf and error > _ROUNDING * reach[run.units[name]])
+    return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * reach[run.units[name]]) < e < inf)
 
 
 def _reach_of(run: Trajectory) -> dict[str, float]:
@@ -275,7 +275,8 @@ def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
     """A run with other steps than one whose steps are bound: by another integrator, else by a tolerance so small that it bounds them."""
     if (other := _controlled(plan)) is not None:
         return other
-    return next((r for times in (2, 4, 6) if (r := _try(plan, STRICTER, times)) is not None and not _are_bound(STRICTER, run, r)), None)
+    stricter = (_try(plan, STRICTER, times) for times in (2, 4, 6))
+    return next((other for other in stricter if other is not None and not _are_bound(STRICTER, run, other)), None)
 
 
 def _whole(plan: SimulatorRun) -> Trajectory | None:
