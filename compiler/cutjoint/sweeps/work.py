@@ -109,8 +109,7 @@ class Work:
         """The objectives of runs that came to their ends."""
         done = [run for run in range(len(at)) if run not in left.failures] if left.failures else slice(None)
         for j, objective in enumerate(self.objectives):
-            found = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
-            objectives[at[done], j] = objective.factor * found
+            objectives[at[done], j] = reduce_series(objective, left.series[done, objective.series], kernel.times, kernel.row_step)
 
     def _thinned(self, kernel: Kernel) -> Counts:
         """The rows of a trajectory that stay: each so many, and the last."""
