@@ -260,7 +260,7 @@ def _symbols(part: object) -> set[Scalar]:
     """The symbols of all expressions in a record."""
     if isinstance(part, sympy.Basic):
         return set(part.free_symbols)
-    if is_dataclass(part):
+    if is_dataclass(part) and not isinstance(part, type):
         part = [getattr(part, f.name) for f in fields(part)]
     inner = part.values() if isinstance(part, Mapping) else part if isinstance(part, list | tuple) else ()
     return set[Scalar]().union(*map(_symbols, inner))
