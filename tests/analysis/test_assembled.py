@@ -160,7 +160,7 @@ def test_a_guide_that_stands_still_is_watched() -> None:
     model = read_model_text(STEERED, "corner.yaml")
     scene = model.scenes["straight"]
     outcome = assemble_loops(model, scene)
-    moved = replace(scene, inputs=model.scenes["steer"].inputs)
+    moved = replace(scene, inputs=model.scenes["steer"].inputs, on_violation="stop")
     made = run(outcome.model, moved)
     assert made.failure is not None
     assert "the functions of its loops end there" in made.failure.message
@@ -187,7 +187,7 @@ scenes:
 
 def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> None:
     """The swing falls towards a pose that the functions do not reach; a view needs the coordinates of one tree."""
-    ways = {"stop": "", "restart": ", on_violation: restart"}
+    ways = {"stop": ", on_violation: stop", "restart": ""}
     for way, words in ways.items():
         file = tmp_path / f"{way}.yaml"
         file.write_text(SWING % words, encoding="utf-8")
@@ -206,6 +206,42 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
             assert result.exit_code == 0, result.output
             assert "again with the loops' equations" in result.output.replace("\n", " ")
             assert rows["compiled"] == rows["exact"]
+
+
+def test_tables_that_slide_along_parallel_rails_have_functions() -> None:
+    """Two parallel rails leave one coordinate and no joint that follows: the table falls as a mass on a slope."""
+    outcome = assemble_loops(model := read_model_text(RAILS, "rails.yaml"), model.scenes["fall"])
+    (assembly,) = outcome.model.assemblies
+    assert not assembly.functions.series
+    made = run(outcome.model, outcome.scene)
+    assert np.abs(made["table.x"] - 0.3 - 0.5 * 9.81 * 0.6 * 0.8 * made.t**2).max() < 1e-9
+
+
+RAILS = """
+cutjoint: 1
+name: rails
+gravity: [0, 0, -9.81]
+bodies:
+  table: {mass: 2, centre_of_mass: [0.3, 0, 0.1], inertia: [0.3, 0.3, 0.3]}
+joints:
+  near: {kind: prismatic, bodies: [ground, table], at: [0, 0, 0], axis: [0.8, 0, -0.6]}
+  far: {kind: prismatic, bodies: [table, ground], at: [0, 1, 0], axis: [-0.8, 0, 0.6]}
+outputs: [table.x]
+scenes:
+  fall: {end: 0.3, output_step: 50 ms, rates: {near.displacement_rate: 0}}
+"""
+
+
+def test_a_guide_of_two_coordinates_leaves_a_block_in_its_loops() -> None:
+    text = SWING.replace("ground, right]", "slide, right]").replace("joints:\n", """
+  slide: {mass: 1, centre_of_mass: [1, 0, 0], inertia: [0.1, 0.1, 0.1]}
+joints:
+  e: {kind: cylindrical, bodies: [ground, slide], at: [1, 0, 0], axis: [0, 1, 0], guide: [0.01*t, 0.1*t]}
+""")  # fmt: skip
+    model = read_model_text(text % "", "swing.yaml")
+    outcome = assemble_loops(model, model.scenes["fall"])
+    assert not outcome.model.assemblies
+    assert any("'e' moves it by several guided coordinates" in str(note) for note in outcome.left)
 
 
 FIVE_BAR = SWING.replace("  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: [0, 1, 0]}", """

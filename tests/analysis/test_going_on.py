@@ -44,7 +44,7 @@ CONTROLLED = SWING.replace("outputs: [", MOTOR) % ", numerics: {events: located}
 def compiled(text: str, scene: str, loops: str, *, terms: int = 20, method: str = "recursive") -> Artifact:
     model = read_model_text(text, "model.yaml")
     numerics = replace(model.scenes[scene].numerics, loops=loops, loop_terms=terms)
-    return compile_interpreted(model, replace(model.scenes[scene], numerics=numerics, on_violation="restart"), method=method)
+    return compile_interpreted(model, replace(model.scenes[scene], numerics=numerics), method=method)
 
 
 def both(text: str, scene: str, how: dict[str, Any], **choices: Any) -> tuple[Trajectory, Trajectory]:
@@ -120,7 +120,7 @@ def test_newtons_method_goes_on() -> None:
 def test_the_command_line_writes_one_table(tmp_path: Path) -> None:
     """A table and a stream have the header and each row once; the command says where the run went over."""
     file = tmp_path / "swing.yaml"
-    file.write_text(SWING % ", on_violation: restart, numerics: {loops: compiled, solver_tolerance: 1e-11}", encoding="utf-8")
+    file.write_text(SWING % ", numerics: {loops: compiled, solver_tolerance: 1e-11}", encoding="utf-8")
     tables = {}
     for loops in ("exact", "compiled"):
         out = tmp_path / f"{loops}.csv"

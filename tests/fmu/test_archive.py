@@ -17,8 +17,11 @@ from click.testing import CliRunner, Result
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.compile.folders import plan_delivery
+from cutjoint.compile.options import CompileOptions
+from cutjoint.compile.pipeline import _for_hosts, generate
 from cutjoint.export.fmu.archive import make_fmu
-from cutjoint.export.fmu.description import Unit, describe_unit
+from cutjoint.export.fmu.description import Unit, describe_unit, write_description
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.package.locations import without_mark
 from cutjoint.run.scenes import find_scene
@@ -189,3 +192,37 @@ def test_what_an_fmu_has_not_is_refused(arguments: tuple[str, ...], status: int,
     result = export(*arguments)
     assert result.exit_code == status
     assert words in " ".join(result.output.split())
+
+
+THROWN = """
+cutjoint: 1
+name: thrown
+gravity: [0, 0, -9.81]
+parameters:
+  v: {value: 2, unit: m/s, binding: param}
+  fill: {value: 1, binding: param}
+  both: {value: 3, binding: param}
+bodies: {ball: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, ball], at: [0, 0, 0], axis: [0, 0, 1]}}
+forces: {drag: {kind: joint_force, joint: rail, law: -both*rate}}
+states: {level: {start: fill, rate: -level}}
+outputs: [ball.z, level.value]
+scenes: {throw: {end: 1, output_step: 0.1, rates: {rail.displacement_rate: v + both}}}
+"""
+
+
+def test_parameters_of_the_start_alone_are_no_parameters_of_exported_code(tmp_path: Path) -> None:
+    """Setting one would change nothing, as the start is numbers there; the description and the header say which these are."""
+    model = read_model_text(THROWN, "thrown.yaml")
+    scene = model.scenes["throw"]
+    for version in (2, 3):
+        fmu = make_fmu(model, scene, version=version)
+        assert [v.name for v in fmu.interface.parameters] == ["both"]
+        assert "without 'v' and 'fill': the start alone follows from them" in write_description(fmu.subject, fmu.interface, version)
+    options = CompileOptions(out=tmp_path)
+    delivery = plan_delivery(_for_hosts(generate(model, scene, scene.outputs), model, scene, options), options)
+    assert delivery is not None
+    assert "#define THROWN_PARAMETERS 1" in delivery.files["thrown.h"]
+    assert "Parameters that only the start follows from are none of them: v, fill." in delivery.files["thrown.h"]
+    assert delivery.alone is not None
+    assert delivery.alone.run_file.rates["rail.displacement_rate"] == 5.0

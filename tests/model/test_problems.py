@@ -383,3 +383,37 @@ def test_problems_without_end_are_cut_short() -> None:
     found = problems(f"cutjoint: 1\nname: m\ngravity: [0, 0, 0]\nbodies: {{{bodies}}}\njoints: {{{joints}}}\n")
     assert len(found) == MAX_PROBLEMS + 1
     assert sum("there may be more problems than these; mend these first" in line for line in found) == 1
+
+
+ALL_AT_ONCE = """
+cutjoint: 1
+name: two
+gravity: [0, 0, -9.81]
+points: {top: [0, 0]}
+bodies:
+  rod: {mass: [1], centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1], colour: red}
+  bar: {mass: 1, centre_of_mass: [0, 0, 1.5], inertia: [0.1, 0.1, 0.1]}
+joints:
+  hinge: {kind: revolute, bodies: [ground, rodd], at: [0, 0, 0], axis: [0, 1, 0]}
+  elbow: {kind: revolute, bodies: [rod, bar], at: topp, axis: 3}
+forces:
+  drag: {kind: joint_force, joint: elbw, law: {table: {file: none.csv}}}
+outputs: [rodd.x, bar.xx]
+scenes:
+  run: {end: 1, output_step: 0.1, rates: {elbo.angle_rate: 1}, switches: {drg: true}}
+"""
+
+
+def test_problems_of_all_steps_come_at_once_and_name_what_could_not_be_read() -> None:
+    """Of a file that is missing, of shapes, and of names, which may mean elements that are wrong themselves."""
+    with pytest.raises(ModelError) as caught:
+        read_model_text(ALL_AT_ONCE.replace("cutjoint: 1\n", ""), "model.yaml")
+    found = "\n".join(map(str, caught.value.problems))
+    for words in (
+        "model: the field 'cutjoint' is missing", "point 'top': needs three numbers", "body 'rod': mass needs a number",
+        "body 'rod': unknown field 'colour'", "unknown body 'rodd'; did you mean 'rod'?", "axis needs three numbers",
+        "the file 'none.csv' cannot be found",
+        "unknown element 'rodd'; did you mean 'rod'?", "'bar' has no quantity 'xx'", "unknown joint 'elbo'; did you mean 'elbow'?",
+        "no force is called 'drg'; did you mean 'drag'?",
+    ):  # fmt: skip
+        assert words in found, found

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from rich.console import Console
+from scipy.linalg import expm
 
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
+from cutjoint.report.tables import error_facts
 from cutjoint.run.accuracy import compare
 from cutjoint.run.artifact import Artifact
-from cutjoint.run.results import Trajectory
+from cutjoint.run.results import Columns, Trajectory
 from cutjoint.run.simulation import simulate
 from cutjoint_bench.estimate_models import LAWS, MECHANISMS
 from cutjoint_bench.studies.estimates import judge
@@ -244,6 +248,109 @@ def test_a_light_mechanism_runs_with_nothing_said(settings: dict[str, float]) ->
     reference = completed(simulate(compiled(CRANK, "recursive-newton"), integrator="radau5", tolerance=1e-9))
     for name in run.columns:
         assert np.max(np.abs(run[name] - reference[name])) < 1.5 * run.error[name] + 1e-6
+
+
+#: The oscillator with a damper that a controller samples so often that its samples bound all steps.
+SAMPLED = """
+cutjoint: 1
+name: sampled
+gravity: [0, 0, 0]
+bodies: {block: {mass: 1, centre_of_mass: [0, 0, 0]}}
+joints: {rail: {kind: prismatic, bodies: [ground, block], at: [0, 0, 0], axis: [1, 0, 0]}}
+forces: {spring: {kind: joint_force, joint: rail, law: "-400*position + damper.push"}}
+controllers: {damper: {every: 5 ms, signals: {push: -2*block.vx}}}
+outputs: [block.x, block.vx]
+scenes: {swing: {end: 1, output_step: 10 ms, positions: {rail.displacement: 0.1}, numerics: {solver_tolerance: 1.0e-5}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
+@pytest.mark.parametrize("scene", ["numerics: {solver_tolerance: 1.0e-5}", "accuracy: 1.0e-3"])
+def test_runs_whose_steps_end_at_samples_are_not_told_to_be_exact(method: str, scene: str) -> None:
+    """Beside the matrix exponential from sample to sample, with the push of each held."""
+    model = read_model_text(SAMPLED.replace("numerics: {solver_tolerance: 1.0e-5}", scene), "sampled.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["swing"], method=method))
+    over = expm(np.array([[0, 1, 0], [-400, 0, 1], [0, 0, 0]]) * 5e-3)
+    states = [np.array([0.1, 0.0])]
+    for _ in range(200):
+        x, v = states[-1]
+        states.append((over @ [x, v, -2 * v])[:2])
+    exact = np.array(states)[::2]
+    for i, name in enumerate(("block.x", "block.vx")):
+        true = float(np.abs(run[name] - exact[:, i]).max())
+        assert run.error[name] > true / 3
+        assert run.error[name] > 0
+
+
+def test_outputs_that_are_far_off_are_named_beside_places_that_have_converged() -> None:
+    t = np.linspace(0, 1, 11)
+    place, force = np.sin(t), 100 * np.sin(t)
+    runs = {n: replace(_RUN, t=t, columns=Columns({"b.x": place + 1e-9 * 4**-n, "s.force": force + 40 * 4.0**-n})) for n in (-1, 0, 1)}
+    estimate = compare(runs[0], runs.get, left=0.25).estimate
+    assert estimate.converged
+    assert estimate.rough == ("s.force",)
+    console = Console(width=300)
+    with console.capture() as said:
+        console.print(error_facts(estimate))
+    assert "but not s.force: off by more than a tenth of what they reach" in said.get()
+
+
+@pytest.mark.parametrize(("size", "converged"), [(5e-4, False), (5e-6, True)])
+def test_differences_that_fall_no_further_are_small_below_a_hundred_thousandth(size: float, converged: bool) -> None:
+    """Runs with finer and finer steps that go to and fro by so much of what the output reaches."""
+    t = np.linspace(0, 1, 11)
+    runs = {n: replace(_RUN, t=t, columns=Columns({"b.x": np.sin(t) + size * (n % 2)})) for n in (-1, 0, 1)}
+    assert compare(runs[0], runs.get, left=0.25).estimate.converged is converged
+
+
+_RUN = Trajectory(
+    t=np.zeros(1), columns={}, units={"b.x": "m", "s.force": "N"}, steps=1, evaluations=1, seconds=0.0, undetermined=(), failure=None
+)  # fmt: skip
+
+
+#: Loops that a large penalty holds: rounding leaves so much that iterations of finer runs come to no end.
+HELD = """
+cutjoint: 1
+name: held
+gravity: [0, 0, -9.81]
+bodies:
+  left: {mass: 1, centre_of_mass: [0, 0, 0.5], inertia: [0.1, 0.1, 0.1]}
+  bar: {mass: 1, centre_of_mass: [0.5, 0, 1.1], inertia: [0.1, 0.1, 0.1]}
+  right: {mass: 1, centre_of_mass: [1, 0, 0.6], inertia: [0.1, 0.1, 0.1]}
+joints:
+  a: {kind: revolute, bodies: [ground, left], at: [0, 0, 0], axis: y}
+  b: {kind: revolute, bodies: [left, bar], at: [0, 0, 1], axis: y}
+  c: {kind: revolute, bodies: [bar, right], at: [1, 0, 1.2], axis: y}
+  d: {kind: revolute, bodies: [ground, right], at: [1, 0, 0], axis: y}
+outputs: [a.angle, bar.x]
+scenes: {fall: {end: 0.5, output_step: 50 ms, rates: {a.angle_rate: 4.0}, numerics: NUMERICS}}
+"""
+
+
+def _held(text: str, scene: str) -> Artifact:
+    model = read_model_text(text, "held.yaml")
+    return compile_interpreted(model, model.scenes[scene])
+
+
+@pytest.mark.parametrize(
+    "numerics", ["{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}", "{penalty: 1.0e+11, dt: 5 ms, solver_tolerance: 1.0e-6}"]
+)
+def test_a_run_whose_finer_ones_come_to_no_end_has_an_estimate(numerics: str) -> None:
+    run, exact = (simulate(_held(HELD.replace("NUMERICS", how), "fall"), error=not i, integrator="dormand-prince" if i else None,
+                           tolerance=1e-10 if i else None) for i, how in enumerate((numerics, "{}")))  # fmt: skip
+    for name, error in run.error.largest.items():
+        true = float(np.abs(run[name] - exact[name]).max())
+        assert true / 3 < error < 10 * true
+
+
+def test_where_no_other_run_comes_to_its_end_the_words_say_so() -> None:
+    run = simulate(_held(HELD.replace("NUMERICS", "{penalty: 1.0e+9, dt: 5 ms, solver_tolerance: 1.0e-8}"), "fall"), error=False)
+    estimate = compare(run, lambda times: None, left=0.25).estimate
+    console = Console(width=200)
+    with console.capture() as said:
+        console.print(error_facts(estimate))
+    assert "not known: no run with finer or coarser steps came to its end" in said.get()
+    assert "inf" not in said.get()
 
 
 def test_without_an_error_there_is_one_run() -> None:

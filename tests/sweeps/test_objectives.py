@@ -28,6 +28,7 @@ def reduce_one(reduction: str, series: np.ndarray, **how: float | str) -> float:
     [
         ("end", LINE, {}, 1.0, 1e-12), ("end", LINE, {"end": 0.5}, -0.5, 1e-12),
         ("minimum", WAVE, {}, 3.0, 1e-4), ("maximum", WAVE, {}, 7.0, 1e-4), ("range", WAVE, {}, 4.0, 2e-4),
+        ("range", WAVE, {"factor": 1e3}, 4000.0, 0.2), ("crossing", LINE, {"at": 0.25, "factor": 1e3}, 1250.0, 1e-9),
         ("maximum", LINE, {"begin": 0.2, "end": 0.7}, -0.3, 1e-12), ("minimum", LINE, {"begin": 0.2}, -0.8, 1e-12),
         ("mean", LINE, {}, 0.0, 1e-12), ("mean", LINE, {"begin": 1.0}, 0.5, 1e-12),
         ("rms", LINE, {}, sqrt(1 / 3), 1e-3), ("deviation", WAVE, {}, sqrt(2), 1e-3),  # means of rows: a row in 2000 counts too much

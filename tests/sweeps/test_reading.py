@@ -82,6 +82,14 @@ _WRONG = {
         f"{_HEAD}rates: {{pin.angle_rat: [1, 2]}}\n{_END}",
         ["s:3:9: rate 'pin.angle_rat': the model has none of this name; did you mean 'pin.angle_rate'?"],
     ),
+    "all at once": (
+        f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nscenes: [turn, trn]\nend: -1\nflag: 1\n"
+        "objectives:\n  a: {maximum: slider.y0, unit: kg}\n",
+        ["s:4:16: study: scenes: the model has no scene 'trn'; did you mean 'turn'?",
+         "s:5:6: study: end: -1 is below 0; write a larger number",
+         "s:6:1: study: unknown field 'flag'; did you mean 'flags'?",
+         "s:8:16: objective 'a': 'slider.y0': 'slider' has no quantity 'y0'; did you mean 'y'?"],
+    ),
     "unknown field": (
         f"{_HEAD}parameters: {{stiffness: [1, 2]}}\nobjctives: {{}}\n",
         ["s:4:1: study: unknown field 'objctives'; did you mean 'objectives'?"],
@@ -182,8 +190,46 @@ def test_the_study_of_the_page_is_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("value", "unit"),
-    [("slider.vx", "m/s"), ("abs(slider.vx)", "m/s"), ("-slider.vx", "m/s"), ("abs(slider.vx) - abs(slider.x)", ""), ("2*slider.vx", "")],
-)
+    [
+        ("slider.vx", "m/s"), ("abs(slider.vx)", "m/s"), ("-slider.vx", "m/s"),
+        ("abs(slider.vx) - abs(2*slider.vx)", ""), ("2*slider.vx", ""),
+    ],
+)  # fmt: skip
 def test_what_is_known_of_units(value: str, unit: str, tmp_path: Path) -> None:
     (objective,) = read_study(study(tmp_path, objectives={"a": {"maximum": value}})).objectives
     assert objective.unit == unit
+
+
+@pytest.mark.parametrize(
+    ("objective", "factor"),
+    [
+        ({"maximum": "pin.angle", "unit": "deg"}, 180 / np.pi), ({"maximum": "2*pin.angle", "unit": "mrad"}, 1e3),
+        ({"range": "slider.x - rod.x", "unit": "mm"}, 1e3), ({"integral": "slider.vx", "unit": "mm"}, 1e3),
+        ({"crossing": "pin.angle", "at": "1 deg", "unit": "ms"}, 1e3), ({"frequency": "slider.x", "unit": "Hz"}, 1.0),
+        ({"rms": "slider.x*slider.vx", "unit": "cm^2/s"}, 1e4), ({"maximum": "slider.x"}, 1.0),
+        ({"maximum": "3*spring.force", "unit": "kN"}, 1e-3),
+    ],
+)  # fmt: skip
+def test_objectives_are_converted_to_their_units(objective: dict[str, object], factor: float, tmp_path: Path) -> None:
+    (read,) = read_study(study(tmp_path, objectives={"a": objective})).objectives
+    assert read.factor == pytest.approx(factor, rel=1e-14)
+    assert read.unit == objective.get("unit", "m")
+
+
+@pytest.mark.parametrize(
+    ("objective", "words"),
+    [
+        ({"maximum": "pin.angle", "unit": "kg"}, "unit kg does not fit: it is in an angle or a plain number"),
+        ({"maximum": "slider.x", "unit": "m/s"}, "unit m/s does not fit: it is in m"),
+        ({"integral": "slider.vx", "unit": "m/s"}, "unit m/s does not fit: it is in m"),
+        ({"crossing": "slider.x", "at": 0.1, "unit": "mm"}, "unit mm does not fit: it is in s"),
+        ({"crossing": "slider.x", "at": "1 deg"}, "at needs m, got an angle or a plain number"),
+        ({"maximum": "slider.x + slider.vx"}, "m and m/s"),
+        ({"maximum": "slider.x", "unit": "furlungs"}, "unknown unit 'furlungs'"),
+        ({"maximum": "pin.angle*180/pi", "unit": "deg"}, "the unit converts, and the expression is multiplied by 57.2958 for it already"),
+        ({"range": "(slider.x - rod.x)*1000", "unit": "mm"}, "multiplied by 1000 for it already"),
+    ],
+)  # fmt: skip
+def test_units_that_do_not_fit_are_told(objective: dict[str, object], words: str, tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match=re.escape(words)):
+        read_study(study(tmp_path, objectives={"a": objective}))

@@ -194,6 +194,8 @@ def _require_simple(model: Model, block: Block) -> None:
     names, bodies = {joint.name for joint in block.joints}, set(block.bodies)
     if len(block.drives) > 1:
         raise NoAssemblyError(f"{len(block.drives)} guides move it")
+    if any(len(drive.guide or ()) > 1 for drive in block.drives):
+        raise NoAssemblyError(f"'{block.drives[0].name}' moves it by several guided coordinates")
     if any(not degrees(j) and {j.base, j.follower} & bodies for j in model.joints):
         raise NoAssemblyError("bodies in it are welded or guided")
     if any(joint.armature != 0 for joint in block.joints):

@@ -156,7 +156,7 @@ def _fit(loops: BlockLoops, lead: Lead, interval: Interval, u: Interval, wanted:
     gap, rate_gap = _gaps(loops, lead, found, wanted)
     if not gap < _ALLOWED * wanted.tolerance or not rate_gap < _ALLOWED * wanted.tolerance * _largest_slope(found):
         raise NoAssemblyError(f"its functions leave a gap of {gap:.1g}, which opens at {rate_gap:.1g}")
-    terms = max(len(s.coefficients) for each in series.values() for s in each)
+    terms = max((len(s.coefficients) for each in series.values() for s in each), default=1)
     enough = len(nodes) if lead.turns else min(len(nodes), terms + SPARE_NODES)
     return replace(found, gap=gap, rate_gap=rate_gap, open=loops.open, nodes=enough, allowed=_ALLOWED * wanted.tolerance)
 
@@ -397,7 +397,7 @@ def _largest_slope(functions: LoopFunctions) -> float:
     q = np.linspace(functions.range.lower, functions.range.upper, _LOOKS)
     u = np.full(_LOOKS, functions.drive_range.middle if functions.drive_range is not None else 0.0)
     slopes = [evaluate(s, functions, q, u, 1) for found in functions.series.values() for s in found]
-    return max(1.0, *(float(np.abs(slope).max()) for slope in slopes))
+    return max([1.0, *(float(np.abs(slope).max()) for slope in slopes)])
 
 
 def refit(topology: Topology, assembly: Assembly, parameters: Mapping[str, float]) -> LoopFunctions:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.folders import for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.model.functions import leave_to_host
@@ -51,6 +51,8 @@ def command(
         price = _price(artifact, model) if opened else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
+    if frozen := frozen_words(for_hosts(artifact.topology.model, artifact.scene)):
+        options.out.print(f"interface {frozen}", markup=False)
 
 
 def _write_module(
@@ -61,6 +63,7 @@ def _write_module(
     require_zig()
     case, found = find_case(model, scene)
     chosen = held_as_usual(found, method, integrator)
+    case = for_hosts(case, chosen)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
     alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)
     files, module = {**alone.files, **alone.module_files}, f"{alone.name}.wasm"

@@ -205,7 +205,7 @@ def assemble_and_play(
     request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
-    equations if the scene has ``on_violation: restart``."""
+    equations unless the scene has ``on_violation: stop``."""
     from cutjoint.analysis.assembled import assemble_loops  # others do not wait for what this imports
 
     with options.progress_bar(f"closing loops of {request.model.name}"):
@@ -213,7 +213,7 @@ def assemble_and_play(
     for note in (*outcome.done, *outcome.left):
         options.err.print(str(note), markup=False)
     prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
-    if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
+    if run.failure is not None and run.failure.guards and scene.on_violation != "stop":
         options.err.print(f"{run.failure}; again with the loops' equations", markup=False)
         scene = with_loops(scene, Loops.EXACT)
         prepared, run = prepare_and_play(request, model, scene, method, parameters, play)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cutjoint.commands import options, table
 from cutjoint.compile.prepared import PreparedRun, Request, find_cached_run
-from cutjoint.methods import AUTO, METHODS, Implementation, Loops
-from cutjoint.package.errors import RunError
+from cutjoint.methods import AUTO, DEFAULT_METHOD, INTEGRATORS, METHODS, Implementation, Loops
+from cutjoint.package.errors import EquationsError, RunError
 from cutjoint.report import tables
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.failures import describe_failure, describe_rest
@@ -19,10 +20,16 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options
+from cutjoint.run.simulator import watched
+from cutjoint.run.simulator_run import SimulatorRun
 
 if TYPE_CHECKING:
     from cutjoint.commands.preparing import FinishedRun
     from cutjoint.report.plots import Others
+
+
+#: The method to whose integrator stiff runs go over.
+IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].instead[0]
 
 
 @table.command("simulate")
@@ -53,20 +60,24 @@ def command(
 
         require_replay(request, parameters, view, over)
 
+    gone_over = method is not None or closure is not None
+
     def play(prepared: PreparedRun, watch: Callable[[], None] = lambda: None) -> Trajectory:
         def follow(share: float) -> None:
             watch()
             progress(share)
 
-        with options.progress_bar(f"running {prepared.compilation.scene}") as progress:
+        tell = partial(_tell_slow, prepared.run, goes_over=prepared.run.is_free and not gone_over and _is_watched())
+        with options.progress_bar(f"running {prepared.compilation.scene}") as progress, watched(tell):
             plan = replace(prepared.run, with_coordinates=view is not None)
             return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, go_over=method is None, advise=True)
 
-    prepared = find_cached_run(request, parameters)
-    run = None if prepared is None else play(prepared)
-    played: FinishedRun | None = None
-    if prepared is None or run is None or (run.failure is not None and run.failure.guards):
-        prepared, run, played = _derive_and_play(request, parameters, play)
+    try:
+        prepared, run, played = _find_and_play(request, parameters, play)
+    except _StiffRun as slow:
+        gone_over = True
+        prepared, run, played = _go_over(request, parameters, play, str(slow))
+        request = replace(request, method=prepared.run.method)
     console = options.console_beside(out, steps)
     if run.failure is None:
         with options.progress_bar("estimating the error") if error else nullcontext():
@@ -93,6 +104,61 @@ def command(
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
         raise SystemExit(1)
+
+
+class _StiffRun(Exception):  # noqa: N818 -- no error
+    """Stability limits the steps of a run that takes long, and another method has an implicit integrator."""
+
+
+def _is_watched() -> bool:
+    """Return whether a person sees that the method changes: scripts get the same bytes on all machines, however fast they are."""
+    return options.err.is_terminal
+
+
+def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) -> None:
+    """Say how far a run is that has taken ten seconds, what limits its steps, and what to use.
+
+    Raises:
+        _StiffRun: it ``goes_over`` to a method that is not limited so.
+    """
+    settings, steps = plan.run_file.settings, slow["steps"]
+    words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"
+    if slow.get("stiff_steps", 0) > tables.STIFF * steps:
+        if goes_over:
+            raise _StiffRun(f"{words}, which stability limits, not accuracy")
+        words += f": stability limits them, not accuracy; use --method {IMPLICIT_METHOD}, whose integrator is implicit"
+    elif INTEGRATORS[settings.integrator].adaptive:
+        words += ": the accuracy limits them; a larger --accuracy takes fewer"
+    else:
+        words += f" of {settings.dt:g} s: a larger --dt takes fewer"
+    options.err.print(words, markup=False)
+
+
+def _go_over(
+    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory], words: str
+) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
+    """The run by the method whose integrator is implicit; as before where that does not take the model, or fails."""
+    options.err.print(f"{words}; goes over to the method {IMPLICIT_METHOD}", markup=False)
+    try:
+        prepared, run, played = _find_and_play(replace(request, method=IMPLICIT_METHOD), parameters, play)
+        reason = "" if run.failure is None else str(run.failure)
+    except (EquationsError, RunError) as error:
+        reason = str(error)
+    if not reason:
+        return prepared, replace(run, instead=f"the method {IMPLICIT_METHOD}, {words}"), played
+    options.err.print(f"{IMPLICIT_METHOD}: {reason}; goes on by {DEFAULT_METHOD}", markup=False)
+    return _find_and_play(request, parameters, play)
+
+
+def _find_and_play(
+    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
+) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
+    """The run of a cached program, else of one that is derived."""
+    prepared = find_cached_run(request, parameters)
+    run = None if prepared is None else play(prepared)
+    if prepared is None or run is None or (run.failure is not None and run.failure.guards):
+        return _derive_and_play(request, parameters, play)
+    return prepared, run, None
 
 
 def _derive_and_play(

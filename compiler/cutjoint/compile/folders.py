@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from math import sqrt
 from pathlib import Path
+
+import sympy
 
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
@@ -21,6 +23,7 @@ from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import emit_standalone, mark_of
 from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.implicit.equations import formulate_balance
+from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -35,18 +38,19 @@ from cutjoint.methods import (
     Events,
     Formulation,
     Implementation,
+    join_and,
     join_or,
     names_of,
 )
 from cutjoint.model.functions import functions_of_host
-from cutjoint.model.records import Model, Scene
+from cutjoint.model.records import Binding, Model, Scalar, Scene
 from cutjoint.package.errors import MissingPartialsError, RunError
 from cutjoint.package.locations import licence_of_musl, path_of, templates_folder
 from cutjoint.program.records import Program
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.record import RunFile
 from cutjoint.run.result_files import write_files
-from cutjoint.run.run_file import make_run_file
+from cutjoint.run.run_file import make_run_file, sources_of_parts
 from cutjoint.run.settings import Options, StepSettings, find_closure, find_integrator, find_tolerance
 from cutjoint.toolchain.build import FLAGS, build, build_folder, simulator_of
 from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_section
@@ -229,6 +233,37 @@ class Standalone:
 def module_script() -> str:
     """The host of modules in JavaScript, for any model."""
     return (templates_folder() / "wasm" / "module.js").read_text(encoding="utf-8")
+
+
+def for_hosts(model: Model, scene: Scene) -> Model:
+    """The model whose parameters that stand only where runs of the scene begin are ``frozen``: exported code has numbers there, which
+    setting such a parameter would not change."""
+    start = sources_of_parts(model, scene)
+    asked = _symbols((start["positions"], start["rates"], scene.assemble)) & {p.symbol for p in open_parameters(model)}
+    if asked:
+        states = tuple(replace(state, initial=sympy.Integer(0)) for state in model.states)
+        rest = replace(model, parameters=(), derived=(), scenes={}, states=states)
+        asked -= _symbols((rest, replace(scene, positions={}, rates={}, starts={}, assemble=())))
+    parameters = tuple(replace(p, binding=Binding.CONST) if p.symbol in asked else p for p in model.parameters)
+    return replace(model, parameters=parameters, frozen=tuple(p.name for p in model.parameters if p.symbol in asked))
+
+
+def frozen_words(model: Model) -> str:
+    """The frozen parameters of a model in a sentence; "" without any."""
+    if not model.frozen:
+        return ""
+    names = join_and([f"'{name}'" for name in model.frozen])
+    return f"without {names}: the start alone follows from {'it' if len(model.frozen) == 1 else 'them'}, and is numbers here"
+
+
+def _symbols(part: object) -> set[Scalar]:
+    """The symbols of all expressions in a record."""
+    if isinstance(part, sympy.Basic):
+        return set(part.free_symbols)
+    if is_dataclass(part) and not isinstance(part, type):
+        part = [getattr(part, f.name) for f in fields(part)]
+    inner = part.values() if isinstance(part, Mapping) else part if isinstance(part, list | tuple) else ()
+    return set[Scalar]().union(*map(_symbols, inner))
 
 
 def make_standalone(

@@ -16,7 +16,7 @@ from typing import Any
 from cutjoint.analysis.mobility import require_soundness
 from cutjoint.analysis.redundancy import require_loads
 from cutjoint.analysis.shaky import require_firmness
-from cutjoint.compile.folders import plan_delivery
+from cutjoint.compile.folders import for_hosts, plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
 from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.simulator import emit
@@ -88,7 +88,7 @@ def compile_scene(
         generated = generate(
             model, scene, outputs, method=options.method, lanes=options.lanes, precision=options.precision, poses=options.poses
         )  # fmt: skip
-    made, delivery = generated, plan_delivery(generated, options)
+    made, delivery = generated, plan_delivery(_for_hosts(generated, model, scene, options), options)
     seconds, written = perf_counter() - begin, perf_counter()
 
     # Source -> Binary
@@ -107,6 +107,15 @@ def compile_scene(
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
         raise TakesLong(later, made, seconds, finish)
     return finish()
+
+
+def _for_hosts(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
+    """What a folder that stands alone is made of."""
+    hosted = for_hosts(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
+    if not hosted.frozen:
+        return generated
+    outputs = scene.outputs if options.outputs is None else options.outputs
+    return generate(hosted, scene, outputs, method=options.method, lanes=options.lanes, poses=options.poses)
 
 
 def compile_interpreted(
@@ -219,7 +228,7 @@ def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
 def way_on(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
     """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
-    if not topology.model.assemblies or scene.on_violation != "restart":
+    if not topology.model.assemblies or scene.on_violation == "stop":
         return None
     from cutjoint.analysis.assembled import without_functions  # others do not wait for what this imports
 

@@ -213,6 +213,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
         "gap_limits": _gap_limits(equations, begin.parameters),
         "end": repr(float(begin.end)), "output_step": repr(float(begin.output_step)),
+        "frozen": model.frozen,
         "parameters": [repr(float(begin.parameters[p.name])) for p in equations.parameters],
         "parameter_table": [(p.name, p.unit, repr(float(begin.parameters[p.name]))) for p in equations.parameters],
         "columns": equations.columns, "steered": _steered(equations), "guiding": "".join(f", {i}" for i in _guiding(equations)),

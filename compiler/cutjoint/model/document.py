@@ -427,7 +427,7 @@ class Scene(Part):
     method: Annotated[str, OneOf((AUTO, *METHODS))] | None = None
     accuracy: Number | None = None
     budget: Number | None = None
-    on_violation: Literal["stop", "restart"] = "stop"
+    on_violation: Literal["stop", "restart"] | None = None
     outputs: tuple[OutputEntry, ...] | None = None
     plots: dict[Name, Plot] = Field(default={})
 

@@ -30,16 +30,16 @@ _NAMING = ("file", "include", "properties")
 MAX_FILES = 200
 
 
-def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple[Source, dict[str, str]]:
-    """The document with what its files have, and their texts by the names that places carry.
+def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple[Source, dict[str, str], set[Keys]]:
+    """The document with what its files have, their texts by the names that places carry, and the elements whose files could not be read.
 
     ``folder`` is that of the model file, None of a text without one.  Problems are noted.
     """
     if not any(keys[-1] in _NAMING for keys in source.keys):
-        return source, {}
+        return source, {}, set()
     files = _Files(problems)
     whole = files.filled(source, _Place(folder, folder, str(Path(source.file).parent / "x")[:-1], ()))
-    return whole, files.texts
+    return whole, files.texts, files.lost
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class _Files:
 
     problems: Problems
     texts: dict[str, str] = field(default_factory=dict)
+    lost: set[Keys] = field(default_factory=set)
     _tables: dict[Path, Csv] = field(default_factory=dict)
     _parts: dict[Path, Source] = field(default_factory=dict)
     _values: int = 0
@@ -100,10 +101,11 @@ class _Files:
                         source = self._with_points(source, keys[:-1], name, place)
                     case (*_, "instances", str(), "properties") if _is_in_submodels(keys[:-3]) and name:
                         source = self._with_properties(source, keys, name, place)
-            except _Fault as fault:
-                self.problems.add(span, label, *map(str, fault.args))
-            except ModelError as error:
-                for problem in error.problems:
+            except (_Fault, ModelError) as error:
+                self.lost.add(() if place.around or keys[-2:-1] == ("points",) else keys[: element_of(keys)[1]])
+                if isinstance(error, _Fault):
+                    self.problems.add(span, label, *map(str, error.args))
+                for problem in getattr(error, "problems", ()):
                     self.problems.add(problem.span, problem.element, problem.message, problem.hint)
         return source
 

@@ -87,7 +87,8 @@ def _named_point(element: Element, name: str, keys: Path) -> Vector:
         remedy = "define it under points of the submodel; points of an instance move it"
         element.fail(f"'{name}' is a point of the model, and a submodel does not see it", remedy, keys)
     elif not scope.directory.misses(scope.prefix + name):
-        element.fail(f"unknown point '{name}'", nearest(name, points, "points here") or "define it under points", keys)
+        hint = nearest(name, [*points, *scope.broken("points")], "points here") or "define it under points"
+        element.fail(f"unknown point '{name}'", hint, keys)
     return (FAILED, FAILED, FAILED)
 
 

@@ -69,7 +69,7 @@ class Machine:
         if whole in elements and VALUE in quantities(elements[whole]):
             return whole, VALUE
         try:
-            found = find_quantity(elements, name, scope.full, scope.prefix)
+            found = find_quantity(elements, name, scope.full, scope.prefix, scope.directory.broken)
         except QuantityError as error:
             if error.element == UNKNOWN or scope.directory.misses(error.element):
                 return None

@@ -68,7 +68,7 @@ class OutputReader:
 
     def _quantity(self, where: Element, name: str, prefix: str, span: Span) -> Output | None:
         try:
-            element, quantity = find_quantity(self.known, name, lambda local: prefix + local, prefix)
+            element, quantity = find_quantity(self.known, name, lambda local: prefix + local, prefix, where.scope.directory.broken)
         except QuantityError as error:
             if not where.scope.directory.misses(error.element):
                 where.scope.problems.add(span, where.label, f"output '{name}': {error.message}", error.hint)
@@ -85,7 +85,7 @@ class OutputReader:
         term = where.term(part.value, (VALUE,), scope.reading("t"))
         value = where.scalar(part.value, None, (VALUE,), scope.reading("t"))
         own = "" if term.dimension in (None, NONE) else str(term.dimension)
-        unit = None if part.unit is None else _unit(where, part.unit)
+        unit = None if part.unit is None else read_unit(where, part.unit, ("unit",))
         if unit is not None and term.dimension not in (None, unit.dimension):
             message = f"unit {part.unit} does not fit: the expression is in {described(term.dimension)}"
             where.fail(message, "write a unit of that", ("unit",))
@@ -109,12 +109,13 @@ class OutputReader:
             where.fail(f"duplicate name '{signal.name}', first defined at {place} with another value or unit", "rename one of them")
 
 
-def _unit(where: Element, unit: str) -> Measure | None:
+def read_unit(where: Element, unit: str, keys: Path) -> Measure | None:
+    """One of a unit that something is converted to; None where it is wrong, which is noted at ``keys``."""
     try:
         one = measure(1.0, unit)
         if measure(0.0, unit).value == 0.0:
             return one
-        where.fail(f"unit {unit} does not begin at zero", "write one that does, such as K", ("unit",))
+        where.fail(f"unit {unit} does not begin at zero", "write one that does, such as K", keys)
     except UnitError as error:
-        where.fail(str(error), "write for example deg or N*s/m", ("unit",))
+        where.fail(str(error), "write for example deg or N*s/m", keys)
     return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeAlias
 
 from cutjoint.elements.gear import FORCE_UNITS
@@ -91,8 +91,11 @@ class QuantityError(ValueError):
         self.element, self.message, self.hint = element, message, hint
 
 
-def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str], str], prefix: str) -> tuple[str, str]:
-    """The full name of an element and its quantity, which ``name`` means, "element.quantity", where names have a ``prefix``.
+def find_quantity(
+    known: Mapping[str, Element], name: str, full: Callable[[str], str], prefix: str, broken: Iterable[str] = ()
+) -> tuple[str, str]:  # fmt: skip
+    """The full name of an element and its quantity, which ``name`` means, "element.quantity", where names have a ``prefix``; elements that
+    are ``broken`` may be meant too.
 
     Raises:
         QuantityError: there is none.
@@ -100,7 +103,7 @@ def find_quantity(known: Mapping[str, Element], name: str, full: Callable[[str],
     local, _, quantity = name.rpartition(".")
     element = full(local)
     if element not in known:
-        options = [other.removeprefix(prefix) for other in known if other.startswith(prefix)]
+        options = [other.removeprefix(prefix) for other in (*known, *broken) if other.startswith(prefix)]
         whole = f", such as {name}.{next(iter(quantities(known[full(name)])), '')}" if full(name) in known else ""
         hint = nearest(local, options, "elements") if local and not whole else f"write element.quantity{whole}"
         raise QuantityError(element, f"unknown element '{local or name}'", hint)

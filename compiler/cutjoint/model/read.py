@@ -52,12 +52,10 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     """
     # text -> plain data with places, that of its files included
     problems = Problems()
-    source, files = with_files(parse_yaml(text, file), path_of(folder), problems)
-    if problems:
-        raise problems.error()
+    source, files, lost = with_files(parse_yaml(text, file), path_of(folder), problems)
     source, notes = in_new_words(source, problems, MODEL)
     # data -> document of the right shape
-    shaped = check_shape(source, problems)
+    shaped = check_shape(source, problems, lost)
     if shaped is None:
         raise problems.error()
     document = shaped.document

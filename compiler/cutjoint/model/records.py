@@ -638,7 +638,7 @@ class Scene:
     for `UNIT_BOUND`; ``inputs`` gives inputs as expressions of ``t`` (one that is not given keeps its parameter's value); ``switches``
     turns forces on and off by their full names.  ``method`` is the formulation that the scene wants ("" for the default) or "auto", which
     picks model, formulation and steps so that places and angles are within ``accuracy`` (m, rad) and the run ``budget`` times as fast as
-    real time.  ``on_violation`` decides when the guard of a left-out force is violated: "stop", or "restart" with the full model.
+    real time.  ``on_violation`` decides when a guard is violated: "stop", "restart" with the full model, or None to stop for forces alone.
     ``entries`` are the places of positions and rates by "section.joint.coordinate".  ``starts`` are values of first-order states where the
     run begins, by their places, of those that do not begin at their own.  ``guides`` are those of joints that the scene locks or drives,
     None of joints that it releases.  ``plots`` are pictures that it names.  ``assemble`` are places that the start is to have, around which
@@ -661,7 +661,7 @@ class Scene:
     method: str = ""
     accuracy: float | None = None
     budget: float | None = None
-    on_violation: str = "stop"
+    on_violation: str | None = None
     entries: Mapping[str, Span] = field(default_factory=dict, compare=False)
     starts: Mapping[str, Scalar] = field(default_factory=dict)
     guides: Mapping[str, tuple[Scalar, ...] | None] = field(default_factory=dict)
@@ -712,7 +712,7 @@ class Model:
     ``notes`` sentences about words of earlier versions in the file, about parameters that nothing uses and outputs
     of forces that are off, and warnings of submodels; ``choices`` have values that submodels call so, by names of instances.
     ``written`` are the joints as the file has them where those of a scene differ.  ``functions`` are those that
-    the user supplies, ``code`` is their C++.
+    the user supplies, ``code`` is their C++.  ``frozen`` are parameters that exported code has as numbers.
     """
 
     name: str
@@ -739,6 +739,7 @@ class Model:
     written: tuple[Joint, ...] | None = None
     functions: tuple[SuppliedFunction, ...] = ()
     code: str = field(default="", repr=False)
+    frozen: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         elements = {"bodies": self.bodies, "joints": self.joints, "gears": self.gears, "forces": self.forces, "scenes": self.scenes}

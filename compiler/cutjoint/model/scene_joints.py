@@ -86,7 +86,8 @@ def _coordinate(where: Element, key: str, joints: Mapping[str, Joint]) -> tuple[
 
 def _joint(where: Element, name: str, joints: Mapping[str, Joint], keys: Path) -> Joint | None:
     if name not in joints and not where.scope.directory.misses(name):
-        where.fail(f"{keys[0]}: unknown joint '{name}'", nearest(name, list(joints), "joints"), keys, at_key=isinstance(keys[1], str))
+        hint = nearest(name, [*joints, *where.scope.broken("joints")], "joints")
+        where.fail(f"{keys[0]}: unknown joint '{name}'", hint, keys, at_key=isinstance(keys[1], str))
     return joints.get(name)
 
 

@@ -272,7 +272,7 @@ def _switches(where: Element, switches: Mapping[str, bool], stage: _Stage) -> di
         pattern = key.replace("[", "[[]").replace("?", "[?]")
         matches = [name for name in names if fnmatchcase(name, pattern)]
         if not matches and not any(fnmatchcase(name, pattern) for name in where.scope.directory.broken):
-            hint = nearest(key, names, "forces") or "the model has no forces"
+            hint = nearest(key, [*names, *where.scope.broken("forces")], "forces") or "the model has no forces"
             where.fail(f"switches: no force is called '{key}'", hint, ("switches", key), at_key=True)
         found.update(dict.fromkeys(matches, active))
     return found

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import sympy
 
@@ -95,6 +96,14 @@ class Scope:
     def full(self, name: str) -> str:
         """The full name of an element of this scope."""
         return self.connectors.get(name, self.prefix + name)
+
+    def broken(self, section: str) -> list[str]:
+        """The names of a section's elements that could not be read, of all where it has another name: they may be meant."""
+        part: Any = self.source.data
+        for key in (*self.path, section):
+            part = part.get(key) if isinstance(part, dict) else None
+        names = [self.prefix + str(name) for name in part] if isinstance(part, dict) else sorted(self.directory.broken)
+        return [name.removeprefix(self.prefix) for name in names if name in self.directory.broken and name.startswith(self.prefix)]
 
     def constants(self) -> dict[str, Term]:
         """The parameters that do not change with time."""
@@ -273,7 +282,7 @@ class Element:
     def _known_bodies(self) -> list[str]:
         prefix = self.scope.prefix
         bodies = [name.removeprefix(prefix) for name in self.scope.directory.bodies if name.startswith(prefix)]
-        return [GROUND, *self.scope.connectors, *bodies]
+        return [GROUND, *self.scope.connectors, *bodies, *self.scope.broken("bodies")]
 
     def joint(self, name: str, keys: Path) -> tuple[str, joint_parts.Joint | None]:
         """The full name of a joint, and what the document says of it."""
@@ -282,7 +291,7 @@ class Element:
         if full not in directory.joints and not directory.misses(full):
             prefix = self.scope.prefix
             joints = [known.removeprefix(prefix) for known in directory.joints if known.startswith(prefix)]
-            self.fail(f"unknown joint '{name}'", nearest(name, joints, "joints here"), keys)
+            self.fail(f"unknown joint '{name}'", nearest(name, [*joints, *self.scope.broken("joints")], "joints here"), keys)
         return full, directory.joints.get(full)
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
@@ -26,7 +27,7 @@ _P = TypeVar("_P", bound=BaseModel)
 Names: TypeAlias = Callable[[Path], tuple[str, int]]
 
 #: The stand-in for a field of the model that it cannot do without.
-_STAND_INS: Mapping[str, Any] = {"gravity": (0, 0, 0), "name": "model"}
+_STAND_INS: Mapping[str, Any] = {"cutjoint": 1, "gravity": (0, 0, 0), "name": "model"}
 
 #: The kind of element that each section holds.
 KINDS = {
@@ -57,18 +58,26 @@ class Shaped:
     lost_parameters: frozenset[str] = frozenset()
 
 
-def check_shape(source: Source, problems: Problems) -> Shaped | None:
-    """The document of a source, noting every field that is unknown, missing or of the wrong shape.
+def check_shape(source: Source, problems: Problems, lost: set[Path]) -> Shaped | None:
+    """The document of a source without ``lost`` elements, noting every field that is unknown, missing or of the wrong shape.
 
     None when too much is wrong to go on.
     """
-    document, found = _validate(source, problems, Document, element_of)
-    return _without_broken(source, found) if document is None else Shaped(document)
+    if () in lost:
+        return None
+    left = replace(source, data=_pruned(source.data, (), lost))
+    document, found = _validate(left, problems, Document, element_of)
+    return _without_broken(source, found, lost) if document is None or lost else Shaped(document)
 
 
 def check_part(source: Source, problems: Problems, part: type[_P], element_of: Names) -> _P | None:
-    """A document of another kind, with the same words for what is wrong; None where something is.  ``element_of`` is as below."""
-    return _validate(source, problems, part, element_of)[0]
+    """A document of another kind, with the same words for what is wrong; None where more than unknown fields is.  ``element_of`` is as
+    below."""
+    document, found = _validate(source, problems, part, element_of)
+    if document is None and all(flaw.kind == "extra_forbidden" for flaw in found):
+        with suppress(ValidationError):  # it lacks what it may have under another name
+            return part.model_validate(_pruned(source.data, (), {flaw.path for flaw in found}))
+    return document
 
 
 def _validate(source: Source, problems: Problems, part: type[_P], element_of: Names) -> tuple[_P | None, list[_Flaw]]:
@@ -244,14 +253,13 @@ def _chosen_by(member: Any, step: str | int) -> bool:
     return kind is not None and get_origin(kind.annotation) is Literal and step in get_args(kind.annotation)
 
 
-def _without_broken(source: Source, found: list[_Flaw]) -> Shaped | None:
-    """The document without what is of the wrong shape; None when more than elements is wrong."""
-    drop: set[Path] = set()
+def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shaped | None:
+    """The document without what is of the wrong shape and what to ``drop``; None when more than elements is wrong."""
     while True:
         new = {place for flaw in found for place in _left_out(flaw)} - drop
-        if not new or () in new:
+        if () in new or (found and not new):
             return None
-        drop |= new
+        drop = drop | new
         data = _pruned(source.data, (), drop)
         data |= {name: value for name, value in _STAND_INS.items() if name not in data}
         try:
@@ -278,7 +286,8 @@ def _left_out(flaw: _Flaw) -> Iterator[Path]:
     elif start:
         yield path[:start]
     else:
-        yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) else ()
+        other_version = path[:1] == ("cutjoint",) and flaw.kind != "missing"
+        yield path[:1] if path[:1] and path[0] in ("outputs", "scenes", *_STAND_INS) and not other_version else ()
 
 
 def _depth(path: Path) -> int:

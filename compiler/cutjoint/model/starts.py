@@ -131,7 +131,7 @@ def read_states(where: Element, values: Mapping[str, Any], section: str, joints:
             where.fail(f"{section}: '{key}' names no component", "write joint.component", (section, key), at_key=True)
         elif name not in joints:
             if not where.scope.directory.misses(name):
-                hint = nearest(name, [joint.name for joint in joints.values() if not joint.cut], "joints")
+                hint = nearest(name, [*(j.name for j in joints.values() if not j.cut), *where.scope.broken("joints")], "joints")
                 where.fail(f"{section}: unknown joint '{name}'", hint, (section, key), at_key=True)
         elif _has_state(where, joints[name], component, section) and _has_form(where, value, component, (section, key)):
             states |= _state(where, joints[name], component, value, (section, key))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import inf
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -287,6 +288,10 @@ def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple
     return [("speeds not given", f"{len(undetermined)}, {chosen}: {', '.join(undetermined)}")]
 
 
+#: The outputs that a line names at most.
+_NAMED = 4
+
+
 def error_facts(error: ErrorEstimate) -> Table:
     """The bounds of the outputs' errors, the worst of each unit."""
     by_unit: dict[str, tuple[float, str]] = {}
@@ -294,7 +299,13 @@ def error_facts(error: ErrorEstimate) -> Table:
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes: one such run in 200 at most is off by more than three times as much"
-    rows = [("converged", promised if error.converged else "no: finer steps bring the outputs no nearer, errors may be larger")]
+    doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
+    if inf in error.largest.values():
+        by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
+    rows = [("converged", promised if error.converged else doubt)]
+    if error.converged and error.rough:
+        names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
+        rows = [("converged", f"{promised}; but not {names}: off by more than a tenth of what they reach; a smaller accuracy helps")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)

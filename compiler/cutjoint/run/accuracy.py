@@ -97,6 +97,9 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
             return _estimated(plan, kept, before or _unknown(run), converged=False)
         if last.failure is None:
             apart = differences(plan.jumps, last, run)
+            if _are_bound(change, last, run) and (other := _unlike(_finer(plan, change, level), run)) is not None:
+                errors = differences(plan.jumps, run, other)
+                return _estimated(plan, run, errors, converged=_keeps(run, errors, goal), others=[other])
             left = defect_left(last, run)
             errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
             if before is not None and _keeps(run, errors, goal) and all_fall(run, before, apart):
@@ -159,7 +162,29 @@ def _judged(
         errors = {name: max(error, apart.get(name, 0.0)) for name, error in errors.items()}
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
-    return ErrorEstimate(largest=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)))
+    return ErrorEstimate(
+        largest=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)), rough=_rough(run, errors)
+    )  # fmt: skip
+
+
+#: Outputs with larger errors, as shares of what they reach, have not converged, whatever places do; those that reach less than the second
+#: share of what others of their unit do are zero by symmetry.
+_ROUGH, _LITTLE = 0.1, 1e-3
+
+
+def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
+    """The outputs whose errors are a large share of what they reach."""
+    reach = _reach_of(run)
+    sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * reach[run.units[name]]) for name in errors}
+    return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * reach[run.units[name]]) < e < inf)
+
+
+def _reach_of(run: Trajectory) -> dict[str, float]:
+    """The largest value of the outputs of each unit."""
+    reach: dict[str, float] = {}
+    for name, values in run.columns.items():
+        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    return reach
 
 
 def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
@@ -169,7 +194,13 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         Interrupted, Terminated: a signal has ended a run.
     """
     change = _change_of(plan)
-    compared = compare(run, partial(_try, plan, change), left=change.left, jumps=plan.jumps)
+
+    def again(times: int) -> Trajectory | None:
+        other = _try(plan, change, times)
+        bound = times > 0 and other is not None and _are_bound(change, run, other)
+        return (_unlike(plan, run) if bound else None) or other
+
+    compared = compare(run, again, left=change.left, jumps=plan.jumps)
     return compared.estimate if not compared.others else _judged(
         plan, run, compared.estimate.largest, converged=compared.estimate.converged, others=compared.others
     )  # fmt: skip
@@ -189,13 +220,18 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     Of a run's error ``left`` is left with steps once finer.  The run's difference from that one is its error, but for the smaller error of
     that second run.  A third, coarser one, or a still finer one where that fails, shows whether differences fall.  They do not where a
     motion is chaotic, or goes another way at a singular pose, and need not where they are rounding.  Where they fall by more than orders of
-    integrators explain, two runs agree by chance, and a share of the third's difference is the error.
+    integrators explain, two runs agree by chance, and a share of the third's difference is the error.  Where no finer run comes to its end,
+    the error is at most the difference from a coarser one.
     """
-    finer = again(1)
-    if run.failure is not None or finer is None:
-        return Comparison(estimate=ErrorEstimate(largest=Columns(_unknown(run)), units=run.units, converged=False), others=())
+    finer = again(1) if run.failure is None else None
+    coarser = again(-1) if run.failure is None else None
+    if finer is None:
+        apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
+        coarsest = None if coarser is None else again(-2)
+        falling = coarser is not None and coarsest is not None and all_fall(run, differences(jumps, coarsest, coarser), apart)
+        estimate = ErrorEstimate(largest=Columns(apart), units=run.units, converged=falling)
+        return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
     apart = differences(jumps, run, finer)
-    coarser = again(-1)
     if coarser is not None:
         before, after = differences(jumps, coarser, run), apart
     else:
@@ -204,7 +240,9 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    estimate = ErrorEstimate(largest=Columns(errors), units=run.units, converged=all_fall(run, before, after))
+    estimate = ErrorEstimate(
+        largest=Columns(errors), units=run.units, converged=all_fall(run, before, after), rough=_rough(run, errors)
+    )  # fmt: skip
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
@@ -215,8 +253,30 @@ def _controlled(plan: SimulatorRun) -> Trajectory | None:
 
 
 def _try(plan: SimulatorRun, change: Change, times: int) -> Trajectory | None:
-    """The run with steps that are so many times finer, its rows at the same times; None if it fails."""
-    return _whole(_finer(plan, change, times, _BESIDE))
+    """The run with steps that are so many times finer, its rows at the same times; None if it fails.
+
+    Its iterations go further, or no further where rounding leaves more than that.
+    """
+    shares = (_BESIDE, _IN_ROW, 1.0) if times > 0 and change.setting == "dt" else (1.0,)
+    runs = (_whole(_finer(plan, change, times, share)) for share in shares)
+    return next((run for run in runs if run is not None), None)
+
+
+def _are_bound(change: Change, run: Trajectory, finer: Trajectory) -> bool:
+    """Return whether something else than the tolerance bounds nearly all steps of a run, as samples of controllers do."""
+    return change is STRICTER and finer.steps < _BOUND * run.steps
+
+
+#: A tenth of the tolerance takes at least so many times the steps where the tolerance bounds them: 10^(1/8) by dop853.
+_BOUND = 1.1
+
+
+def _unlike(plan: SimulatorRun, run: Trajectory) -> Trajectory | None:
+    """A run with other steps than one whose steps are bound: by another integrator, else by a tolerance so small that it bounds them."""
+    if (other := _controlled(plan)) is not None:
+        return other
+    stricter = (_try(plan, STRICTER, times) for times in (2, 4, 6))
+    return next((other for other in stricter if other is not None and not _are_bound(STRICTER, run, other)), None)
 
 
 def _whole(plan: SimulatorRun) -> Trajectory | None:
@@ -282,9 +342,7 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
 
 def all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
     """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
-    reach: dict[str, float] = {}
-    for name, values in run.columns.items():
-        reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
+    reach = _reach_of(run)
     return all(after[c] <= _ROUNDING * reach[run.units[c]] or falls(run.columns[c], before[c], after[c]) for c in after)
 
 
@@ -324,7 +382,7 @@ def _after(run: Trajectory, sought: NearJump, within: float) -> float:
 # The balance of work and energy
 
 #: A smaller share of the energy in a run is no reason for a warning.
-_SMALL = 1e-3
+_SMALL_SHARE = 1e-3
 #: A mechanism whose energy is that of a smaller speed (m/s, rad/s) rests: a start at rest may accelerate by as much in a second, and the
 #: absolute tolerance of steps is this by default.
 _REST = 1e-6
@@ -338,7 +396,7 @@ def find_imbalance(run: Trajectory, others: Sequence[Trajectory]) -> str:
     The defect of exact steps is zero, so that the change by other steps is an estimate of it.  The rest is no error of the steps.
     """
     balances = [other.energy for other in others if other.energy is not None and other.failure is None]
-    if run.energy is None or not balances or not run.energy.share > _SMALL:
+    if run.energy is None or not balances or not run.energy.share > _SMALL_SHARE:
         return ""
     if run.energy.kinetic < run.energy.of_unit_speed * _REST**2:
         return ""

@@ -160,13 +160,15 @@ class ErrorEstimate:
     than a third of an error.  Laws, masses and places are taken as they are given.
 
     ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
-    stay open.
+    stay open.  ``rough`` are outputs that are off by more than a tenth of what they reach, which accelerations and forces may be where
+    places keep an accuracy.
     """
 
     largest: Mapping[str, float]
     units: Mapping[str, str]
     converged: bool
     warnings: tuple[str, ...] = ()
+    rough: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> float:
         return self.largest[column]

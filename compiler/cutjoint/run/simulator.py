@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
 from threading import Timer
@@ -21,12 +22,27 @@ from cutjoint.run.stopping import StopRequest, stop_requests
 #: Called with the share of a run that is done, 0 to 1.
 Progress = Callable[[float], None]
 
+#: Called with the summary so far, and its ``time`` (s), of a run that has taken ten seconds; what it raises ends the run.
+Slow = Callable[[Mapping[str, Any]], None]
+
+_SLOW: ContextVar[Slow | None] = ContextVar("slow", default=None)
+
 #: Called with a record that a run writes before its summary.
 Receive = Callable[[dict[str, Any]], None]
 
 
 class SimulatorError(CutjointError, RuntimeError):
     """The simulator could not begin, or what it wrote is no summary."""
+
+
+@contextmanager
+def watched(slow: Slow) -> Iterator[None]:
+    """Tell of the first run that takes long."""
+    token = _SLOW.set(slow)
+    try:
+        yield
+    finally:
+        _SLOW.reset(token)
 
 
 def call_simulator(
@@ -108,7 +124,10 @@ def _read_records(process: subprocess.Popen[str], progress: Progress | None, rec
     summary: dict[str, Any] = {}
     for line in process.stdout:
         record = _read_record(line)
-        if set(record) == {"progress"}:
+        if "progress" in record:
+            if "slow" in record and (tell := _SLOW.get()) is not None:
+                _SLOW.set(None)
+                tell(record["slow"])
             if progress is not None:
                 progress(record["progress"])
         elif "first" in record and receive is not None:

@@ -22,6 +22,7 @@ from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.quantities import QuantityError, elements_of, find_quantity, quantities
 from cutjoint.model.records import VALUE, Binding, Model, Output, Scalar, Scene, Span
 from cutjoint.model.starts import UNIT_BOUND
+from cutjoint.model.units import TIME, Dimension, measure
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import changing, require_same_start, sources_of_parts
@@ -177,6 +178,11 @@ def _pays(study: Study, program: Program, alone: Standalone) -> bool:
     return lanes_break_even(program.operations("evaluate"), steps * study.runs / len(study.scenes))
 
 
+def _dimension(unit: str) -> Dimension | None:
+    """The dimension of a unit; a number without one fits everywhere."""
+    return measure(1.0, unit).dimension if unit else None
+
+
 def symbol_of(column: str) -> Scalar:
     """The symbol that stands for an output in expressions."""
     element, _, quantity = column.rpartition(".")
@@ -189,33 +195,36 @@ class Reader:
     def __init__(self, model: Model) -> None:
         self._elements = elements_of(model)
         self._own = frozenset(element.name for group in (model.states, model.signals) for element in group)
-        fixed = {p.name: Term(p.symbol) for p in model.parameters if p.binding is not Binding.INPUT}
+        fixed = {p.name: Term(p.symbol, _dimension(p.unit)) for p in model.parameters if p.binding is not Binding.INPUT}
         moving = {p.symbol for p in model.parameters if p.binding is Binding.INPUT}
         derived = {d.name: Term(d.value) for d in model.derived if moving.isdisjoint(d.value.free_symbols)}
-        self._names = {**fixed, **derived, "t": Term(variable("t"))}
+        self._names = {**fixed, **derived, "t": Term(variable("t"), TIME)}
         self.outputs: dict[str, Output] = {}
 
-    def read(self, value: int | float | str, span: Span) -> tuple[Scalar, str]:
-        """An expression and its unit, "" where that is not known.
+    def read(self, value: int | float | str, span: Span) -> tuple[Scalar, str, Dimension | None]:
+        """An expression, its unit, "" where that is not known, and its dimension, None where that is not known.
 
         Raises:
             ExpressionError: it is none, or names something that the model does not have.
         """
         if not isinstance(value, str):
-            return read_term(value, {}).value, ""
+            return read_term(value, {}).value, "", None
         outputs: dict[str, Output] = {}
 
         def quantity(name: str) -> Term:
             output = outputs.setdefault(name, self._output(name, span))
-            return Term(quantity_symbol(output.element, output.quantity))
+            return Term(quantity_symbol(output.element, output.quantity), _dimension(self._unit(output)))
 
-        expression = read_term(value, Names(self._names, self._own, quantity)).value
+        term = read_term(value, Names(self._names, self._own, quantity))
         self.outputs |= {output.column: output for _, output in sorted(outputs.items())}
         bare = value.strip().removeprefix("-").strip()
         if bare.startswith("abs(") and bare.endswith(")"):
             bare = bare[4:-1].strip()
         output = outputs.get(bare)
-        return expression, "" if output is None else quantities(self._elements[output.element])[output.quantity]
+        return term.value, "" if output is None else self._unit(output), term.dimension
+
+    def _unit(self, output: Output) -> str:
+        return quantities(self._elements[output.element])[output.quantity]
 
     def _output(self, name: str, span: Span) -> Output:
         try:

@@ -9,7 +9,7 @@ from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 from cutjoint.emit.steps import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.document import json_schema
-from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, shape_error, told_by
+from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, shape_error, told_by
 
 #: Runs that a study has at most.
 MOST_RUNS = 10**8
@@ -116,7 +116,7 @@ class Objective(Part):
     from_: Number | None = Field(default=None, alias="from")
     to: Number | None = None
     goal: Literal["smaller", "larger"] | None = None
-    unit: StrictStr | None = None
+    unit: Unit | None = None
 
     @model_validator(mode="after")
     def _one_reduction(self) -> Objective:

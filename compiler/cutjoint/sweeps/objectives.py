@@ -13,14 +13,14 @@ from cutjoint.sweeps.records import Array, Objective
 
 
 def reduce_series(objective: Objective, series: Array, times: Array, row_step: float) -> Array:
-    """An objective (runs,) of a series (runs, rows) at equally spaced times (rows,), s; NaN where it has no value."""
+    """An objective (runs,) of a series (runs, rows) at equally spaced times (rows,), s, in its unit; NaN where it has no value."""
     rounding = 1e-9 * row_step
     inside = np.flatnonzero((times >= objective.begin - rounding) & (times <= objective.end + rounding))
     if not inside.size:
         return np.full(len(series), np.nan)
     first, last = inside[0], inside[-1] + 1
     window = np.ascontiguousarray(series[:, first:last])
-    return _REDUCTIONS[objective.reduction](objective, window, float(times[first]), row_step)
+    return objective.factor * _REDUCTIONS[objective.reduction](objective, window, float(times[first]), row_step)
 
 
 def _integral(window: Array, step: float) -> Array:

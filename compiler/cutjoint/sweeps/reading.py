@@ -6,14 +6,16 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from math import inf, isnan
+from math import inf, isclose, isnan
 from pathlib import Path
 
 import numpy as np
+import sympy
 
 from cutjoint.model.errors import ModelError, Problems, nearest
 from cutjoint.model.functions import supply
 from cutjoint.model.operations import ExpressionError
+from cutjoint.model.outputs import read_unit
 from cutjoint.model.ranges import SOLVER_TOLERANCE, fault_of_setting
 from cutjoint.model.records import Model, Scene
 from cutjoint.model.renamed import STUDY, in_new_words
@@ -22,7 +24,7 @@ from cutjoint.model.scope import Directory, Element, Scope
 from cutjoint.model.shape import check_part
 from cutjoint.model.source import Path as Keys
 from cutjoint.model.source import Source, parse_yaml, read_text
-from cutjoint.model.units import TIME
+from cutjoint.model.units import NONE, TIME, described
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.scenes import find_scene, in_scene
 from cutjoint.run.settings import Options, with_options
@@ -85,10 +87,12 @@ class _Reading:
             raise self.problems.error()
         model = in_scene(model, scenes[0])
         reader, shown = Reader(model), document.trajectories
-        design = Variables(self.where, document, model, self.folder).design(scenes)
-        names = {v.name for v in design.variables}
-        objectives = [self._objective(name, part, reader, names, scenes) for name, part in document.objectives.items()]
+        objectives = [self._objective(name, part, reader, scenes) for name, part in document.objectives.items()]
         kept = [] if shown is None else [self._trajectory(i, text, reader) for i, text in enumerate(shown.outputs)]
+        design = Variables(self.where, document, model, self.folder).design(scenes)
+        for name in document.objectives.keys() & {*TAKEN, *(v.name for v in design.variables)}:
+            keys = ("objectives", name)
+            self.at(keys).fail("the name stands for another column of the table", "rename the objective", keys, at_key=True)
         if self.problems:
             raise self.problems.error()
         return Study(
@@ -127,9 +131,10 @@ class _Reading:
                 self.where.fail(f"scenes: the model has no scene '{name}'", nearest(name, model.scenes, "scenes"), ("scenes", i))
             elif name in names[:i]:
                 self.where.fail(f"scenes: '{name}' stands twice", "remove one", ("scenes", i))
-        if self.problems:
+        known = [name for name in dict.fromkeys(names) if name in model.scenes]
+        if not known:
             raise self.problems.error()
-        return tuple(self._with_settings(model.scenes[name]) for name in names)
+        return tuple(self._with_settings(model.scenes[name]) for name in known)
 
     def _with_settings(self, scene: Scene) -> Scene:
         document, times = self.document, {}
@@ -140,30 +145,47 @@ class _Reading:
                 if not isnan(number) and (fault := fault_of_setting(SETTINGS.get(name, name), number)):
                     self.where.fail(f"{name}: {fault}", "", (name,))
         if self.problems:
-            raise self.problems.error()
+            return scene
         scene = replace(scene, output_step=times.get("output_step", scene.output_step))
         asked = Options(dt=times.get("dt"), end=times.get("end"), tolerance=times.get(SOLVER_TOLERANCE))
         return with_options(scene, document.method, asked)
 
     # Objectives and series
 
-    def _objective(self, name: str, part: ObjectivePart, reader: Reader, variables: set[str], scenes: Sequence[Scene]) -> Objective:
+    def _objective(self, name: str, part: ObjectivePart, reader: Reader, scenes: Sequence[Scene]) -> Objective:
         keys, where = ("objectives", name), self.at(("objectives", name))
-        if name in TAKEN or name in variables:
-            where.fail("the name stands for another column of the table", "rename the objective", keys, at_key=True)
         place = self._series(getattr(part, part.reduction), (*keys, part.reduction), reader)
         begin = -inf if part.from_ is None else where.number(part.from_, TIME, (*keys, "from"))
         end = inf if part.to is None else where.number(part.to, TIME, (*keys, "to"))
         last = min(scene.end for scene in scenes)
         if not (begin < end and begin <= last and end >= 0) and not isnan(begin + end):
             where.fail("the window of time is empty", f"write from and to between 0 and {last:g} s", keys, at_key=True)
-        at = 0.0 if part.at is None else where.number(part.at, None, (*keys, "at"))
+        series = self.series[place] if self.series else None
+        level = series.dimension if series is not None and part.reduction == "crossing" else NONE
+        at = 0.0 if part.at is None else where.number(part.at, level, (*keys, "at"))
         if part.reduction == "percentile" and not 0 <= at <= 100:
             where.fail("a percentile lies between 0 and 100", "write for example at: 95", (*keys, "at"))
         return Objective(
             name=name, reduction=part.reduction, series=place, at=at, direction=part.direction or "any", begin=begin, end=end,
-            goal=part.goal or "smaller", unit=part.unit or _unit(part.reduction, self.series[place].unit if self.series else ""),
+            goal=part.goal or "smaller", unit=part.unit or _unit(part.reduction, series.unit if series is not None else ""),
+            factor=1.0 if part.unit is None or series is None else self._factor(where, part, part.unit, series, keys),
         )  # fmt: skip
+
+    def _factor(self, where: Element, part: ObjectivePart, unit: str, series: Series, keys: Keys) -> float:
+        """The factor from SI units to the unit of an objective, which fits its dimension."""
+        if (one := read_unit(where, unit, (*keys, "unit"))) is None:
+            return 1.0
+        dimension = {"crossing": TIME, "frequency": NONE / TIME}.get(part.reduction, series.dimension)
+        if part.reduction == "integral" and dimension is not None:
+            dimension *= TIME
+        if dimension not in (None, one.dimension):
+            where.fail(f"unit {unit} does not fit: it is in {described(dimension)}", "write a unit of that", (*keys, "unit"))
+        value = sympy.factor_terms(series.value)
+        written = value.as_independent(*value.free_symbols, as_Add=False)[0]
+        if one.value != 1.0 and part.reduction not in ("crossing", "frequency") and isclose(abs(float(written)), 1 / one.value):
+            words = f"the unit converts, and the expression is multiplied by {float(written):g} for it already"
+            where.fail(words, f"write it in SI units: 'unit: {unit}' divides it by {one.value:g}", (*keys, part.reduction))
+        return 1.0 / one.value
 
     def _trajectory(self, i: int, text: str, reader: Reader) -> int:
         return self._series(text, ("trajectories", "outputs", i), reader)
@@ -171,11 +193,11 @@ class _Reading:
     def _series(self, value: int | float | str, keys: Keys, reader: Reader) -> int:
         """The place of an expression among the series; what is wrong with it is noted."""
         try:
-            expression, unit = reader.read(value, self.source.value_span(keys))
+            expression, unit, dimension = reader.read(value, self.source.value_span(keys))
         except ExpressionError as error:
             self.at(keys).fail(f"'{value}': {error.message}", error.hint, keys)
             return 0
-        series = Series(text=str(value), value=expression, unit=unit)
+        series = Series(text=str(value), value=expression, unit=unit, dimension=dimension)
         if series not in self.series:
             self.series.append(series)
         return self.series.index(series)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutjoint.model.records import Model, Output, Scalar, Scene, Span
+from cutjoint.model.units import Dimension
 
 Array: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]
@@ -39,7 +40,8 @@ class Variable:
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """A number of each run: a reduction of a series in a window of time (s); ``at`` is what percentile and crossing have besides."""
+    """A number of each run: a reduction of a series in a window of time (s); ``at`` is what percentile and crossing have besides.  In its
+    ``unit`` it is ``factor`` times its number in SI units."""
 
     name: str
     reduction: str
@@ -50,6 +52,7 @@ class Objective:
     end: float = inf
     goal: str = "smaller"
     unit: str = ""
+    factor: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +62,7 @@ class Series:
     text: str
     value: Scalar
     unit: str
+    dimension: Dimension | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

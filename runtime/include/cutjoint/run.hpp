@@ -288,12 +288,19 @@ class Run {
     return summary;
   }
 
-  /// A line of JSON on standard output each twentieth of the run, for whoever watches.
+  /// A line of JSON on standard output each twentieth of the run, and once after ten seconds, then with what it has taken, for whoever watches.
   void progress(long step, long steps) {
     const long mark = 20 * step / steps;
-    if (mark == mark_) return;
+    const bool slow = !slow_ && seconds_ > 10.0;
+    if (mark == mark_ && !slow) return;
     mark_ = mark;
-    std::cout << Json{{"progress", static_cast<double>(step) / static_cast<double>(steps)}} << std::endl;
+    Json line{{"progress", static_cast<double>(step) / static_cast<double>(steps)}};
+    if (slow) {
+      slow_ = true;
+      line["slow"] = counts();
+      line["slow"]["time"] = static_cast<double>(method_.time());
+    }
+    std::cout << line << std::endl;
   }
 
   /// The time of a row, and where the tables end with it.
@@ -313,6 +320,7 @@ class Run {
   std::optional<OutputFile> tangents_;  ///< a line of JSON a row
   bool begun_ = false;                  ///< whether the method has taken over a start
   bool stopped_ = false;                ///< by request, before the end
+  bool slow_ = false;                   ///< whether a watcher knows that the run takes long
   long steps_ = 0, first_ = 0, mark_ = -1;  ///< steps_: from the start on, of which other code has made the first
   double seconds_ = 0.0, written_ = 0.0;  ///< written_: the time of the last row
 };

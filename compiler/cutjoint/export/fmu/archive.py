@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.folders import Standalone, for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
@@ -116,6 +116,7 @@ def make_fmu(
     """
     _require_method(method, kind)
     scene = held_as_usual(scene, method, integrator)
+    model = for_hosts(model, scene)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
@@ -127,7 +128,7 @@ def make_fmu(
     token = _token([*map(without_mark, [*standalone.files.values(), layer]), repr(interface)])
     subject = Subject(
         name=model.name, scene=scene.name, end=scene.end, output_step=scene.output_step, token=token, sources=(), kind=kind,
-        stops_at_events=stops, steps=str(standalone.settings) if KINDS[kind][0] else "",
+        stops_at_events=stops, steps=", ".join(filter(None, (str(standalone.settings) if KINDS[kind][0] else "", frozen_words(model)))),
     )  # fmt: skip
     return Fmu(
         version=version, standalone=standalone, subject=subject, interface=interface,
