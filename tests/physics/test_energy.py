@@ -47,6 +47,24 @@ outputs: [slider.x, ball.x, ball.z]
 scenes: {turn: {end: 1, output_step: 10 ms NUMERICS}}
 """
 GUIDE = 'guide: "0.6*sin(8*t)"'
+#: A slider-crank that friction by the load of its rail brakes; a closed loop whose multipliers load the rail.
+BRAKED = """
+cutjoint: 1
+name: braked
+gravity: [0, 0, 0]
+bodies:
+  crank: {mass: 2, centre_of_mass: [0, 0, 0.05], inertia: [0.002, 0.002, 0.002]}
+  rod: {mass: 1, centre_of_mass: [0.15, 0, 0.05], inertia: [0.009, 0.009, 0.009]}
+  slider: {mass: 3, centre_of_mass: [0.3, 0, 0], inertia: [0.01, 0.01, 0.01]}
+joints:
+  pin: {kind: revolute, bodies: [ground, crank], at: [0, 0, 0], axis: [0, -1, 0]}
+  elbow: {kind: cylindrical, bodies: [crank, rod], at: [0, 0, 0.1], axis: [0, -1, 0], cut: CUT}
+  wrist: {kind: spherical, bodies: [rod, slider], at: [0.3, 0, 0]}
+  rail: {kind: prismatic, bodies: [ground, slider], at: [0.3, 0, 0], axis: [1, 0, 0]}
+forces: {rub: {kind: joint_friction, joint: rail, coefficient: 0.2}}
+outputs: [crank.wy, slider.x]
+scenes: {run: {end: 0.5, output_step: 0.05, rates: {pin.angle_rate: 10}}}
+"""
 #: A penalty that lets loops give way.
 SOFT = ", numerics: {closure: penalty, penalty: 5, multiplier_updates: 0, frequency: 1}"
 #: A cart with a light pole whose joint feeds the pole.
@@ -108,6 +126,15 @@ def test_the_defect_falls_with_the_tolerance(method: str, integrator: str) -> No
     loose, tight = (balance(simulate(driven(method), integrator=integrator, tolerance=x)) for x in (1e-5, 1e-7))
     assert loose.share < 1e-3
     assert tight.defect < loose.defect / 10
+
+
+@pytest.mark.parametrize("cut", ["true", "false"])
+@pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "radau5")])
+def test_friction_does_the_work_of_the_loads_in_each_step(method: str, integrator: str, cut: str) -> None:
+    """Loads follow from accelerations and multipliers, which are those of the places inside steps at which power is measured."""
+    run = simulate(compiled(BRAKED.replace("CUT", cut), method), integrator=integrator, tolerance=1e-8)
+    assert balance(run).share < 1e-6
+    assert balance(run).exchanged > 0.2  # J, of 2.35
 
 
 def test_all_methods_find_the_same_work() -> None:

@@ -107,7 +107,7 @@ def describe(equations: RecursiveEquations | SystemEquations) -> dict[str, objec
         "inputs": _named(equations.inputs),
         "roads": equations.roads,
         "cuts": [c.first for c in equations.closures] if isinstance(equations, RecursiveEquations) else [],
-        "driven": any(joint.guide is not None for joint in model.joints),
+        "driven": any(joint.guide is not None for joint in model.joints) or any(force.by_load for force in model.forces),
         "guides_jump": guides_jump(model, scene),
         "guards": [
             {"name": guard.name, "place": quotable(guard.span.place), **_kind(guard)} for guard in guards_in(equations)

@@ -93,7 +93,7 @@ class Translator:
     def _product(self, e: Any) -> Block:
         if e.args[0] == -1:
             return self._b.neg(self._scalar(-e))
-        numerator, denominator = sympy.fraction(e)
+        numerator, denominator = sympy.fraction(e, exact=True)  # else exp(-x) is a division by exp(x), which overflows
         if denominator == 1:
             return reduce(self._product_of, [self._scalar(a) for a in e.args])
         return self._b.restrict(self._b.call("div", self._scalar(numerator), self._scalar(denominator)))

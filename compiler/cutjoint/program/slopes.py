@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import heapq
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from itertools import product
@@ -121,9 +121,17 @@ def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) 
 
 def _gather(graph: Graph, sums: _Sums, share: int, lane: int | None = None) -> None:
     if lane is None:
-        sums.all = share if sums.all is None else graph.add(sums.all, share)
+        sums.all = share if sums.all is None else _plus(graph, sums.all, share)
     else:
-        sums.lanes[lane] = share if lane not in sums.lanes else graph.add(sums.lanes[lane], share)
+        sums.lanes[lane] = share if lane not in sums.lanes else _plus(graph, sums.lanes[lane], share)
+
+
+def _plus(graph: Graph, a: int, b: int) -> int:
+    """A sum; that of two choices by the same condition is one choice."""
+    one, other = graph.nodes[a], graph.nodes[b]
+    if one.op == other.op == "where" and one.args[0] == other.args[0] and one.lanes == other.lanes:
+        return graph.call("where", (one.args[0], *(_plus(graph, x, y) for x, y in zip(one.args[1:], other.args[1:], strict=True))))
+    return graph.add(a, b)
 
 
 def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
@@ -172,9 +180,32 @@ def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[i
             zero = graph.const(0.0)
             return zero, graph.call("where", (node.args[0], slope, zero)), graph.call("where", (node.args[0], zero, slope))
         case "div":
-            by_above = graph.div(slope, node.args[1])
-            return by_above, graph.neg(graph.mul(by_above, n))
-    return [graph.mul(slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
+            by_above = _chosen(graph, slope, lambda x: graph.div(x, node.args[1]), graph.nodes[node.args[1]].lanes)
+            by_above = graph.div(slope, node.args[1]) if by_above is None else by_above
+            return by_above, graph.neg(_times(graph, by_above, n))
+    return [_times(graph, slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
+
+
+def _times(graph: Graph, a: int, b: int) -> int:
+    """A product; what a choice leaves out stays out, where it may have no value."""
+    for one, other in ((a, b), (b, a)):
+        chosen = _chosen(graph, one, lambda x, other=other: _times(graph, x, other), graph.nodes[other].lanes)
+        if chosen is not None:
+            return chosen
+    return graph.mul(a, b)
+
+
+def _chosen(graph: Graph, n: int, linear: Callable[[int], int], lanes: int) -> int | None:
+    """A linear function of a choice that leaves zero in one case, applied to the other; None of any other node."""
+    node = graph.nodes[graph.signless(n)]
+    if node.op != "where" or 0.0 not in (graph.value(node.args[1]), graph.value(node.args[2])):
+        return None
+    condition, yes, no = node.args
+    if graph.nodes[condition].lanes != max(graph.nodes[n].lanes, lanes):
+        return None
+    zero = graph.const(0.0)
+    found = graph.call("where", (condition, *(linear(x) if graph.value(x) != 0.0 else zero for x in (yes, no))))
+    return found if graph.signless(n) == n else graph.neg(found)
 
 
 #: All lanes of a scalar.
@@ -307,20 +338,20 @@ class _Elimination:
                 if start == _ALL and end is not None and reached is None:  # each lane to each
                     ends = range(behind) if end == _ALL else (end,)
                     for j, k in product(range(lanes), ends):
-                        self._add(edge, (j, k), self._times(graph.lane(c, j), graph.lane(d, k)))
+                        self._add(edge, (j, k), _times(graph, graph.lane(c, j), graph.lane(d, k)))
                 elif start is not None and end == _ALL and reached is None:
                     for k in range(behind):
-                        self._add(edge, (start, k), self._times(c, graph.lane(d, k)))
+                        self._add(edge, (start, k), _times(graph, c, graph.lane(d, k)))
                 elif reached == _ALL and start is None and end is None:
-                    self._add(edge, (None, -1 - between), self._times(c, d))
+                    self._add(edge, (None, -1 - between), _times(graph, c, d))
                 else:
-                    self._add(edge, (start, end), self._times(c, d))
+                    self._add(edge, (start, end), _times(graph, c, d))
             elif reached == _ALL:
                 assert left is not None
-                self._add(edge, (left if start == _ALL else start, end), self._times(graph.lane(c, left), d))
+                self._add(edge, (left if start == _ALL else start, end), _times(graph, graph.lane(c, left), d))
             elif left == _ALL:
                 assert reached is not None
-                self._add(edge, (start, reached if end == _ALL else end), self._times(c, graph.lane(d, reached)))
+                self._add(edge, (start, reached if end == _ALL else end), _times(graph, c, graph.lane(d, reached)))
 
     def _sum(self, n: int, lanes: int) -> int:
         graph = self._graph
@@ -333,20 +364,6 @@ class _Elimination:
             self._add(edge, (None, None), self._sum(total, -1 - end))
         else:
             edge[key] = total
-
-    def _times(self, a: int, b: int) -> int:
-        """A product; what a choice leaves out stays out, where it may have no value."""
-        graph = self._graph
-        for one, other in ((a, b), (b, a)):
-            node = graph.nodes[graph.signless(one)]
-            if node.op == "where" and 0.0 in (graph.value(node.args[1]), graph.value(node.args[2])):
-                condition, yes, no = node.args
-                if graph.nodes[condition].lanes == max(graph.nodes[one].lanes, graph.nodes[other].lanes):
-                    zero = graph.const(0.0)
-                    parts = (self._times(x, other) if graph.value(x) != 0.0 else zero for x in (yes, no))
-                    chosen = graph.call("where", (condition, *parts))
-                    return chosen if graph.signless(one) == one else graph.neg(chosen)
-        return graph.mul(a, b)
 
     def _slopes(self, edges: dict[int, _Edge], lane: int | None) -> dict[int, int]:
         """The slopes by targets of a result to which edges lead, or of a lane of it."""
