@@ -133,7 +133,7 @@ def linearise(equations: ImplicitEquations, at: Point, *, at_rest: bool) -> Line
     """The equations linearised about a state, which is one ``at_rest`` or of a motion with its accelerations."""
     here = _arrays(equations, at, at_rest)
     J = _jacobian(equations, here)
-    here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at)["force_residual"])
+    here["lambda"] = _balancing(J, _call(equations, "dynamic_residual", here, at).get("force_residual", np.zeros(0)))
     M, damped, stiffened = _tangents(equations, here, at)
     return Linearisation(
         names=coordinate_names(equations), M=M, C=damped - M, K=stiffened - M, W=_turning(equations, at.v), J=J,

@@ -107,9 +107,10 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
             Mode(eigenvalue=_cleaned(np.sqrt(-square + 0j)), shape=_shape(of, _speeds(system, z, scale, states=of.states)))
             for square, z in zip(squares, shapes.T, strict=True)
         ]
+    speeds = np.array([_speeds(system, z, scale) for z in null.T]).reshape(null.shape[1], len(of.M))
     return Modes(
         time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
-        indifferent=dict(_indifferent(of, np.array([_speeds(system, z, scale) for z in null.T]).reshape(-1, len(of.M)).T)), q=of.q,
+        indifferent=dict(_indifferent(of, speeds.T)), q=of.q,
     )  # fmt: skip
 
 

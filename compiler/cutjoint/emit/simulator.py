@@ -136,9 +136,9 @@ def _kind(guard: Guard | Assembly | LeftOut) -> dict[str, int]:
 
 def _named_speeds(equations: RecursiveEquations | SystemEquations) -> tuple[str, ...]:
     """The names of speeds, or of unknowns that are no natural coordinates."""
-    if equations.charts:
+    if equations.charts or isinstance(equations, RecursiveEquations):
         return equations.speed_names
-    return equations.unknown_names if isinstance(equations, SystemEquations) and equations.state.states else ()
+    return equations.unknown_names if equations.state.states else ()
 
 
 def emit_description(page: Page, view: Mapping[str, object], function: str, *, system: Mapping[str, object] | None = None) -> Piece:

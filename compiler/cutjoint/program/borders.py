@@ -45,7 +45,7 @@ class Sides:
 
 def stand_side_by_side(parts: Sequence[int], entries: Sequence[tuple[int, int]], unknown: Mapping[int, int]) -> Sides:
     """The parts of `part` side by side; columns that belong to an ``unknown`` are in the matrix."""
-    border = max(parts)
+    border = max(parts, default=0)
     places = _ranks(enumerate(parts))
     ranks = _ranks((column, parts[i]) for column, i in sorted(unknown.items()))
     found: list[dict[tuple[bool, int, bool, int], tuple[int, int]]] = [{} for _ in range(border)]

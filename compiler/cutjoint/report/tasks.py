@@ -258,7 +258,7 @@ def reduction_table(variants: Sequence[ReducedModel], costs: Sequence[Cost]) -> 
     for variant, cost in zip(variants, costs, strict=True):
         table.add_row(
             variant.name, variant.motion, str(variant.unknowns), str(variant.equations), str(variant.operations),
-            f"{100 * variant.operations / full.operations:.0f} %", f"{1e3 * cost.seconds:.2f}",
+            f"{100 * variant.operations / max(full.operations, 1):.0f} %", f"{1e3 * cost.seconds:.2f}",
             "-" if cost.failure else f"{costs[0].seconds / cost.seconds:.2f}",
             cost.failure or (f"{cost.error:.1e}" if variant is not full else "-"),
         )  # fmt: skip

@@ -64,8 +64,10 @@ def operations(tiling: Tiling) -> int:
 
 
 def _gather(elimination: Elimination, zeros: int) -> tuple[int, ...]:
-    """The first pivots of tiles of neighbours, as long as each has at most that many zeros on average."""
+    """The first pivots of tiles of neighbours, as long as each has at most that many zeros on average; no tile of an empty matrix."""
     size, first = len(elimination.rows), [0]
+    if not size:
+        return (0,)
     for pivot in range(1, size):
         candidate = range(first[-1], pivot + 1)
         if len(candidate) > WIDTH or _zeros(elimination, candidate) > zeros * len(candidate):

@@ -157,6 +157,9 @@ class Library:
             self.set_minimal = self._function("set_minimal", index, sim, number, ctypes.c_void_p)
             self.derive_minimal = self._function("derive_minimal", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
+            self.moves_joints = hasattr(self._library, f"{model}_linearise_rates")
+            if self.moves_joints:
+                self.linearise_rates = self._function("linearise_rates", index, sim, *[ctypes.c_void_p] * 4)
             self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
         self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
         if self.derives_steps:

@@ -439,7 +439,7 @@ class Simulation:
         self._call(self.library.set_minimal, self.time if time is None else time, x.ctypes.data)
 
     def linearise(self) -> StateSpace:
-        """The motion near the present state: x' = A x + B u, y = C x + D u.
+        """The motion near the present state: x' = A x + B u, y = C x + D u, with rates and accelerations of inputs that move joints.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -449,7 +449,14 @@ class Simulation:
         n, inputs, outputs = len(states), *(self.library.names[kind] for kind in ("input", "output"))
         A, B, C, D = matrices = [np.zeros((r, c)) for r in (n, len(outputs)) for c in (n, len(inputs))]
         self._call(self.library.linearise, *(matrix.ctypes.data for matrix in matrices))
-        return StateSpace(A=A, B=B, C=C, D=D, x=states.array, states=tuple(states), inputs=inputs, outputs=outputs)
+        rates = [np.zeros_like(of) for of in (B, B, D, D)]
+        if self.library.moves_joints:
+            self._call(self.library.linearise_rates, *(matrix.ctypes.data for matrix in rates))
+        B_rate, B_acceleration, D_rate, D_acceleration = rates
+        return StateSpace(
+            A=A, B=B, B_rate=B_rate, B_acceleration=B_acceleration, C=C, D=D, D_rate=D_rate, D_acceleration=D_acceleration,
+            x=states.array, states=tuple(states), inputs=inputs, outputs=outputs,
+        )  # fmt: skip
 
     def rest_derivative(self, outputs: Sequence[str], by: Sequence[str]) -> RestDerivative:
         """The change of the present pose at rest (static equilibrium) with the numbers named ``by``, parameters and inputs, and that of
@@ -581,7 +588,7 @@ class Simulation:
     def step_derivative(self) -> StepDerivative:
         """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
 
-        Values that controllers hold stay, and so do those of inputs by the scene's laws.
+        Inputs have a zero-order hold (`StepDerivative`).  Values that controllers hold stay, and so do those of inputs by the scene's laws.
 
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.

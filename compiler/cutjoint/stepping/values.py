@@ -131,17 +131,23 @@ class Poses:
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """x' = A x + B u, y = C x + D u, of changes x of states, u of inputs and y of outputs from a state that a simulation was in.
+    """x' = A x + B u + B_rate u' + B_acceleration u'', y = C x + D u + D_rate u' + D_acceleration u'', of changes x of states, u of inputs
+    and y of outputs from a state that a simulation was in.
 
-    ``A`` (2f, 2f), ``B`` (2f, inputs), ``C`` (outputs, 2f), ``D`` (outputs, inputs) with f degrees of freedom, in SI units.  ``states``,
-    ``inputs`` and ``outputs`` are names: the independent coordinates, then their rates.  ``x`` (2f) are the states about which it holds, so
-    that ``simulation.states.array - near.x`` is the change.
+    ``A`` (2f, 2f), ``B`` (2f, inputs), ``C`` (outputs, 2f), ``D`` (outputs, inputs) with f degrees of freedom, in SI units.  Rates and
+    accelerations of inputs count where an input moves a joint, and are zero elsewhere.  ``states``, ``inputs`` and ``outputs`` are names:
+    the independent coordinates, their rates, then first-order states.  ``x`` (2f) are the states about which it holds, so that
+    ``simulation.states.array - near.x`` is the change.
     """
 
     A: Array
     B: Array
+    B_rate: Array
+    B_acceleration: Array
     C: Array
     D: Array
+    D_rate: Array
+    D_acceleration: Array
     x: Array
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -150,12 +156,24 @@ class StateSpace:
     def __repr__(self) -> str:
         return f"<StateSpace: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}, {len(self.outputs)} outputs>"
 
+    def transfer(self, s: complex) -> NDArray[np.complex128]:
+        """The transfer matrix (outputs, inputs) at a complex frequency s (1/s): y = transfer(s) u for u that goes with exp(s t).
+
+        Raises:
+            numpy.linalg.LinAlgError: s is an eigenvalue of A.
+        """
+        states = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B + s * self.B_rate + s * s * self.B_acceleration)
+        return np.asarray(self.C @ states + self.D + s * self.D_rate + s * s * self.D_acceleration, dtype=np.complex128)
+
 
 @dataclass(frozen=True, kw_only=True)
 class StepDerivative:
-    """Derivatives of the states at the end of a step: by those at its beginning, ``by_state`` (states, states), by a shift of each input
-    during the step, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and
+    """Derivatives of the states at the end of a step: by those at its beginning, ``by_state`` (states, states), by each input under a
+    zero-order hold, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and
     ``end`` are the states of the step, the others names.
+
+    The hold shifts the input's value by the same amount from the step's beginning to its end.  Rate and acceleration of an input that moves
+    a joint stay: the joint is displaced during all of the step, and does not move there.
     """
 
     by_state: Array

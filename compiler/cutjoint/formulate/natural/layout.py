@@ -120,10 +120,11 @@ class Layout:
         self.carry(node.body, node)
         return node
 
-    def free_title(self, title: NodeName, group: str) -> NodeName:
-        """A title as whose text no node is called."""
+    def free_title(self, title: NodeName, group: str, chosen: Iterable[Node] = ()) -> NodeName:
+        """A title as whose text no node is called, nor one of the ``chosen`` that are not laid out yet."""
+        taken = self._names | {node.name for node in chosen}
         candidates = chain([title], (replace(title, group=group, number=i) for i in count(1)))
-        return next(c for c in candidates if str(c) not in self._names)
+        return next(c for c in candidates if str(c) not in taken)
 
     def carry(self, body: str, node: Node) -> None:
         """A further body carries the node."""
@@ -383,7 +384,7 @@ def _span(columns: Sequence[NDArray[np.float64]]) -> int:
 class _Selection:
     """Nodes that are independent: the directions from the first point to the others, and the directions among them."""
 
-    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_title: Callable[[NodeName, str], NodeName]) -> None:
+    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_title: Callable[[NodeName, str, Iterable[Node]], NodeName]) -> None:
         self.nodes: list[Node] = []
         self._column = column
         self._free_title = free_title
@@ -423,7 +424,8 @@ class _Selection:
 
     def offer(self, group: str, need: Need, least: float) -> None:
         """Take a new node of the group for a need that adds enough."""
-        self.take(Node(title=self._free_title(need.title, group), kind=need.kind, body=group, place=need.place), least)
+        title = self._free_title(need.title, group, self.nodes)
+        self.take(Node(title=title, kind=need.kind, body=group, place=need.place), least)
 
     def across(self, group: str) -> None:
         """Take a unit vector across all chosen."""

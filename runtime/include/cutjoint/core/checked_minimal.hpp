@@ -90,6 +90,11 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return Base::status_of(s, s->derivatives.linearise(s->sim, s->minimal, A, B, C, D));
   }
 
+  static int linearise_rates(CheckedMinimal* s, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
+    if (const int status = ask(s)) return status;
+    return Base::status_of(s, s->derivatives.linearise_rates(s->sim, s->minimal, B_rate, B_acceleration, D_rate, D_acceleration));
+  }
+
   static int linearise_parameters(CheckedMinimal* s, double* E, double* F) {
     if (const int status = ask(s)) return status;
     return Base::status_of(s, s->derivatives.linearise_parameters(s->sim, s->minimal, E, F));

@@ -61,6 +61,15 @@ class Derivatives {
     });
   }
 
+  /// What rates u' and accelerations u'' of inputs add, x' = B_rate u' + B_acceleration u'' and so y: each of the size of B or D.  They reach a
+  /// motion by guides, and are zero without these.
+  Fault linearise_rates(Simulation& simulation, Minimal& minimal, double* B_rate, double* B_acceleration, double* D_rate, double* D_acceleration) {
+    if (const Fault fault = begin(simulation, minimal)) return fault;
+    return derive_columns(simulation, minimal, after, after + 2 * inputs, [&](std::size_t j) {
+      return j < after + inputs ? Columns{B_rate, D_rate, j - after, inputs} : Columns{B_acceleration, D_acceleration, j - after - inputs, inputs};
+    });
+  }
+
   /// x' = E p, y = F p by parameters.
   Fault linearise_parameters(Simulation& simulation, Minimal& minimal, double* E, double* F) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
@@ -83,7 +92,7 @@ class Derivatives {
     std::size_t column, width;
   };
 
-  /// Derivatives along numbers of a list in turn, states, inputs and parameters.
+  /// Derivatives along numbers of a list in turn: states, inputs, parameters, rates of inputs, accelerations of inputs.
   template <class Place>
   Fault derive_columns(Simulation& simulation, Minimal& minimal, std::size_t first, std::size_t end, Place place) {
     for (std::size_t from = first; from < end; from += directions) {
@@ -92,8 +101,8 @@ class Derivatives {
       du_.fill(Dual());
       for (Dual& x : parameters_) x.slope = Slopes{};
       for (std::size_t k = 0, j = from; k < number; ++k, ++j)
-        (j < states ? dx_[j] : j < states + inputs ? du_[numbers_per_input * (j - states)] : parameters_[j - states - inputs]).slope[k] = 1.0;
-      if (from + number > states + inputs) load_parameters(simulation);
+        number_at(j).slope[k] = 1.0;
+      if (from < after && from + number > states + inputs) load_parameters(simulation);
       if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
         const Columns to = place(j);
@@ -102,6 +111,15 @@ class Derivatives {
       }
     }
     return {};
+  }
+
+  static constexpr std::size_t after = states + inputs + M::sizes.parameters;  ///< numbers of the list before rates of inputs
+
+  Dual& number_at(std::size_t j) {
+    if (j < states) return dx_[j];
+    if (j < states + inputs) return du_[numbers_per_input * (j - states)];
+    if (j < after) return parameters_[j - states - inputs];
+    return du_[numbers_per_input * ((j - after) % inputs) + 1 + (j - after) / inputs];
   }
 
   static std::span<const Chart> charts() { return M::charts; }
