@@ -36,7 +36,7 @@ SUBJECTS = (*(path.stem for path in sorted(MODELS.glob("*.yaml"))), *_TEXTS)
 #: What `make test` tries.
 SAMPLE = {
     ("andrews", "turned"), ("four_bar", "mirrored"), ("slider_crank", "shifted"), ("gantry", "split"), ("four_bar", "renamed"),
-    ("rods", "scaled by 1000"), ("rods", "recut"), ("spatial 1", "permuted"), ("flyball", "swapped"),
+    ("rods", "scaled by 1e-05"), ("rods", "scaled by 1000"), ("rods", "recut"), ("spatial 1", "permuted"), ("flyball", "swapped"),
     ("Bennett", "scaled by 10000"), ("spatial 2", "other time"), ("massless rods", "scaled by 0.0001"),
 }  # fmt: skip
 
