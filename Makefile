@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 
 # The tests that changes since BASE reach, by imports and names: make near BASE=main~3
 BASE ?= HEAD
-.PHONY: demo test quick near full sanitize fuzz figures bench batch driving sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads imports lint setup clean
+.PHONY: demo test quick near images full sanitize fuzz figures bench batch driving sweep chain instructions realtime newton methods report tables beside pictures choice flags waits verification stiff errors branches loops roads imports lint setup clean
 
 demo: setup
 	$(BIN)/cutjoint simulate models/iltis.yaml --scene simul1 --integrator dormand-prince --out results/simul1.csv --plots results/simul1
@@ -19,6 +19,10 @@ near: setup
 # What calls no C++ compiler, without derivations that take seconds
 quick: setup
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not heavy and not cpp and not slow"
+
+# Every model turned, mirrored, shifted, renamed, cut elsewhere, and in other units: all images move as their original
+images: setup
+	$(BIN)/python -m pytest -n auto -m "heavy or not heavy" tests/images
 
 # All tests, as before a release; tests of motions run generated code
 full: setup

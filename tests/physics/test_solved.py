@@ -20,6 +20,7 @@ from tests.conftest import with_heavy
 from tests.mechanisms.four_bar import exact_tip, four_bar_text
 from tests.mechanisms.one_degree import four_bar, spatial
 from tests.mechanisms.overconstrained import BENNETT, BRICARD, parallel_cranks_text, skew_chain_text
+from tests.mechanisms.rods import rods_text
 from tests.physics.simulation import compile_scene, completed, simulate
 
 #: Dormand and Prince take six evaluations an attempt; every 32nd evaluation takes one more, and a start takes some.
@@ -106,6 +107,17 @@ def test_drawn_mechanisms_take_one_pass(draw: Callable[[int], str], seed: int) -
     exact = run(draw(seed), tolerance=1e-12, closure="proximal")
     assert effort(made) < EVALUATIONS
     assert max(np.abs(made.columns[name] - exact.columns[name]).max() for name in made.columns) < 2e-8
+
+
+@pytest.mark.parametrize("mass", with_heavy([0.0, 1e-3, 1e-6, 1e-9], 1e-3, 1e-6))
+def test_a_plate_on_light_rods_keeps_its_energy(mass: float) -> None:
+    """Rods feel the plate only where all of them are closed: penalties by what each feels alone leave most of a gap open."""
+    made = run(rods_text(mass=mass), tolerance=1e-10)
+    exact = run(rods_text(mass=mass), tolerance=1e-12)
+    assert made.evaluations < 15 * made.steps < 1500
+    assert max(np.abs(made.columns[name] - exact.columns[name]).max() for name in made.columns) < 1e-8
+    assert exact.energy is not None
+    assert exact.energy.share < 1e-9
 
 
 _CRANK, _ROD, _INERTIA, _SLIDER = 0.1, 0.3, 1e-4, 3.0

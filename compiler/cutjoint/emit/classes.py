@@ -205,13 +205,18 @@ class CppClass:
         return page.render("sized.hpp.jinja", **self.layout, class_name=self.name, base=base, summary="The same, with its layout.")
 
 
+def is_weighed(parts: SimulationCode) -> bool:
+    """Return whether a mechanism tells its kinetic energy, as for coordinates held at rest, massless bodies and mass matrices."""
+    equations = parts.mechanism
+    return equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.freedoms and parts.poses)
+
+
 def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
     """The class of the mechanism with its layout, by a program of it; ``header`` names its file, without the ending, where it has one."""
     equations = parts.mechanism
     unused = _unused(parts, equations) if parts.system is None else _UNUSED | {"events", "guard", "sample"}
-    weighed = equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.freedoms and parts.poses)
-    if conditions == "bool" and weighed:
-        unused -= {"energy"}  # of one that holds coordinates at rest, finds penalties or has a mass matrix, one instance at a time
+    if conditions == "bool" and is_weighed(parts):
+        unused -= {"energy"}  # of one instance at a time
     if conditions != "bool":
         unused |= {POSES}
     layout = {

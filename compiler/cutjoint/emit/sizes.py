@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutjoint.emit.classes import SimulationCode, System
+from cutjoint.emit.classes import SimulationCode, System, is_weighed
 from cutjoint.emit.steps import Steps
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
@@ -34,8 +34,8 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
     n, m, q, state = _lengths(start)
     assembly = (n + m) * n + 3 * (n + m) + 4 * m + 12 * n + q + 2 * state
     masses = 3 * m * m + 7 * m + 3 * n
-    if start.scene.pose == "equilibrium":
-        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # what holds coordinates at rest
+    if is_weighed(parts):
+        assembly += 2 * n * n + 2 * n * m + 10 * (n + m)  # `Holding`
     n, m, q, state = _lengths(equations)
     others = 6 * max(state, _lengths(start)[-1])
     others += 8 * (len(equations.parameters) + 6 * len(equations.inputs) + len(equations.columns) + len(start.closures))
@@ -43,7 +43,7 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         others += 3 * equations.held + 2 * len(controllers) + n + 32
     stored = _stored(parts.program)
     if parts.system is None:
-        stored += 7 * n + 5 * m + 2 * q + min(24, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
+        stored += 7 * n + 5 * m + 2 * q + min(64, m) * (2 * m + n) + 4 * m + state + (n + m if m else 0)
         stored += 0 if steps.stages else 12 * n + 8  # accelerations of steps and iterations before
     else:
         stored += _stored(parts.system.program) + _size_of_newton(parts.system)

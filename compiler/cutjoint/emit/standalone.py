@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import accumulate, chain
-from math import hypot, isfinite
 from typing import Any
 
 import sympy
@@ -42,11 +41,11 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.quantities import digest_of_poses
 from cutjoint.formulate.transposed import Linearised
 from cutjoint.methods import CLOSURES, METHODS, Formulation
-from cutjoint.model.evaluate import evaluate
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene
 from cutjoint.package.locations import licence, runtime_folder
+from cutjoint.topology.geometry import extent
 
 #: Headers of the runtime: all that a simulation behind its interface needs but its integrator, and lanes.
 _CORE = "cutjoint/core/checked_simulation.hpp"
@@ -262,11 +261,10 @@ def _gap_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[
     known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
     points = [body.centre_of_mass for body in model.bodies]
     points += [point for joint in model.joints for point in (joint.at, joint.to) if point is not None]
-    places = [[evaluate(x, known) for x in point] for point in points]
-    extent = hypot(*(max(axis) - min(axis) for axis in zip(*places, strict=True)))
-    extent = extent if isfinite(extent) and extent > 0 else 1.0
     angles = {name for element in JOINTS.values() for c in element.conditions if not c.joins_points for name in c.names}
-    return [repr(TORN * (1.0 if name.rpartition(".")[2] in angles else extent)) for name in equations.equation_names]
+    natural = isinstance(equations, SystemEquations) and METHODS[equations.method].formulation is Formulation.NATURAL
+    length, arm = extent(points, known), next((cut.arm for cut in equations.topology.cuts if not natural), 1.0)
+    return [repr(TORN * (arm if name.rpartition(".")[2] in angles else length)) for name in equations.equation_names]
 
 
 def _given(values: Mapping[str, float], names: Sequence[str]) -> list[dict[str, object]]:

@@ -99,7 +99,13 @@ def _residual(joint: Joint) -> tuple[tuple[str, ...], Matrix]:
     if not element.closes:
         raise ValueError(f"{joint.span}: joint '{joint.name}': a {joint.kind} joint cannot be a cut joint")
     names = tuple(name for condition in element.conditions for name in condition.names)
-    return names, _column(*(row for condition in element.conditions for row in _rows(joint, condition)))
+    return names, _column(*(row for condition in element.conditions for row in _scaled_rows(joint, condition)))
+
+
+def _scaled_rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:
+    """The rows of a condition, in m: those between directions by the joint's arm."""
+    between_points = condition.joins_points and not isinstance(condition, Advance)
+    yield from (row if between_points or joint.arm == 1 else sympy.Float(joint.arm) * row for row in _rows(joint, condition))
 
 
 def _rows(joint: Joint, condition: Condition) -> Iterator[Sequence[Scalar] | Scalar]:

@@ -229,7 +229,8 @@ class Joint:
     ``pitch`` is an advance in metres a radian.  The joint's coordinates and speeds are named by :data:`COORDINATES` and :data:`SPEEDS`.
     ``cut`` is True for a joint that the model cuts, False for one it wants in the tree, None to let the
     compiler choose.  ``guide`` prescribes the joint's coordinates, each as a function of ``t`` and of inputs.  ``armature`` is the inertia
-    of its coordinate beside that of the bodies, as of a geared rotor, kg m2 or kg.
+    of its coordinate beside that of the bodies, as of a geared rotor, kg m2 or kg.  ``arm`` (m) multiplies the equations between directions
+    of a cut joint, 1 unless the mechanism is far from a metre long.
     """
 
     name: str
@@ -244,6 +245,7 @@ class Joint:
     guide: tuple[Scalar, ...] | None
     span: Span
     armature: Scalar = 0
+    arm: float = 1.0
 
     @property
     def element(self) -> JointElement:

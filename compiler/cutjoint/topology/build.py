@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from cutjoint.model.records import GROUND, Joint, Model
 from cutjoint.topology.body_graph import BodyGraph
 from cutjoint.topology.classes import find_classes
+from cutjoint.topology.geometry import arm_of
 from cutjoint.topology.records import Loop, Topology, TreeJoint, eliminate
 from cutjoint.topology.search import span
 
@@ -19,7 +21,8 @@ def build_topology(model: Model) -> Topology:
     """
     tree, closing = span(model).parts
     closed = {name for assembly in model.assemblies for name in assembly.cuts}
-    cuts = tuple(joint for joint in closing if joint.name not in closed)
+    arm = arm_of(model) if closing else 1.0
+    cuts = tuple(replace(joint, arm=arm) for joint in closing if joint.name not in closed)
     coupled = eliminate(tree, cuts)
     loops = tuple(_loop(cut, tree, coupled) for cut in cuts)
     return Topology(

@@ -4,7 +4,7 @@ origin, and the condition of the equations of loops.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cutjoint.kernels import closures
 from cutjoint.kernels.closures import derive_closure
 from cutjoint.kernels.joints import QUATERNION, derive_joint, inner_point
+from cutjoint.model.evaluate import evaluate as value_of
 from cutjoint.model.records import Joint, Model, Scalar
 from cutjoint.topology.records import TreeJoint, degrees
 from cutjoint.topology.spanning_tree import loops_of
@@ -26,6 +27,23 @@ def evaluate(model: Model, expressions: Sequence[Scalar], values: Mapping[Scalar
     """The values of expressions over parameters and, where given, further symbols."""
     known = {p.symbol: sympy.Float(p.value) for p in model.parameters}
     return np.array([float(sympy.sympify(e).xreplace(values or {}).xreplace(known)) for e in expressions])
+
+
+def extent(points: Iterable[Sequence[Scalar]], values: Mapping[Scalar, float]) -> float:
+    """The diagonal (m) of the box around points at values of parameters; 1 where that is no length."""
+    places = np.array([[value_of(sympy.sympify(x), values) for x in point] for point in points]).reshape(-1, 3)
+    found = float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
+    return found if np.isfinite(found) and found > 0 else 1.0
+
+
+def arm_of(model: Model) -> float:
+    """The arm (m) of equations between directions: a power of two near the extent of the joints, 1 for ordinary mechanisms.
+
+    Such equations feel inertias, those between points masses; one penalty suits both where the arm is about their radius of inertia.
+    """
+    points = (point for joint in model.joints for point in (joint.at, joint.to) if point is not None)
+    arm = 2.0 ** round(np.log2(extent(points, {p.symbol: float(p.value) for p in model.parameters})))
+    return 1.0 if 1 / 64 <= arm <= 64 else arm
 
 
 @dataclass(kw_only=True)

@@ -92,23 +92,30 @@ class EffectiveMasses {
   }
 
   /// With all other equations held, (S^-1)_kk, of the directions that feel less than the penalty: dependent equations and directions that
-  /// nearly vanish are left out.
-  Cuts<M> held() {
+  /// nearly vanish are left out.  So are those that feel more because the penalty is light; `lacks` tells whether there are any.
+  Cuts<M> held(const StateOf<M>& state) {
     using std::sqrt;
     const auto scaled = [&](std::size_t i, std::size_t j) { return sqrt(a_[i]) * T_[j * m_ + i] / sqrt(a_[j]); };
     for (std::size_t j = 0; j < m_; ++j)
       for (std::size_t i = 0; i < m_; ++i) scaled_[j * m_ + i] = (scaled(i, j) + scaled(j, i)) / Real(2);
     dense::diagonalise<Real>({scaled_.data(), m_, m_}, {vectors_.data(), m_, m_});
     std::fill(mass_.begin(), mass_.end(), Real(0));
+    lacks_ = false;
     for (std::size_t i = 0; i < m_; ++i) {
       const Real share = scaled_[i * m_ + i];
-      if (!(share > Real(0.5))) continue;
+      if (!(share > Real(0.5))) {
+        lacks_ = lacks_ || (share > Real(1e-12) && moves(state, i));
+        continue;
+      }
       const Real inverse = std::max(Real(1) / share - Real(1), Real(0));
       for (std::size_t k = 0; k < m_; ++k) mass_[k] += inverse * vectors_[i * m_ + k] * vectors_[i * m_ + k];
     }
     for (std::size_t k = 0; k < m_; ++k) mass_[k] *= a_[k];
     return by_cut();
   }
+
+  /// Whether penalties of the last `held` are too light for a direction that speeds do change, as where light bodies hang between heavy ones.
+  bool lacks() const { return lacks_; }
 
  private:
   static constexpr std::size_t m = static_sizes<M>().equations;
@@ -117,6 +124,25 @@ class EffectiveMasses {
   std::size_t first(std::size_t cut) const {
     const auto cuts = cuts_of(mechanism_);
     return cut < cuts.size() ? static_cast<std::size_t>(cuts[cut]) : m_;
+  }
+
+  /// Whether speeds change a direction, one of the scaled equations' eigenvectors: its equations do not cancel each other.
+  bool moves(const StateOf<M>& state, std::size_t direction) {
+    using std::sqrt;
+    Real together(0), single(0);
+    std::fill(dz_.begin(), dz_.end(), Real(0));
+    for (std::size_t i = 0; i < dz_.size(); ++i) {
+      dz_[i] = Real(1);
+      mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
+      dz_[i] = Real(0);
+      Real sum(0);
+      for (std::size_t k = 0; k < m_; ++k) {
+        const Real part = vectors_[direction * m_ + k] * sqrt(a_[k]) * (rate_[k] - rest_[k]);
+        sum += part, single += part * part;
+      }
+      together += sum * sum;
+    }
+    return together > Real(1e-4) * single;
   }
 
   /// The mass that each equation would feel if each speed moved alone, 1/sum_i Phi_ki^2/M_ii, of the speeds that move a mass.
@@ -165,6 +191,7 @@ class EffectiveMasses {
   Equations<M> a_, gap_, residual_, rate_, rest_, mass_, alone_;
   Speeds<M> still_, dz_, without_;
   Array<M, m * m> T_, scaled_, vectors_;
+  bool lacks_ = false;
 };
 
 }  // namespace cutjoint

@@ -98,7 +98,8 @@ class Initialisation {
 
   /// Penalties from the effective masses in this pose, the given one their upper bound.
   ///
-  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these.
+  /// Masses with the other cut joints open are measured by light penalties, then those with the others held by penalties of 1e4 times these, and
+  /// again by as many times what was found while that is too light for some direction.
   void weigh(const StateOf<M>& state) {
     const Real unbound = std::numeric_limits<Real>::infinity();
     const Real most = settings_.stabilisation.penalty ? Real(*settings_.stabilisation.penalty) : unbound;
@@ -106,9 +107,13 @@ class Initialisation {
     load(state, masses_.open(), Real(1e-3), unbound);
     masses_.measure(state, penalties_, projects());
     const Cuts<M> open = masses_.open();
-    load(state, open, Real(1e4), unbound);
-    masses_.measure(state, penalties_, projects());
-    load(state, penalties_of_cuts(masses_.held(), open, settings_.fixed_point_step), Real(1), most);
+    Cuts<M> held = open;
+    for (int round = 0; round == 0 || (round < 4 && masses_.lacks()); ++round) {
+      load(state, held, Real(1e4), unbound);
+      masses_.measure(state, penalties_, projects());
+      held = masses_.held(state);
+    }
+    load(state, penalties_of_cuts(held, open, settings_.fixed_point_step), Real(1), most);
   }
 
   /// Load the mechanism with penalties of so many times the masses, `most` at most.
