@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import close_loops, evaluate_closures, evaluate_guided_rates, explore, retract
-from cutjoint.analysis.linearise import Linearisation, NoMassError, ReducedSystem, reduce_system
+from cutjoint.analysis.linearise import Linearisation, NoMassError, ReducedSystem, _balancing, reduce_system
 from cutjoint.formulate.implicit.equations import ImplicitEquations
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.model.read import read_model
@@ -116,3 +116,13 @@ def test_what_moves_no_mass_is_named() -> None:
     )  # fmt: skip
     with pytest.raises(NoMassError, match=r"'b\.angle' can move without moving a mass"):
         reduce_system(of)
+
+
+def test_equations_that_a_pose_makes_redundant_but_for_its_gap_have_small_multipliers() -> None:
+    """Of a loop that is closed to 1e-12 m, a direction that moves freely is one that the equations seem to hold by as much."""
+    rng = np.random.default_rng(3)
+    held, gap = rng.standard_normal((4, 6)), 1e-12 * rng.standard_normal((2, 6))
+    J = np.concatenate([held, held[:2] + held[2:] + gap])
+    exact = np.concatenate([held, held[:2] + held[2:]])
+    force = exact.T @ rng.standard_normal(6) + 1e-9 * rng.standard_normal(6)
+    np.testing.assert_allclose(_balancing(J, -force), np.linalg.pinv(exact.T, rcond=1e-6) @ force, atol=1e-6)

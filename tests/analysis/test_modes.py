@@ -366,3 +366,22 @@ def test_a_caster_shimmies_below_the_relaxation_length() -> None:
         grows = [max(value.real for value in caster(trail, 0.0, speed)[0]) for trail in (0.299, 0.301)]
         assert grows[0] > 1e-6
         assert grows[1] < -1e-6
+
+
+@needs_cpp
+def test_controllers_that_are_held_are_named(tmp_path: Path) -> None:
+    """A sampled spring swings the hinge in a run; held, it leaves the hinge free."""
+    model, out = tmp_path / "servo.yaml", tmp_path / "modes.json"
+    text = (
+        "cutjoint: 1\nname: servo\ngravity: [0, 0, 0]\nbodies: {arm: {mass: 1, centre_of_mass: [0.5, 0, 0]}}\n"
+        "joints: {hinge: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: z}}\n"
+        "forces: {motor: {kind: joint_force, joint: hinge, law: loop.u}}\n"
+        "controllers: {loop: {every: 1 ms, signals: {u: -400*hinge.angle}}}\nscenes: {run: {end: 1, output_step: 0.1}}\n"
+    )
+    for law, held in (("loop.u", ["loop"]), ("-400*position", [])):
+        model.write_text(text if held else text.replace("loop.u", law).replace("controllers:", "#"))
+        done = CliRunner().invoke(main, ["modes", str(model), "--out", str(out)])
+        assert done.exit_code == 0, done.output
+        assert ("'loop': sampled values are held constant" in " ".join(done.output.split())) == bool(held)
+        found = json.loads(out.read_text())
+        assert (found["held_controllers"], bool(found["modes"])) == (held, not held)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from cutjoint.analysis.mobility import find_mobility
+from cutjoint.analysis.shaky import ShakyError, describe_misfit
 from cutjoint.analysis.skew import describe_geometry
+from cutjoint.compile.pipeline import schedule_method
+from cutjoint.methods import METHODS
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene
 from tests.analysis.formulated import formulated
 from tests.conftest import MODELS
 from tests.mechanisms.overconstrained import parallel_cranks_text
@@ -58,3 +65,26 @@ def test_a_mechanism_that_a_guide_drives_is_meant_to_have_no_freedom() -> None:
     dead_centre, rail = PRESS.replace("A: [0, 0, 0.1]", "A: [0.1, 0, 0.0001]"), "at: B, axis: [1, 0, 0]"
     assert rail in dead_centre
     assert said(dead_centre.replace(rail, f"{rail}, guide: t")) == ""
+
+
+@pytest.mark.parametrize("off", [1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+def test_what_rounded_numbers_hold_is_refused_by_all_methods(off: float) -> None:
+    """A pin slightly off neither locks three parallel cranks nor leaves them free, whatever method or length."""
+    for at in (f"[2, {off}, 0]", f"[{2 + off!r}, 0, 0]"):
+        text = parallel_cranks_text(3, (0.6, 0.8)).replace("at: [2, 0, 0]", f"at: {at}")
+        for scale, methods in ((1.0, METHODS), (1e-4, ["recursive"]), (1e4, ["recursive"])):
+            model = read_model_text(_scaled(text, scale), "cranks.yaml")
+            for method in methods:
+                with pytest.raises(ShakyError, match=r"cranks.yaml:\d+:\d+: '\w+': rounded numbers alone hold this mechanism"):
+                    schedule_method(model, find_scene(model, None), (), method=method)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-3])
+def test_what_moves_or_locks_is_not(off: float) -> None:
+    assert describe_misfit(formulated(parallel_cranks_text(3, (0.6, 0.8)).replace("at: [2, 0, 0]", f"at: [2, {off}, 0]"))) == ""
+
+
+def _scaled(text: str, scale: float) -> str:
+    """The model with all points so much farther apart."""
+    points = re.compile(r"(at|centre_of_mass): \[([^]]*)\]")
+    return points.sub(lambda m: f"{m[1]}: [{', '.join(repr(scale * float(x)) for x in m[2].split(','))}]", text)

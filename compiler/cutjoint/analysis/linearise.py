@@ -164,7 +164,7 @@ def _jacobian(equations: ImplicitEquations, here: Mapping[str, Array]) -> Array:
 
 def _balancing(J: Array, residual: Array) -> Array:
     """The multipliers that balance the accelerations."""
-    return np.asarray(np.linalg.lstsq(J.T, -residual, rcond=None)[0]) if len(J) else np.zeros(0)
+    return np.asarray(np.linalg.lstsq(J.T, -residual, rcond=TOLERANCE)[0]) if len(J) else np.zeros(0)
 
 
 def _tangents(equations: ImplicitEquations, here: Mapping[str, Array], at: Point) -> Array:

@@ -69,7 +69,7 @@ class Modes:
     ``indifferent`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions and
     coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
     damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
-    unstable.  ``q`` are the tree's coordinates of the state.
+    unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small motions.
     """
 
     time: float
@@ -80,6 +80,7 @@ class Modes:
     indifferent: Mapping[str, Mapping[str, Participant]]
     zeros: int
     q: Array = field(repr=False, compare=False)
+    held: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         where = "at rest" if self.at_rest else f"at t = {self.time:g} s"

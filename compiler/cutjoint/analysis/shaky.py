@@ -1,4 +1,8 @@
-"""Structures that loops hold to second order only: in the one pose that they have some speeds are free, and no motion follows them.
+"""Loops that neither hold a motion nor leave it free: by numbers that are slightly off, or to second order only.
+
+A pin that is 1e-8 m off one of three parallel cranks is such a number.  Whether the cranks move would depend on the tolerances of a method.
+
+A structure that loops hold to second order only has one pose, in which some speeds are free, and no motion follows them.
 
 With Phi(q) = 0 and a free direction d, Phi_q d = 0, a motion along s d + s^2 e has w . Phi_qq(d, d) = 0 for each w with w^T Phi_q = 0.
 Where that form is definite for one of these w, there is none.  Forces across such a pose would have to be infinite: neither accelerations
@@ -11,19 +15,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, retract
+from cutjoint.analysis.closing import CLOSED, Array, design_coordinates, evaluate_closures, explore, retract
 from cutjoint.formulate.records import RecursiveEquations
 from cutjoint.methods import METHODS, join_or, names_of
 from cutjoint.package.errors import EquationsError
-from cutjoint.topology.geometry import TOLERANCE
+from cutjoint.topology.geometry import TOLERANCE, balanced
 
 #: The part of the largest singular value by which the form bends at least; differences have an error of 1e-8.
 _BENDS = 1e-4
 _DIFFERENCE = 1e-4
 
 
+#: Singular values between these shares of the largest neither hold a motion, by any method, nor leave it free.
+_FREE, _HELD = 2e-11, 1e-5
+
+
 class ShakyError(EquationsError, ValueError):
-    """A structure whose loops hold it to second order only."""
+    """Loops that neither hold a motion nor leave it free."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,15 +44,51 @@ class Shakiness:
 
 
 def require_firmness(equations: RecursiveEquations, method: str) -> RecursiveEquations:
-    """The equations, unless a method cannot solve them in the one pose of a structure.
+    """The equations, unless loops nearly leave a motion free, or a method cannot solve them in the one pose of a structure.
 
     Raises:
-        ShakyError: the loops hold the design position, where the scene begins, to second order only.
+        ShakyError: they do, or the loops hold the design position, where the scene begins, to second order only.
     """
+    if off := describe_misfit(equations):
+        raise ShakyError(off)
     found = None if METHODS[method].holds_structures or equations.scene.positions or equations.scene.assemble else find_shakiness(equations)
     if found is None:
         return equations
     raise ShakyError(describe_shakiness(equations, found))
+
+
+def describe_misfit(equations: RecursiveEquations) -> str:
+    """The fault of loops that hold a motion by rounded numbers alone, at the line of a joint or gear, and what to do; "" of others.
+
+    They do in all poses near the design position; the motion of a mechanism that guides drive whole may be held by little.
+    """
+    if not equations.closures or not equations.speeds:
+        return ""
+    jacobian = evaluate_closures(equations, design_coordinates(equations))[1]
+    values = _shares(jacobian)
+    rank = int(np.sum(values > _FREE))
+    if not rank or values[rank - 1] > _HELD:
+        return ""
+    poses, guides = explore(equations), any(t.joint.guide is not None for t in equations.topology.tree)
+    if any(_shares(pose.jacobian)[rank - 1] > _HELD for pose in poses) or (guides and not poses[0].free.size):
+        return ""
+    right = np.linalg.svd(balanced(jacobian))[2][rank - 1]
+    speed = int(np.abs(right).argmax())
+    opened = np.abs(jacobian @ right / right[speed])
+    row = int(opened.argmax())
+    joint = next(c.joint for c in equations.closures if c.first <= row < c.first + len(c.names))
+    span = equations.topology.model.constraint_spans.get(joint, equations.scene.span)
+    return (
+        f"{span}: '{joint}': rounded numbers alone hold this mechanism: at a speed of 1 at '{equations.speed_names[speed]}' the loops "
+        f"open by {opened[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too little to lock it, "
+        "too much to leave it free; write points and axes exactly, such as by expressions, or farther off"
+    )
+
+
+def _shares(jacobian: Array) -> Array:
+    """Singular values as shares of the largest, whatever the units."""
+    values = np.linalg.svd(balanced(jacobian), compute_uv=False)
+    return np.asarray(values / max(values.max(initial=0.0), np.finfo(float).tiny))
 
 
 def describe_shakiness(equations: RecursiveEquations, found: Shakiness) -> str:

@@ -9,7 +9,7 @@ from cutjoint.analysis.closing import explore
 from cutjoint.analysis.inertia import describe_momentary, find_momentary_motions, require_inertia
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.redundancy import find_indeterminate, find_redundancy, reaction_outputs
-from cutjoint.analysis.shaky import describe_shakiness, find_shakiness
+from cutjoint.analysis.shaky import describe_misfit, describe_shakiness, find_shakiness
 from cutjoint.analysis.skew import describe_geometry, rate_choices
 from cutjoint.commands import options, table
 from cutjoint.formulate.recursive.equations import formulate_recursive
@@ -59,6 +59,8 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path 
             options.out.print(tables.indeterminate_reactions(indeterminate), markup=False)
     for motion in find_momentary_motions(equations, poses):
         options.out.print(describe_momentary(checked, motion), markup=False)
+    if misfit := describe_misfit(equations):
+        options.out.print(misfit, markup=False)
     if shaky := find_shakiness(equations):
         options.out.print(describe_shakiness(equations, shaky), markup=False)
     if topology.loops:

@@ -14,6 +14,7 @@ from rich.bar import Bar
 from rich.table import Table
 
 from cutjoint.analysis.modes import Mode, Modes, Participant
+from cutjoint.methods import join_and
 from cutjoint.model.quantities import POSE
 from cutjoint.model.records import Scene
 from cutjoint.reduce.choose import Candidate, Choice
@@ -168,6 +169,9 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
         yield f"indifferent, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.indifferent)}"
+    if modes.held:
+        names = join_and([f"'{name}'" for name in modes.held])
+        yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
     told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "indifferent": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
 
@@ -223,6 +227,7 @@ def modes_json(modes: Modes, model: str, scene: str) -> str:
         "model": model, "scene": scene, "about": "static equilibrium" if modes.at_rest else "motion", "t": modes.time,
         "degrees_of_freedom": modes.freedoms, "modes": [_plain_mode(m) for m in modes.modes],
         "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
+        "held_controllers": list(modes.held),
         "indifferent": {name: _plain_shape(shape) for name, shape in modes.indifferent.items()},
     }  # fmt: skip
     return json.dumps(content, indent=2) + "\n"

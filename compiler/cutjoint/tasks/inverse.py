@@ -28,6 +28,7 @@ from cutjoint.run.results import Array, Columns, Trajectory
 from cutjoint.run.scenes import Given, take_model, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
+from cutjoint.topology.geometry import balanced
 
 #: Singular values below this share of the largest are nothing.
 _RANK = 1e-9
@@ -170,7 +171,7 @@ class _Inverse:
 
     def _slopes(self, equations: RecursiveEquations, q: Array, t: float) -> Array:
         """dq_a/dq of the drives by the prescribed coordinates, (drives, moved)."""
-        jacobian = evaluate_closures(equations, q, t)[1]
+        jacobian = balanced(evaluate_closures(equations, q, t)[1])
         place = {chart.joint: chart.v for chart in equations.charts}
         lead = [place[joint.name] for joint in self.moved]
         rest = [i for i in range(equations.speeds) if i not in lead]
@@ -180,5 +181,5 @@ class _Inverse:
             raise RunError(f"scene '{self._scene.name}' prescribes the motion only in part: {left} freedoms are left; drive these too")
         slopes = np.zeros((equations.speeds, len(lead)))
         slopes[lead] = np.eye(len(lead))
-        slopes[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=None)[0] if rest else 0
+        slopes[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=_RANK)[0] if rest else 0
         return slopes[[place[joint.name] for joint in self.drives]]

@@ -140,7 +140,7 @@ def find_scene_modes(
     try:
         # Binary -> Linearisation -> Modes
         time, linearised = linearise_at(artifact, equations, at, parameters or {}, progress)
-        modes = find_mode_shapes(linearised, time)
+        modes = replace(find_mode_shapes(linearised, time), held=tuple(controller.name for controller in model.controllers))
     except NotReachedError as error:
         report = error.report
         if at is not None:

@@ -106,6 +106,13 @@ def _skew(p: Array) -> Array:
 TOLERANCE = 1e-9
 
 
+def balanced(jacobian: Array) -> Array:
+    """A Jacobian with rows of one length, whatever their units; rows below 1e-4 of the longest, which may be rounding, keep their share."""
+    lengths = np.linalg.norm(jacobian, axis=1, keepdims=True)
+    scaled: Array = jacobian / np.maximum(lengths, max(1e-4 * lengths.max(initial=0.0), np.finfo(float).tiny))
+    return scaled
+
+
 def loop_condition(geometry: JointGeometry, tree: Sequence[TreeJoint], cuts: Sequence[Joint], cut: Joint) -> float:
     """The condition of the equations of a cut joint's loop and of the loops that share a joint with it: the largest singular value by the
     smallest that is not zero."""

@@ -307,7 +307,8 @@ class Impacts {
 
   static constexpr Real epsilon() { return std::numeric_limits<Real>::epsilon(); }
 
-  /// The change of the speeds, then mu, by least squares of least norm, with masses and rows of the equations scaled to one.
+  /// The change of the speeds, then mu, by least squares of least norm, with masses and rows of the equations scaled to one.  A row below 1e-7 of the
+  /// largest, beside the masses, keeps its share of that: scaled to one, a row that is zero but for rounding would hold a direction of chance.
   void solve(const Coordinates<S>& q, Real t) {
     using std::sqrt;
     const std::size_t n = struck_.speeds(), m = struck_.equations(), size = n + m;
@@ -319,11 +320,13 @@ class Impacts {
       for (std::size_t i = 0; i < n; ++i) A(i, j) = struck_.mass(i, j);
       struck_.jacobian(q, j, A.column(j) + n);
     }
+    Real longest(0);
     for (std::size_t i = n; i < size; ++i) {
       for (std::size_t j = 0; j < n; ++j) A(j, i) = A(i, j), right_[j] = A(i, j) * scale_[j];
       const std::span<const Real> row(right_.data(), n);
-      if (const Real square = dot(row, row); square > Real(0)) scale_[i] = 1 / sqrt(square);
+      scale_[i] = sqrt(dot(row, row)), longest = std::max(longest, scale_[i]);
     }
+    for (std::size_t i = n; i < size && longest > Real(0); ++i) scale_[i] = 1 / std::max(scale_[i], Real(1e-7) * longest);
     for (std::size_t j = 0; j < size; ++j)
       for (std::size_t i = 0; i < size; ++i) A(i, j) *= scale_[i] * scale_[j];
     for (std::size_t i = 0; i < size; ++i) right_[i] = -scale_[i] * (i < n ? change_[i] : rates_[i - n]);
