@@ -55,8 +55,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 #: Folders whose tests run what is compiled; elsewhere a test that needs a compiler says so by the mark.
 _COMPILING = tuple(
     f"tests/{folder}/" for folder in (
-        "bench", "compile_run", "coupling", "edges", "export", "fmu", "images", "packaging", "pages", "physics", "runtime", "standalone", "sweeps",
-        "toolchain",
+        "bench", "compile_run", "coupling", "edges", "export", "fmu", "images", "packaging", "pages", "physics", "runtime", "standalone",
+        "sweeps", "toolchain",
     )
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Small mechanisms with joints, cuts, gears and forces of all kinds: their interpreted blocks agree with the dense oracle in some states."""
+"""Small mechanisms with joints, cuts, gears and forces of all kinds: interpreted blocks agree with the dense oracle in some states."""
 
 from __future__ import annotations
 

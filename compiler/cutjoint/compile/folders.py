@@ -414,7 +414,7 @@ class Delivery:
             OutputError: a file cannot be written.
         """
         built = simulator if self.alone is None else self.alone.build_simulator(flags)
-        files = {**self.files, self.program: built.read_bytes()}
+        files: dict[str, str | bytes] = {**self.files, self.program: built.read_bytes()}
         write_files(self.folder, files, {self.program: built.stat().st_mode & 0o777})
 
 

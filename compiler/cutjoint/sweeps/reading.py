@@ -122,8 +122,7 @@ class _Reading:
         names = self.document.scenes
         if names is None:
             if len(model.scenes) > 1:
-                known = ", ".join(model.scenes)
-                self.where.fail(f"the model has several scenes: {known}", "name some of them: scenes: [...]", ("model",))
+                self.where.fail(f"the model has several scenes: {', '.join(model.scenes)}", "name some of them: scenes: [...]", ("model",))
                 raise self.problems.error()
             return (self._with_settings(find_scene(model, None)),)
         for i, name in enumerate(names):
