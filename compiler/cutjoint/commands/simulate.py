@@ -116,10 +116,10 @@ def _is_watched() -> bool:
 
 
 def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) -> None:
-    """Say how far a run is that has taken ten seconds, what limits its steps, and what to use.
+    """Say how far a run has come in ten seconds, the limit of its steps, and a remedy.
 
     Raises:
-        _StiffRun: it ``goes_over`` to a method that is not limited so.
+        _StiffRun: it ``goes_over`` to another method.
     """
     settings, steps = plan.run_file.settings, slow["steps"]
     words = f"after 10 s at t = {slow['time']:.4g} s of {plan.run_file.end:g} s, {steps} steps by {settings.integrator}"

@@ -110,7 +110,7 @@ def compile_scene(
 
 
 def _for_hosts(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
-    """What a folder that stands alone is made of."""
+    """Parts of a folder that stands alone."""
     hosted = for_hosts(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
     if not hosted.frozen:
         return generated

@@ -31,7 +31,7 @@ MAX_FILES = 200
 
 
 def with_files(source: Source, folder: Path | None, problems: Problems) -> tuple[Source, dict[str, str], set[Keys]]:
-    """The document with what its files have, their texts by the names that places carry, and the elements whose files could not be read.
+    """The document with the contents of its files, their texts by the names in places, and the elements whose files could not be read.
 
     ``folder`` is that of the model file, None of a text without one.  Problems are noted.
     """

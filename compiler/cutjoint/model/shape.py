@@ -254,7 +254,7 @@ def _chosen_by(member: Any, step: str | int) -> bool:
 
 
 def _without_broken(source: Source, found: list[_Flaw], drop: set[Path]) -> Shaped | None:
-    """The document without what is of the wrong shape and what to ``drop``; None when more than elements is wrong."""
+    """The document without parts of the wrong shape and parts to ``drop``; None when more than elements is wrong."""
     while True:
         new = {place for flaw in found for place in _left_out(flaw)} - drop
         if () in new or (found and not new):

@@ -173,7 +173,7 @@ _ROUGH, _LITTLE = 0.1, 1e-3
 
 
 def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
-    """The outputs whose errors are a large share of what they reach."""
+    """The outputs with errors that are a large share of their largest values."""
     reach = _reach_of(run)
     sizes = {name: max(float(np.max(np.abs(run[name]), initial=0.0)), _LITTLE * reach[run.units[name]]) for name in errors}
     return tuple(name for name, e in errors.items() if max(_ROUGH * sizes[name], _ROUNDING * reach[run.units[name]]) < e < inf)

@@ -160,7 +160,7 @@ class ErrorEstimate:
     than a third of an error.  Laws, masses and places are taken as they are given.
 
     ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
-    stay open.  ``rough`` are outputs that are off by more than a tenth of what they reach, which accelerations and forces may be where
+    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value; accelerations and forces may be, where
     places keep an accuracy.
     """
 

@@ -130,10 +130,10 @@ class _Reading:
                 self.where.fail(f"scenes: the model has no scene '{name}'", nearest(name, model.scenes, "scenes"), ("scenes", i))
             elif name in names[:i]:
                 self.where.fail(f"scenes: '{name}' stands twice", "remove one", ("scenes", i))
-        known = [name for name in dict.fromkeys(names) if name in model.scenes]
-        if not known:
+        found = [model.scenes[name] for name in dict.fromkeys(names) if name in model.scenes]
+        if not found:
             raise self.problems.error()
-        return tuple(self._with_settings(model.scenes[name]) for name in known)
+        return tuple(map(self._with_settings, found))
 
     def _with_settings(self, scene: Scene) -> Scene:
         document, times = self.document, {}
