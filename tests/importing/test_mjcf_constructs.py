@@ -343,8 +343,8 @@ TENDONS = """
 <body name="a" pos="0 0 1"><joint name="a_j" axis="0 1 0" ref="0.3"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
 <body name="b" pos="0.3 0 0"><joint name="b_j" axis="0 1 1"/><geom type="box" size="0.1 0.02 0.03" pos="0.15 0 0"/>
 <site name="tip" pos="0.3 0 0.05"/></body></body></worldbody>
-<tendon><fixed name="belt" stiffness="7" damping="0.4" springlength="0.6">
-<joint joint="a_j" coef="2"/><joint joint="b_j" coef="-1"/></fixed>
+<tendon><fixed name="belt" stiffness="7" damping="0.4" springlength="0.6"><joint joint="a_j" coef="2"/>
+<joint joint="b_j" coef="-1"/></fixed>
 <spatial name="cord" stiffness="30" damping="2" springlength="0.5"><site site="wall"/><site site="tip"/></spatial></tendon></mujoco>
 """
 

@@ -206,3 +206,22 @@ def test_pictures_that_are_a_little_tilted_are_drawn(tmp_path: Path) -> None:
     path.write_text(robot('<link name="base"/>' + link("a").replace("</link>", visual), hinge("j", "base", "a", "0 0 0")))
     assert "x: [0.99999968, -0.000799999914667, 4.2e-07], y: [-4.199998656e-07, " in import_file(path).text
     read_model(path)
+
+
+@pytest.mark.parametrize(("kind", "axis"), [("revolute", "0 1 0"), ("ball", ""), ("fixed", "")])
+def test_a_joint_in_gazebo_closes_a_loop(tmp_path: Path, kind: str, axis: str) -> None:
+    """As <loop> does, whose frames are those of the zero position: b is 1 m before a, which is 1 m before the base."""
+    tree = hinge("j", "base", "a", "1 0 0") + hinge("k", "a", "b", "1 0 0")
+    given = f"<axis><xyz>{axis}</xyz></axis>" if axis else ""
+    joint = f'<joint name="tie" type="{kind}"><pose>0.5 0 0.2 0 0 0</pose><parent>base</parent><child>b</child>{given}</joint>'
+    gazebo = f"<gazebo>{joint}</gazebo><gazebo><plugin/></gazebo>"
+    ends = '<predecessor link="base"><origin xyz="2.5 0 0.2"/></predecessor><successor link="b"><origin xyz="0.5 0 0.2"/></successor>'
+    loop = f'<loop name="tie" type="{kind.replace("ball", "spherical")}">{ends}{f"<axis xyz={axis!r}/>" if axis else ""}</loop>'
+    texts = []
+    for more in (gazebo, loop):
+        path = tmp_path / "r.urdf"
+        path.write_text(robot(LINKS.replace(link("c"), ""), tree + more))
+        texts.append("\n".join(line for line in import_file(path).text.splitlines() if not line.startswith("# Left out")))
+    assert texts[0] == texts[1]
+    path.write_text(robot(LINKS.replace(link("c"), ""), tree + gazebo.replace(f'"{kind}"', '"screw"')))
+    assert "left out is the loop that the joint 'tie' in <gazebo> closes: it is of type 'screw'" in import_file(path).notes

@@ -54,6 +54,9 @@ def _relate(robot: Robot, root: Node) -> None:
         robot.loops.append(_loop(node, robot, node.get("type") or "revolute"))
     for node in root.all("loop_constraint"):
         robot.loops.append(_loop(node, robot, "spherical", _OLD_ENDS))
+    if any(child.tag == "joint" for part in root.children if part.tag == "gazebo" for child in part.children):
+        for node in (joint for part in root.all("gazebo") for joint in part.all("joint")):
+            _add_sdf_joint(robot, node)
     for node in root.all("coupling"):
         robot.couplings.append(_coupling(node, robot))
     for node in root.all("joint_constraint"):
@@ -161,6 +164,39 @@ def _loop(node: Node, robot: Robot, kind: str, tags: tuple[str, str] = _ENDS) ->
     first, second = (_pose(end.find("origin") or node.find(f"{end.tag}_origin")) for end in ends)
     direction = np.array([1.0, 0.0, 0.0]) if axis is None else _direction(axis, axis.get("xyz"))
     return Loop(node.name(), node, _KINDS[kind], (names[0], names[1]), first, second, direction)
+
+
+def _add_sdf_joint(robot: Robot, node: Node) -> None:
+    """A joint of SDF in <gazebo> closes a loop; its pose is in its child, and it is closed in the zero position."""
+    name, kind = node.name(), node.get("type") or ""
+    ends = [node.need(tag).text.strip() for tag in ("parent", "child")]
+    given = node.find("pose")
+    told = "left out is the loop that the joint '{}' in <gazebo> closes: {}"
+    if kind not in ("revolute", "continuous", "prismatic", "fixed", "ball"):
+        robot.notes.append(told.format(name, f"it is of type '{kind[:40]}'"))
+        return
+    if any(end not in robot.links for end in ends) or ends[0] == ends[1] or (given is not None and given.attributes):
+        robot.notes.append(told.format(name, "its ends or its pose are not those of links"))
+        return
+    x, y, z, *angles = given.numbers(given.text, 6, (0.0,) * 6) if given is not None else (0.0,) * 6
+    second = Pose(roll_pitch_yaw(tuple(angles)), np.array([x, y, z]))
+    poses, axis = robot.poses({}), np.array([0.0, 0.0, 1.0])
+    frame = poses[ends[1]] @ second
+    if axis_node := node.find("axis"):
+        axis = _direction(axis_node.need("xyz"), axis_node.need("xyz").text)
+        of_model = axis_node.find("use_parent_model_frame")
+        seen = axis_node.need("xyz").get("expressed_in") or ""
+        if seen not in ("", "__model__"):
+            robot.notes.append(told.format(name, f"its axis is expressed in '{seen[:40]}'"))
+            return
+        if seen or (of_model is not None and of_model.text.strip() in ("1", "true")):
+            axis = frame.rotation.T @ axis
+    loop = Loop(name, node, _KINDS.get(kind, "spherical"), (ends[0], ends[1]), poses[ends[0]].inverse() @ frame, second, axis)
+    if dynamics := axis_node.find("dynamics") if axis_node else None:
+        for key in ("damping", "friction"):
+            if value := dynamics.find(key):
+                setattr(loop, key, value.numbers(value.text, 1)[0])
+    robot.loops.append(loop)
 
 
 def _coupling(node: Node, robot: Robot, tags: tuple[str, str] = _ENDS, factor: str = "ratio") -> Coupling:
