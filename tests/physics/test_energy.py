@@ -132,7 +132,7 @@ def test_the_defect_falls_with_the_tolerance(method: str, integrator: str) -> No
 @pytest.mark.parametrize(("method", "integrator"), [("recursive", "dormand-prince"), ("recursive-newton", "radau5")])
 def test_friction_does_the_work_of_the_loads_in_each_step(method: str, integrator: str, cut: str) -> None:
     """Loads follow from accelerations and multipliers, which are those of the places inside steps at which power is measured."""
-    run = simulate(compiled(BRAKED.replace("CUT", cut), method), integrator=integrator, tolerance=1e-8)
+    run = simulate(compiled(BRAKED.replace("CUT", cut), method), integrator=integrator, tolerance=1e-9)
     assert balance(run).share < 1e-6
     assert balance(run).exchanged > 0.2  # J, of 2.35
 
