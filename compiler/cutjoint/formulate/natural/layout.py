@@ -384,7 +384,9 @@ def _span(columns: Sequence[NDArray[np.float64]]) -> int:
 class _Selection:
     """Nodes that are independent: the directions from the first point to the others, and the directions among them."""
 
-    def __init__(self, column: Callable[[Node | Need], NDArray[np.float64]], free_title: Callable[[NodeName, str, Iterable[Node]], NodeName]) -> None:
+    def __init__(
+        self, column: Callable[[Node | Need], NDArray[np.float64]], free_title: Callable[[NodeName, str, Iterable[Node]], NodeName]
+    ) -> None:
         self.nodes: list[Node] = []
         self._column = column
         self._free_title = free_title
