@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import torch
+from torch.autograd.function import once_differentiable
 
 import cutjoint
 
@@ -29,6 +30,7 @@ class Course(torch.autograd.Function):
         return torch.from_numpy(start(x).play_derivative(STEPS, ["slider.x"], [], every=10).values[:, 0])
 
     @staticmethod
+    @once_differentiable  # PyTorch takes the slopes for constants otherwise, and Hessians are wrong
     def backward(ctx, weights):
         run = start(*ctx.saved_tensors).play_adjoint(STEPS, ["slider.x"], BY, weights.numpy()[None, :, None], every=10)
         return torch.from_numpy(run.slopes[0])

@@ -130,19 +130,23 @@ def choices_made(model: document.Document, scopes: Mapping[str, Scope]) -> dict[
 
 
 def warnings_of(model: document.Document, scopes: Mapping[str, Scope]) -> Iterator[str]:
-    """A sentence for each parameter that is not zero where its submodel warns of that, with numbers in place of its braces."""
+    """A sentence for each parameter that is not zero where its submodel warns of that, with numbers in its braces, unless these are 0."""
     found: dict[str, None] = {}
     for use in find_uses(model):
         scope = scopes.get(f"{use.name}.")
         if use.submodel is None or scope is None:
             continue
         for name, text in use.submodel.warns.items():
-            if name not in scope.names or _value(scope, scope.names[name]) == 0:
+            value = _value(scope, scope.names[name]) if name in scope.names else 0.0
+            if value == 0:
                 continue
             where = Element(scope, f"submodel '{use.at[-1]}'", use.name, use.at)
             numbers = [_value(scope, where.term(each, ("warns", name), scope.names)) for each in _BRACES.findall(text)]
+            if numbers and not any(numbers):
+                continue
             told = _BRACES.sub("{:.2g}", text).format(*numbers)
-            found[f"{scope.source.key_span(use.path)}: {name} of '{use.instance.use}' is on: {told}"] = None
+            state = _word(value) if value > 1 else "on"
+            found[f"{scope.source.key_span(use.path)}: {name} of '{use.instance.use}' is {state}: {told}"] = None
     yield from found
 
 

@@ -1,0 +1,96 @@
+"""A wheel of the library makes no energy: its torque is the force times the rolling radius, and all that slips loses."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+
+from cutjoint.compile.options import CompileOptions
+from cutjoint.model.read import read_model_text
+from cutjoint.run.artifact import Artifact
+from cutjoint.run.results import Trajectory
+from cutjoint.run.scenes import find_scene
+from tests.physics.simulation import compile_scene, completed, simulate
+
+RADIUS = 0.3
+_READ = ("Fx", "Fy", "Fz", "My", "Mz", "vx", "vy", "spin", "camber", "loaded_radius")
+#: A wheel whose carrier follows a prescribed path; its spin alone is free.
+BENCH = """
+cutjoint: 1
+name: bench
+gravity: [0, 0, 0]
+parameters:
+  speed: {value: 10, binding: param}
+  drift: {value: 0, binding: param}
+  lean: {value: 0, binding: param}
+  sunk: {value: 0.02, binding: param}
+  torque: {value: 0, binding: param}
+bodies:
+  slide: {mass: 1, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}
+  cross: {mass: 1, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}
+  hub: {mass: 1, centre_of_mass: [0, 0, 0.3], inertia: [1, 1, 1]}
+joints:
+  ahead: {kind: prismatic, bodies: [ground, slide], at: [0, 0, 0.3], axis: x, guide: speed*t}
+  aside: {kind: prismatic, bodies: [slide, cross], at: [0, 0, 0.3], axis: y, guide: drift*t}
+  press: {kind: prismatic, bodies: [cross, hub], at: [0, 0, 0.3], axis: z, guide: -sunk}
+submodels: {wheel: {include: library/wheel_brush}}
+instances:
+  w:
+    use: wheel
+    connect: {carrier: hub}
+    with:
+      {x: 0, y: 0, z: 0.3, radius: 0.3, mass: 20, spin_inertia: 1, cross_inertia: 0.5, stiffness: 2e5, slip_stiffness: 1e5,
+       cornering_stiffness: 5e4, drive: torque, camber: lean, linear: LINEAR}
+outputs: [OUTPUTS]
+scenes: {roll: {end: 1.5, output_step: 0.5}}
+"""
+
+
+@cache
+def bench(linear: int) -> Artifact:
+    outputs = ", ".join(f"w.rolling.contact.{name}" for name in _READ)
+    model = read_model_text(BENCH.replace("LINEAR", str(linear)).replace("OUTPUTS", outputs), "bench.yaml")
+    return compile_scene(model, find_scene(model, None), CompileOptions(method="recursive-newton"))
+
+
+def of(run: Trajectory, name: str) -> np.ndarray:
+    return np.asarray(run[f"w.rolling.contact.{name}"])
+
+
+def power(run: Trajectory) -> np.ndarray:
+    """Of the road's force and moment on the wheel, which turns about its axis alone, where the carrier goes straight."""
+    at, lean, spin = of(run, "loaded_radius"), of(run, "camber"), of(run, "spin")
+    turning = of(run, "My") * np.cos(lean) + of(run, "Mz") * np.sin(lean) - at * of(run, "Fx")
+    return np.asarray(of(run, "Fx") * of(run, "vx") + of(run, "Fy") * of(run, "vy") + turning * spin)
+
+
+@pytest.mark.parametrize(("linear", "speed"), [(0, 10.0), (0, -10.0), (1, 10.0)])
+def test_a_tyre_never_makes_energy(linear: int, speed: float) -> None:
+    for torque, drift, lean, sunk in product((-300.0, 0.0, 300.0), (0.0, 0.5), (0.0, 0.1), (0.01, 0.03)):
+        given = {"speed": speed, "torque": torque, "drift": drift, "lean": lean, "sunk": sunk}
+        run = completed(simulate(bench(linear), error=False, parameters=given))
+        assert power(run)[-1] <= 1e-9, given
+        assert of(run, "Fx")[-1] == pytest.approx(torque / RADIUS, abs=1e-4), given  # force times rolling radius
+
+
+MAGIC_FORMULA = """wheel_mf62}}
+instances:
+  w:
+    use: wheel
+    connect: {carrier: hub}
+    with: {x: 0, y: 0, z: 0.3, MASS: 20, drive: torque, camber: lean, lossless: LINEAR}
+    properties: library/road_tyre.tir
+outputs"""
+
+
+@pytest.mark.parametrize("lossless", [0, 1])
+def test_check_reports_the_power_that_a_file_makes(lossless: int) -> None:
+    text = re.sub(r"wheel_brush\}.*outputs", MAGIC_FORMULA, BENCH, flags=re.DOTALL).replace("LINEAR", str(lossless))
+    found = re.findall(r"the torque of the file makes (\S+) %", " ".join(read_model_text(text.replace("OUTPUTS", "hub.x"), "m.yaml").notes))
+    sinking = 4000 / 210000
+    loaded, rolling = 0.316 - sinking, 0.316 - sinking * (0.25 * np.arctan(8) + 0.07)
+    assert [float(x) for x in found] == ([] if lossless else [pytest.approx(100 * (1 - loaded / rolling), rel=0.02)])
