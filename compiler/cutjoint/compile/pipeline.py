@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf
 from time import perf_counter
 from typing import Any
@@ -33,9 +34,9 @@ from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
 from cutjoint.run.scenes import Given, held_as_usual, method_of, take_model, with_loops
 from cutjoint.run.settings import find_closure
-from cutjoint.toolchain.build import build, build_interpreter
-from cutjoint.toolchain.compiler import must_interpret
-from cutjoint.toolchain.drivers import Kind
+from cutjoint.toolchain.build import FLAGS, build, build_interpreter
+from cutjoint.toolchain.compiler import find_compiler, must_interpret
+from cutjoint.toolchain.drivers import Kind, interpreter_is_there
 from cutjoint.toolchain.later import TakesLong, build_later
 from cutjoint.topology.build import build_topology
 
@@ -102,6 +103,7 @@ def compile_scene(
             precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
             compile_seconds=perf_counter() - written, additions=tuple(options.additions),
             exact=way_on(made.equations, lambda loops, exact: compile_scene(loops, exact, replace(options, out=None))),
+            by_method=partial(_interpreted_by, model, scene),
         )  # fmt: skip
 
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
@@ -148,7 +150,16 @@ def compile_interpreted(
         implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated, description=description,
         exact=way_on(equations, lambda loops, exact: compile_interpreted(loops, exact, method=method, outputs=outputs)),
+        by_method=partial(_interpreted_by, model, scene),
     )  # fmt: skip
+
+
+def _interpreted_by(model: Model, scene: Scene, method: str) -> Artifact | None:
+    """The model by another method, None where the simulator would have to be built first."""
+    driver = "lagrangian" if METHODS[method].has_system else "recursive"
+    if model.functions or not (must_interpret() or interpreter_is_there(driver, find_compiler(), FLAGS)):
+        return None
+    return compile_interpreted(model, held_as_usual(scene, method, None), method=method)
 
 
 def _interpret(equations: Equations, program: Program) -> tuple[Source, dict[str, Any]]:

@@ -185,7 +185,7 @@ def versions() -> tuple[str, ...]:
 
 def _as_json(prepared: PreparedRun) -> dict[str, Any]:
     found = replace(prepared.compilation, generate_seconds=0.0, compile_seconds=0.0)
-    prepared = replace(prepared, compilation=found, run=replace(prepared.run, onward=None))  # who gets there derives the model again
+    prepared = replace(prepared, compilation=found, run=replace(prepared.run, onward=None, by_method=None))  # derived again where used
     return {**asdict(prepared), "run": {**asdict(prepared.run), "simulator": prepared.run.simulator.parent.name}}
 
 

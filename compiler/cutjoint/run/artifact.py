@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from cutjoint.methods import (
     names_of,
 )
 from cutjoint.model.records import Joint, Model, Scene
-from cutjoint.package.errors import RunError
+from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
 from cutjoint.run.inputs import GivenInput
@@ -62,6 +62,7 @@ class Artifact:
     description: Mapping[str, Any] | None = None
     additions: tuple[str, ...] = ()
     exact: Callable[[], Artifact] | None = field(default=None, repr=False, compare=False)
+    by_method: Callable[[str], Artifact | None] | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         how = f"{self.implementation}, {self.precision}, {self.program.operations(self.iteration)} operations an evaluation"
@@ -184,7 +185,19 @@ def make_simulator_run(
         is_free=goal is not None and _leaves_choice(artifact, options), with_coordinates=coordinates,
         jumps=jump_times(artifact.topology.model, artifact.scene), balances=not artifact.implementation.is_twin,
         onward=_onward(artifact, options, parameters, inputs),
+        by_method=None if artifact.by_method is None or tangents else partial(_by_method, artifact.by_method, options, parameters, inputs),
     )  # fmt: skip
+
+
+def _by_method(
+    find: Callable[[str], Artifact | None], options: Options, parameters: Mapping[str, float] | None,
+    inputs: Mapping[str, GivenInput] | None, method: str,
+) -> SimulatorRun | None:  # fmt: skip
+    """The run by another method, with the choices that all methods have; None where there is none."""
+    with suppress(CutjointError):
+        if (artifact := find(method)) is not None:
+            return make_simulator_run(artifact, replace(options, integrator=None, events=None, solver=None), parameters, inputs=inputs)
+    return None
 
 
 def _onward(

@@ -28,15 +28,17 @@ _STEPS, _SHARE = 20, 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Fallback:
-    """Other settings for a run, in words, and its run file with them; ``free`` ones need no number to be chosen."""
+    """Other settings for a run, in words, and its run file with them, or its ``plan`` by another method; ``free`` ones need no number to be
+    chosen."""
 
     words: str
     run_file: RunFile
     free: bool = False
+    plan: SimulatorRun | None = None
 
     def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
         """The run with these settings, whose steps follow from nothing else."""
-        return replace(plan, run_file=self.run_file, goal=None)
+        return replace(self.plan or plan, run_file=self.run_file, goal=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +66,8 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
         found[_goes_past(fallback.applied_to(plan), past, left) if left > 0 else None].append(fallback)
+    for fallback in () if found[True] else _by_other_methods(plan):
+        found[_goes_past(fallback.applied_to(plan), past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 
 
@@ -93,7 +97,8 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
     if trials is None:
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
-    untried = [f"method {name}" for name in METHODS[plan.method].instead]
+    seen = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed, *trials.skipped))
+    untried = [f"method {name}" for name in METHODS[plan.method].instead if plan.method not in METHODS[name].instead and name not in seen]
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
         untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")
@@ -140,6 +145,13 @@ def _fallbacks(plan: SimulatorRun) -> Iterator[Fallback]:
             yield _with_penalty(file, factor * settings.penalty)
     if settings.events:
         yield Fallback(words="events crossed", run_file=file.with_settings(events=False), free=True)
+
+
+def _by_other_methods(plan: SimulatorRun) -> Iterator[Fallback]:
+    """The other methods that may go on, where trying them takes no minutes."""
+    for name in METHODS[plan.method].instead if plan.by_method else ():
+        if plan.by_method and (other := plan.by_method(name)):
+            yield Fallback(words=f"method {name}", run_file=other.run_file, plan=other)
 
 
 def _with_tolerance(file: RunFile, factor: float) -> Fallback:

@@ -52,7 +52,7 @@ class SimulatorRun:
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
     ``balances`` is whether the program has work and energy, ``onward`` what goes on where functions of loops end, None if nothing does.
-    ``leading`` are the joints of loops whose guides move.
+    ``by_method`` makes the run by another method, None where that takes minutes.  ``leading`` are the joints of loops whose guides move.
     """
 
     simulator: Path
@@ -69,6 +69,7 @@ class SimulatorRun:
     jumps: Sequence[float] = ()
     balances: bool = True
     onward: Onward | None = field(default=None, repr=False, compare=False)
+    by_method: Callable[[str], SimulatorRun | None] | None = field(default=None, repr=False, compare=False)
     leading: Sequence[str] = ()
 
     def with_checks(self) -> SimulatorRun:
