@@ -25,7 +25,7 @@ HOST = Path(__file__).with_name("load_fmu.c")
 COMPILERS = {"g++": which("g++"), "clang++": which("clang++"), "zig": (zig := find_zig()) and f"{zig} c++"}
 
 
-@pytest.fixture(params=[pytest.param(name, marks=() if name == "zig" else pytest.mark.heavy) for name in COMPILERS])
+@pytest.fixture(params=[pytest.param(name, marks=pytest.mark.heavy) for name in COMPILERS])
 def compiler(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """A compiler that $CXX names, with a cache of its own, in which nothing is of an earlier version."""
     if COMPILERS[request.param] is None:
