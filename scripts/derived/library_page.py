@@ -26,8 +26,9 @@ def section(name: str, text: str) -> str:
     head = [line.removeprefix("#").strip() for line in text.partition("cutjoint:")[0].splitlines()]
     paragraphs = [" ".join(part.split()) for part in "\n".join(head).split("\n\n")]
     part = yaml.safe_load(text)
-    rows = [("connectors", quoted(part["connectors"])), ("parameters", parameters(part["parameters"])), ("defaults", defaults(part.get("defaults", {})))]
-    table = "\n".join(f"| {title} | {words} |" for title, words in rows if words)
+    own = {"connectors": quoted(part["connectors"]), "parameters": parameters(part["parameters"])}
+    own["defaults"] = defaults(part.get("defaults", {}))
+    table = "\n".join(f"| {title} | {words} |" for title, words in own.items() if words)
     return f"## {name}\n\n" + "\n\n".join(paragraphs) + (f"\n\n| | |\n|---|---|\n{table}\n" if table else "\n")
 
 

@@ -7,20 +7,17 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 
 from cutjoint.elements.force import Force
 from cutjoint.elements.forces import FORCES
 from cutjoint.model.document import json_schema
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import variable
-from cutjoint.model.files import library
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.operations import FUNCTIONS
 from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_GRID, MAX_TABLE
-from cutjoint.package.locations import library_folder
 from tests.conftest import ROOT
 
 from .pendulum import read, varied

@@ -1,4 +1,4 @@
-"""The crane of docs/how-to/mechanism-recipes.md, whose load swings on a rope of changing length: beside SciPy with the pendulum's equation by hand."""
+"""The crane of docs/how-to/mechanism-recipes.md beside SciPy with the pendulum's equation by hand."""
 
 from __future__ import annotations
 
