@@ -8,7 +8,7 @@ From Python::
     run = cutjoint.simulate(artifact, dt=0.0075)
     run.t, run["chassis.z"]
 
-docs/python.md goes through all of it.
+docs/how-to/python.md goes through all of it.
 """
 
 from __future__ import annotations

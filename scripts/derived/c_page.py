@@ -15,7 +15,7 @@ MODEL = Path(__file__).with_name("every_part.yaml")
 HEAD = """# C reference
 
 The interface of exported code, as its header declares it. `cutjoint compile MODEL --out FOLDER` writes the header with the name of
-the model in place of `NAME` and `name`. [Embed a model in C](../embedding.md) shows the calls in order.
+the model in place of `NAME` and `name`. [Embed a model in C](../how-to/embed-in-c.md) shows the calls in order.
 """
 
 

@@ -20,7 +20,10 @@ def pages() -> Mapping[Path, str]:
     joints = table("kind", "leaves free", "further fields", "coordinates", "speeds", rows=map(joint_row, JOINTS.values()))
     forces = table("kind", "meaning", "fields", "law", rows=(force_row(force.element) for force in FORCES.values()))
     chains = table("kind", "chain", rows=map(chain_row, JOINTS.values()))
-    return {DOCS / "model-format.md": written("model-format.md", joints, forces), DOCS / "mechanics.md": written("mechanics.md", chains)}
+    return {
+        DOCS / "reference" / "model-file.md": written("reference/model-file.md", joints, forces),
+        DOCS / "background" / "mechanics.md": written("background/mechanics.md", chains),
+    }
 
 
 def written(page: str, *tables: str) -> str:

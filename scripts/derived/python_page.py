@@ -11,7 +11,7 @@ import cutjoint
 HEAD = """# Python reference
 
 `import cutjoint` gives these functions, classes and exceptions. Values are in SI units, paths are `str` or `Path`.
-[Use cutjoint from Python](../python.md) shows them at work.
+[Use cutjoint from Python](../how-to/python.md) shows them at work.
 """
 
 

@@ -282,7 +282,7 @@ def test_vehicle(tmp_path: Path) -> None:
     assert leaders[:4] == ["chassis_free.wy", "chassis_free.z", "chassis_free.wx", "chassis_free.wx"]
     assert all(name.endswith("arm_hinge.angle") for name in leaders[4:])
     assert len(leaders) == 7
-    rows = [line.split(" | ") for line in (ROOT / "docs" / "modes.md").read_text().splitlines() if " ± " in line]
+    rows = [line.split(" | ") for line in (ROOT / "docs" / "evidence" / "verification.md").read_text().splitlines() if " ± " in line]
     assert [row[2:4] for row in rows] == [[f"{m['frequency']:.3f}", f"{m['damping_ratio']:.3f}"] for m in found["modes"]]
 
 

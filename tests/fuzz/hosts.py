@@ -76,7 +76,7 @@ def make(rng: random.Random) -> str:
 
 
 class Course:
-    """The course of a guide by docs/embedding.md for a host that holds values: pieces of parabolas over whole calls of one step."""
+    """The course of a guide by docs/how-to/embed-in-c.md for a host that holds values: pieces of parabolas over whole calls of one step."""
 
     def __init__(self, place: float) -> None:
         self.place, self.rate, self.held, self.last = place, 0.0, place, 0.0

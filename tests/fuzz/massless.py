@@ -28,7 +28,7 @@ from .drivers import build_interpreters
 Node = dict[str, Any]
 
 #: The error of places that runs keep by default, m, how many times that is taken for an estimate's uncertainty, and how many times what a
-#: run tells no error is, as docs/integrators.md promises.
+#: run tells no error is, as docs/background/accuracy.md promises.
 GOAL, UNCERTAIN, PROMISED = 1e-4, 3.0, 10.0
 #: The most by which the run with hardly any mass may be wrong, m.
 EXACT = 1e-5

@@ -7,26 +7,24 @@ import re
 from pathlib import Path
 
 import pytest
-import yaml
 
 from cutjoint.elements.force import Force
 from cutjoint.elements.forces import FORCES
 from cutjoint.model.document import json_schema
 from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import variable
-from cutjoint.model.files import library
 from cutjoint.model.names import VARIABLES
 from cutjoint.model.operations import FUNCTIONS
 from cutjoint.model.quantities import JOINT_QUANTITIES, QUANTITIES
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.values import MAX_COEFFICIENTS, MAX_GRID, MAX_TABLE
-from cutjoint.package.locations import library_folder
 from tests.conftest import ROOT
 
 from .pendulum import read, varied
 from .test_instances import WING
 
-TEXT = (ROOT / "docs" / "model-format.md").read_text(encoding="utf-8")
+PAGES = [(ROOT / "docs" / "reference" / f"{name}.md").read_text(encoding="utf-8") for name in ("model-file", "tyres-and-roads")]
+TEXT = "\n".join(PAGES)
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 SPRING = "spring: {kind: point_spring, bodies: [ground, arm], from: [0, 0, 1], to: tip"
 DRAG = 'drag: {kind: joint_force, joint: hinge, law: "-0.1*rate"}'
@@ -84,16 +82,6 @@ def test_the_examples_of_files_load(tmp_path: Path) -> None:
     model = read_model(tmp_path / "m.yaml")
     assert evaluate(model.forces[0].law, {variable("rate"): 0.5}) == pytest.approx(2350)
     assert tuple(map(float, model.markers[0].point)) == (1.5, 0, 0.25)
-
-
-def test_the_table_of_the_library_is_its_folder() -> None:
-    table = TEXT.partition("| `library/` |")[2].partition("\n\n")[0].splitlines()[2:]
-    lines = {re.findall(r"`(\w+)`", line)[0]: line for line in table}
-    assert list(lines) == library()
-    for name, line in lines.items():
-        part = yaml.safe_load((library_folder() / f"{name}.yaml").read_text())
-        _, connectors, parameters, _ = line.split(" | ")
-        assert (re.findall(r"`(\w+)`", connectors), re.findall(r"`(\w+)`", parameters)) == (part["connectors"], part["parameters"])
 
 
 def test_the_road_example_loads() -> None:

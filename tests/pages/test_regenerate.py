@@ -12,8 +12,8 @@ from tests.conftest import ROOT
 
 NAMES = (
     "docs/model.schema.json", "docs/study.schema.json", "docs/reference/command-line.md", "docs/reference/python.md", "docs/reference/c.md",
-    "docs/explain-four-bar.md", "docs/explain-four-bar-augmented.md", "docs/pictures/signs.svg", "docs/model-format.md",
-    "docs/mechanics.md",
+    "docs/reference/library.md", "docs/background/four-bar.md", "docs/background/four-bar-augmented.md", "docs/pictures/signs.svg",
+    "docs/reference/model-file.md", "docs/background/mechanics.md",
 )  # fmt: skip
 
 

@@ -10,12 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+import yaml
 
-from tests.conftest import ROOT, needs_cpp
+from tests.conftest import ROOT, needs_cpp, with_heavy
 
 pytestmark = needs_cpp
 
-PAGES = ("tutorial", "recipes", "import", "cars")
+PAGES = (
+    "start/first-run", "start/mechanism", "start/embed", "how-to/simulate", "how-to/initial-conditions", "how-to/hydraulics",
+    "how-to/motors-and-control", "how-to/digital-controllers", "how-to/mechanism-recipes", "how-to/custom-laws", "how-to/troubleshooting",
+    "how-to/simple-car", "how-to/suspension-kinematics", "how-to/view", "how-to/equilibrium-and-modes", "how-to/linear-models",
+    "how-to/gradients", "how-to/inverse-dynamics",
+    "how-to/sweep", "how-to/batch", "how-to/loop-embedding", "how-to/many-simulations", "how-to/import",
+    "how-to/export", "how-to/fmu",
+)
+#: Pages that take longer.
+LONG = ("start/vehicle", "start/robot", "how-to/choose-a-method")
 
 
 @dataclass(frozen=True)
@@ -47,9 +57,9 @@ def run(snippet: Snippet, folder: Path) -> str:
     return done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", with_heavy([*PAGES, *LONG], *LONG))
 def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
-    if page == "import":
+    if page == "start/robot":
         pytest.importorskip("mujoco")
     for folder in ("models", "examples"):
         (tmp_path / folder).symlink_to(ROOT / folder)
@@ -62,11 +72,15 @@ def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
                 for line in snippet.text.splitlines():
                     assert squeezed(line) in squeezed(printed), (line, printed[-3000:])
                 printed = ""
+            case "yaml" if not snippet.title:
+                assert yaml.safe_load(snippet.text), snippet.text
+            case "csv" | "cpp" if not snippet.title:
+                continue
             case _:
                 assert snippet.title, snippet.text
                 (tmp_path / snippet.title).write_text(snippet.text, encoding="utf-8")
 
 
 def test_a_car_of_parts_has_sixty_lines() -> None:
-    (car,) = (snippet for snippet in snippets("cars") if snippet.title == "my_car.yaml")
+    (car,) = (snippet for snippet in snippets("start/vehicle") if snippet.title == "my_car.yaml")
     assert len(car.text.splitlines()) <= 60

@@ -1,4 +1,4 @@
-"""The crane of docs/recipes.md, whose load swings on a rope of changing length: beside SciPy with the pendulum's equation by hand."""
+"""The crane of docs/how-to/mechanism-recipes.md beside SciPy with the pendulum's equation by hand."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def swing(t: float, state: Vector, at: float) -> Vector:
 
 @needs_cpp
 def test_the_load_swings_as_a_pendulum_by_hand(tmp_path: Path) -> None:
-    page = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "mechanism-recipes.md").read_text(encoding="utf-8")
     (text,) = re.findall(r'```yaml title="crane.yaml"\n(.*?)```', page, re.DOTALL)
     (tmp_path / "crane.yaml").write_text(text, encoding="utf-8")
     run = cutjoint.simulate(compile_interpreted(*take_model(tmp_path / "crane.yaml")), accuracy=1e-7)

@@ -24,7 +24,7 @@ def coefficients() -> dict[str, float]:
 
 
 def test_what_is_left_is_what_the_docs_say() -> None:
-    text = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "evidence" / "verification.md").read_text(encoding="utf-8")
     said = re.search(r"within ([\d.]+) % \(along\), ([\d.]+) % \(sideways\) and ([\d.]+) %", text)
     assert said is not None
     found = SCRIPT["residuals"](coefficients())

@@ -117,7 +117,7 @@ def test_steps_that_end_near_a_singular_pose_lose_no_speed(tolerance: float, lar
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 def test_dormand_prince_loses_its_branch_at_a_coarse_tolerance(tolerance: float, tmp_path: Path) -> None:
-    """Known, and docs/integrators.md says so: the run comes to its end with closed loops, on the other branch."""
+    """Known, and docs/reference/integrators.md says so: the run comes to its end with closed loops, on the other branch."""
     run = completed(simulate(two_windows("recursive"), integrator="dormand-prince", tolerance=tolerance, steps=tmp_path / "steps.csv"))
     assert largest_error(run, 2) > 1
     assert run.effort.residuals.position < 1e-10

@@ -29,7 +29,7 @@ WHEELS = ", ".join(f"{corner}.w.rolling.contact.{force}" for corner in ("fl", "f
 
 
 def climb(pull: float, **choices: object) -> Trajectory:
-    found = re.search(r'```yaml title="driven.yaml"\n(.*?)```', (ROOT / "docs/recipes.md").read_text(encoding="utf-8"), re.DOTALL)
+    found = re.search(r'```yaml title="driven.yaml"\n(.*?)```', (ROOT / "docs/how-to/simple-car.md").read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
     text = found[1].partition("scenes:")[0] + HILL.replace("PULL", str(pull)).replace("WHEELS", WHEELS)
     model = read_model_text(text, "m.yaml", folder=MODELS)

@@ -22,7 +22,7 @@ AREA, BULK, MASS = 12e-4, 1.4e9, 500.0
 
 @cache
 def text() -> str:
-    found = re.search(r'title="oil\.yaml"\n(.*?)```', (ROOT / "docs/recipes.md").read_text(encoding="utf-8"), re.DOTALL)
+    found = re.search(r'title="oil\.yaml"\n(.*?)```', (ROOT / "docs/how-to/hydraulics.md").read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
     return found[1]
 

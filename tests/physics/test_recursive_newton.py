@@ -189,7 +189,7 @@ def test_constraints_hold_at_any_penalty_from_the_least_on(model: str, scene: st
 
 @pytest.mark.parametrize(("model", "scene", "penalty"), [("slider_crank", None, 1e6), ("andrews", None, 1e8), ("iltis", "simul1", 1e6)])
 def test_a_penalty_below_the_masses_ends_the_run_at_its_first_step(model: str, scene: str | None, penalty: float) -> None:
-    """Known, and docs/mechanics.md says so: what is left of a gap by one projection is taken for a singular pose."""
+    """Known, and docs/how-to/troubleshooting.md says so: what is left of a gap by one projection is taken for a singular pose."""
     failure = simulate(with_penalty(compiled(model, scene), penalty), end=0.1, check=False).failure
     assert failure is not None
     assert failure.step == 1

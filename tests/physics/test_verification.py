@@ -71,7 +71,7 @@ NEWTON_STEPS = {"A05": (5e-3, 2.5e-3, 1.25e-3), "SC3D": (2.5e-4, 1.25e-4, 6.25e-
 
 @each_problem
 def test_second_order_of_newtons_iteration(problem: Problem) -> None:
-    """At a tolerance so small that the iteration does not lead, see docs/integrators.md.
+    """At a tolerance so small that the iteration does not lead, see docs/reference/integrators.md.
 
     A03 shows 2.11 and 2.06: the first of its steps are long for its jerks.
     """

@@ -1,4 +1,4 @@
-"""Promises of docs/files.md about the table of a batch."""
+"""Promises of docs/reference/files.md about the table of a batch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Promises of docs/files.md about the files that commands write, a section for each line; `test_batch_files.py` has the batches."""
+"""Promises of docs/reference/files.md, a section for each line; `test_batch_files.py` has the batches."""
 
 from __future__ import annotations
 

@@ -309,8 +309,8 @@ def test_a_library_is_loaded_once_and_leaves_no_file(tmp_path: Path, monkeypatch
 
 
 def test_settings_that_are_recommended_are_dasks() -> None:
-    """The variables of the environment in docs/sweep.md are those that were measured, and stand for settings that Dask has."""
-    text = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
+    """The variables of the environment in docs/how-to/cluster.md are those that were measured, and stand for settings that Dask has."""
+    text = (ROOT / "docs" / "how-to" / "cluster.md").read_text(encoding="utf-8")
     assert dict(re.findall(r"\b(DASK_\w+)=(\w+)", text)) == variables_of(QUIET)
     for name in QUIET:
         level = config

@@ -93,8 +93,8 @@ def test_what_has_no_indices(tmp_path: Path) -> None:
 
 
 def test_the_optimiser_of_the_page_on_sweeps_finds_the_best_press(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    page = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"## A best run.*?```python\n(.*?)```", page, re.DOTALL)
+    page = (ROOT / "docs" / "how-to" / "sweep.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"## Optimise.*?```python\n(.*?)```", page, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "models").symlink_to(MODELS)
     names: dict[str, Any] = {}

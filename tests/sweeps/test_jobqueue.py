@@ -1,4 +1,4 @@
-"""The recipe for batch systems in docs/sweep.md, by a queue of one machine that runs what is submitted to it."""
+"""The recipe for batch systems in docs/how-to/cluster.md, by a queue of one machine that runs what is submitted to it."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ echo "Submitted batch job $!"
 
 
 def _recipe() -> str:
-    """The Python of docs/sweep.md, with jobs that this machine has room for."""
-    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    """The Python of docs/how-to/cluster.md, with jobs that this machine has room for."""
+    page = (ROOT / "docs" / "how-to" / "cluster.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     text, = (block for block in blocks if "SLURMCluster" in block)
     for asked, here in (("cores=32", "cores=1"), ('memory="64GB"', 'memory="1GB"'), ("jobs=10", "jobs=2")):
         assert asked in text

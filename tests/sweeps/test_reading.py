@@ -177,8 +177,8 @@ def test_digests_are_of_what_is_asked(tmp_path: Path) -> None:
 
 
 def test_the_study_of_the_page_is_one(tmp_path: Path) -> None:
-    """That of docs/sweep.md, beside the model that it names."""
-    page = (ROOT / "docs" / "sweep.md").read_text(encoding="utf-8")
+    """That of docs/reference/study-file.md, beside the model that it names."""
+    page = (ROOT / "docs" / "reference" / "study-file.md").read_text(encoding="utf-8")
     text = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)[0]
     read = read_study_text(text, str(ROOT / "examples" / "axle" / "study.yaml"))
     assert (read.runs, [v.name for v in read.variables], [o.name for o in read.objectives]) == (

@@ -43,7 +43,7 @@ def delta(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The car of a recipe."""
     folder = tmp_path_factory.mktemp("car")
-    found = re.search(r'```yaml title="driven.yaml"\n(.*?)```', (ROOT / "docs/recipes.md").read_text(encoding="utf-8"), re.DOTALL)
+    found = re.search(r'```yaml title="driven.yaml"\n(.*?)```', (ROOT / "docs/how-to/simple-car.md").read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
     (folder / "driven.yaml").write_text(found[1], encoding="utf-8")
     (folder / "iltis.tir").write_bytes((MODELS / "iltis.tir").read_bytes())

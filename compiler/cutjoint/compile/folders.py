@@ -60,7 +60,7 @@ from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_
 #: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
 _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
 
-#: Evaluations that one over numbers with derivatives along eight directions takes: docs/gradients.md.
+#: Evaluations that one over numbers with derivatives along eight directions takes: docs/evidence/measured/performance.md.
 _EVALUATIONS = 14
 
 #: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.
@@ -76,7 +76,7 @@ def lanes_break_even(operations: int, steps: float) -> bool:
     """Return whether lanes save more than they take to compile.
 
     ``steps`` are those of all simulations, ``operations`` those of an evaluation.  Workers do not count, so that results are the same for
-    any number.  The figures are measured: docs/sweep.md.
+    any number.  The figures are measured: docs/evidence/measured/sweep.md.
     """
     return steps * _SAVED * sqrt(operations) > _COMPILING + _COMPILING_AN_OPERATION * operations
 

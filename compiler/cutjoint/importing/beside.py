@@ -17,7 +17,7 @@ from cutjoint.model.source import parse_yaml, read_text
 
 _KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _CARDAN = re.compile(r"UJOINT_([XYZ])([XYZ])")
-_HINT = "see 'Loops in a YAML beside a URDF' in docs/import.md"
+_HINT = "see 'Loops in a YAML beside a URDF' in docs/how-to/import.md"
 
 
 class Beside:

@@ -31,7 +31,7 @@ _CXX = (
 _LIBM = ("-std=c99", *_EXACT, "-U__FP_FAST_FMA", "-fvisibility=hidden", "-w")
 _C = ("-O2", *_LIBM)
 
-#: Vectors are those that the code has: with those that the compiler finds in it modules are larger, and no faster (docs/drive.md).
+#: Vectors are those that the code has: with those that the compiler finds in it modules are larger, and no faster .
 _WASM = ("-target", "wasm32-wasi", "-msimd128", "-fno-slp-vectorize", "-fno-vectorize")
 
 #: The bytes of a module's stack, many times what a step of any model has taken.

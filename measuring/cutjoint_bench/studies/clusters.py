@@ -15,7 +15,7 @@ from time import monotonic, sleep
 
 from cutjoint.sweeps.scheduler import dask
 
-#: Settings of Dask that keep its processes from waking up 50 times a second: docs/sweep.md recommends them.
+#: Settings of Dask that keep its processes from waking up 50 times a second: docs/how-to/cluster.md recommends them.
 QUIET: Mapping[str, str | bool] = {
     "distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s", "distributed.worker.memory.monitor-interval": "1s",

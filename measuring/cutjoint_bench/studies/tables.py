@@ -1,4 +1,4 @@
-"""The tables of the report's summary as Markdown, from which README and docs/bench.md take theirs: `make tables`."""
+"""The tables of the report's summary as Markdown, from which README and docs/evidence/benchmarks.md take theirs: `make tables`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of an axle in a pose: angles of wheels, steering axis, roll centre, support angles, ratios; docs/kinematics.md defines them.
+"""Figures of an axle in a pose: wheels, steering axis, roll centre, support angles, ratios; see docs/how-to/suspension-kinematics.md.
 
 x is forward, y to the left, z up, all fixed in the chassis; the road is the plane along x through both contact centres.
 """
