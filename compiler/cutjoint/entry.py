@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import _signal as signal  # the usual one imports others
+import _signal as signal  # type: ignore[import-not-found]  # the usual one imports others
 
 
 def main() -> None:
