@@ -13,7 +13,7 @@ import cutjoint
 file = sys.argv[1] if len(sys.argv) > 1 else Path(__file__).with_name("five_bar.urdf")
 sim = cutjoint.load(file, linearise=True, poses=True)
 sim.reset(dt=1e-3)
-sim.choose(["left.angle_rate", "right.angle_rate"])  # the motors' coordinates count, the loop gives the others
+sim.choose_independent(["left.angle_rate", "right.angle_rate"])  # the motors' coordinates count, the loop gives the others
 motors = list(sim.inputs)
 kp, kd = 400.0, 40.0
 
@@ -30,7 +30,7 @@ while sim.time < 2.0:
     angle, speed, acceleration = wanted(sim.time).T
     for motor in motors:
         sim.inputs[motor] = 0.0
-    mass, force = sim.find_dynamics()
+    mass, force = sim.equations_of_motion()
     torque = mass @ (acceleration + kd * (speed - rate) + kp * (angle - z)) - force
     for motor, value in zip(motors, torque, strict=True):
         sim.inputs[motor] = value

@@ -23,9 +23,9 @@ def run(forces):
     global runs
     runs += 1
     sim.reset(dt=LONG / STEPS)
-    course = {"t": times, "value": np.frombuffer(forces), "interpolation": "linear"}
-    found = sim.play_adjoint(STEPS, ENDS, ["push"], "end", every=STEPS, inputs={"push": course})
-    return found.objectives - GOAL, found.slopes
+    trajectory = {"t": times, "value": np.frombuffer(forces), "interpolation": "linear"}
+    found = sim.adjoint_sensitivities(STEPS, ENDS, ["push"], "end", every=STEPS, inputs={"push": trajectory})
+    return found.objectives - GOAL, found.derivatives
 
 
 found = minimize(

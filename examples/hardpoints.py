@@ -14,7 +14,7 @@ BY = [f"{side}.{name}" for side in ("left", "right") for name in NAMES]
 OUTPUTS = ["left.upright.yaw", "right.upright.yaw", "chassis.az"]  # rad, rad and m/s2, of which squares are summed with these weights:
 WEIGHTS, STEPS, EVERY, REACH = np.array([1e6, 1e6, 1.0]), 800, 5, 0.015  # m by which a number may change
 
-sim = cutjoint.load(MODEL, scene="bump", integrator="trapezoidal", adjoint=True, opened=[f"*.{name}" for name in NAMES])
+sim = cutjoint.load(MODEL, scene="bump", integrator="trapezoidal", adjoint=True, tunable=[f"*.{name}" for name in NAMES])
 given = np.array([sim.parameters[name] for name in BY])
 mirror = np.array([-1.0 if name.endswith(".y") else 1.0 for name in NAMES])
 runs = 0
@@ -27,9 +27,10 @@ def cost(x):
     both = REACH * np.vstack([x, x * mirror])
     sim.parameters.update(zip(BY, given + both.ravel(), strict=True))
     sim.reset(dt=1e-3)
-    rest = sim.rest_derivative([], BY)
-    run = sim.play_adjoint(STEPS, OUTPUTS, BY, lambda _, y: 2 * WEIGHTS * y[None] / len(y), every=EVERY, begin=rest.states)
-    left, right = run.slopes[0].reshape(2, -1)
+    rest = sim.equilibrium_sensitivities([], BY)
+    run = sim.adjoint_sensitivities(STEPS, OUTPUTS, BY, lambda _, y: 2 * WEIGHTS * y[None] / len(y), every=EVERY,
+        initial_sensitivities=rest.states)
+    left, right = run.derivatives[0].reshape(2, -1)
     return (WEIGHTS * run.values**2).sum() / len(run.values), REACH * (left + right * mirror), run
 
 

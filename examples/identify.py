@@ -11,7 +11,7 @@ MODEL = Path(__file__).resolve().parents[1] / "models" / "press.yaml"
 BY, STEPS = ["stiffness", "A.z"], 1000
 SCALES = np.array([2000.0, 0.1])  # N/m and m
 
-sim = cutjoint.load(MODEL, integrator="rk4", linearise=True, opened=["A.z"])
+sim = cutjoint.load(MODEL, integrator="rk4", linearise=True, tunable=["A.z"])
 runs = 0
 
 
@@ -20,11 +20,11 @@ def run(x):
     global runs
     runs += 1
     sim.parameters.update(zip(BY, x * SCALES, strict=True))
-    sim.reset(dt=1e-3).choose(["pin.angle_rate"])  # the start's angle and rate are the scene's, whatever the parameters
-    return sim.play_derivative(STEPS, ["slider.x"], BY, every=10)
+    sim.reset(dt=1e-3).choose_independent(["pin.angle_rate"])  # the start's angle and rate are the scene's, whatever the parameters
+    return sim.forward_sensitivities(STEPS, ["slider.x"], BY, every=10)
 
 
 measured = run(np.array([0.8, 1.1])).values[:, 0] + np.random.default_rng(0).normal(0, 1e-4, STEPS // 10 + 1)
 runs = 0
-found = least_squares(lambda x: run(x).values[:, 0] - measured, x0=[1.0, 1.0], jac=lambda x: run(x).slopes[:, 0] * SCALES)
+found = least_squares(lambda x: run(x).values[:, 0] - measured, x0=[1.0, 1.0], jac=lambda x: run(x).derivatives[:, 0] * SCALES)
 print(", ".join(f"{name} {value:.4g}" for name, value in zip(BY, found.x * SCALES, strict=True)) + f" in {runs} runs")

@@ -135,7 +135,7 @@ int main(int argc, char** argv) {
   }
   if (status != ILTIS_OK) {
     char text[400];
-    iltis_explain(sim, text, sizeof text);
+    iltis_failure_text(sim, text, sizeof text);
     fprintf(stderr, "%s\n", text);
   }
   printf("t = %.3f s: %.17g m to the left; longest step %.3f ms, %ld steps caught up, %ld dropped\n", iltis_time(sim), iltis_outputs(sim)[columns[0]],

@@ -28,7 +28,7 @@ int main(void) {
   }
   if (status != ILTIS_OK) {
     char text[400];
-    iltis_explain(sim, text, sizeof text);
+    iltis_failure_text(sim, text, sizeof text);
     fprintf(stderr, "%s\n", text);
   }
   return status != ILTIS_OK;

@@ -23,7 +23,7 @@ def roll_out(pushes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     by_pushes = np.zeros((len(start), STEPS))
     for k, push in enumerate(pushes):
         sim.inputs["push"] = push
-        step = sim.step_derivative()
+        step = sim.step_derivatives()
         by_pushes = step.by_state @ by_pushes
         by_pushes[:, k] = step.by_input[:, 0]
     return sim.states.array.copy(), by_pushes

@@ -44,7 +44,7 @@ def test_check_prints_the_counts() -> None:
 
 
 @needs_cpp
-def test_earlier_words_of_options_work_and_the_new_ones_are_told(tmp_path: Path) -> None:
+def test_earlier_words_of_options_work_and_the_new_ones_are_reported(tmp_path: Path) -> None:
     words = ("simulate", MODELS / "press.yaml", "--end", "0.02", "--no-error", "--integrator", "dormand-prince", "--out")
     old = call(*words, tmp_path / "old.csv", "--tolerance=1e-3")
     assert old.exit_code == 0, old.output
@@ -54,7 +54,7 @@ def test_earlier_words_of_options_work_and_the_new_ones_are_told(tmp_path: Path)
 
 
 @pytest.mark.parametrize("words", [("--integrator", "sdirk4"), ("--integrator=sdirk4",)])
-def test_integrators_of_earlier_versions_are_told(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+def test_integrators_of_earlier_versions_are_reported(words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert in_new_words(["simulate", "a.yaml", *words, "--out", "sdirk4"]) == [
         "simulate", "a.yaml", *(word.replace("sdirk4", "radau5") for word in words), "--out", "sdirk4",
     ]  # fmt: skip
@@ -123,8 +123,8 @@ def test_a_parameter_is_changed_without_compiling(tmp_path: Path) -> None:
 
 @needs_cpp
 @pytest.mark.parametrize("command", ["equilibrium", "modes"])
-def test_numbers_are_opened_for_states_too(command: str) -> None:
-    words = (command, MODELS / "press.yaml", "--open", "spring.*", "--open", "C.*")
+def test_numbers_are_tunable_for_states_too(command: str) -> None:
+    words = (command, MODELS / "press.yaml", "--tunable", "spring.*", "--tunable", "C.*")
     plain, drawn = call(*words), call(*words, "--set", "C.x=0.805")
     assert (plain.exit_code, drawn.exit_code) == (0, 0), plain.output + drawn.output
     assert plain.output == call(command, MODELS / "press.yaml").output
@@ -132,11 +132,11 @@ def test_numbers_are_opened_for_states_too(command: str) -> None:
 
 
 @pytest.mark.parametrize("words", [["check"], ["explain"], ["view", "--out", "view.html"]], ids=lambda words: words[0])
-def test_numbers_are_opened_by_commands_that_draw_and_explain(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_are_tunable_by_commands_that_draw_and_explain(words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     command, *more = words
-    assert call(command, MODELS / "pendulum.yaml", *more, "--open", "*.mass").exit_code == 0
-    wrong = call(command, MODELS / "pendulum.yaml", *more, "--open", "nothing.*")
+    assert call(command, MODELS / "pendulum.yaml", *more, "--tunable", "*.mass").exit_code == 0
+    wrong = call(command, MODELS / "pendulum.yaml", *more, "--tunable", "nothing.*")
     assert wrong.exit_code == 1
     assert "nothing.*" in wrong.output
 
@@ -229,7 +229,7 @@ def test_schema_prints_what_the_docs_keep(options: tuple[str, ...], kept: str, f
 
 @needs_cpp
 @pytest.mark.parametrize("command", ["check", "equilibrium", "explain", "modes"])
-def test_the_first_of_several_scenes_is_told(command: str, tmp_path: Path) -> None:
+def test_the_first_of_several_scenes_is_reported(command: str, tmp_path: Path) -> None:
     """Commands that ask for a state take the first scene; those that run one, and modes of a motion, want its name."""
     model = tmp_path / "slide.yaml"
     model.write_text(SLIDE, encoding="utf-8")

@@ -39,7 +39,7 @@ CONVERTED = {
 }  # fmt: skip
 
 #: Signals between functions that are no errors.
-SIGNALS = {"TakesLong"}
+SIGNALS = {"BuildPending"}
 
 
 def error_classes() -> dict[str, type[Exception]]:

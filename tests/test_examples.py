@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD
-from cutjoint.model.opening import with_inputs
+from cutjoint.model.tunable import with_inputs
 from cutjoint.topology.reading import read_model
 from cutjoint.view.live import Poses
 from tests.conftest import MODELS, ROOT, needs_cpp
-from tests.standalone.folders import compile_object, link, run, write
+from tests.standalone.c_exports import compile_object, link, run, write
 
 pytestmark = needs_cpp
 
@@ -34,7 +34,7 @@ EXAMPLES = ROOT / "examples"
 @pytest.fixture(scope="module")
 def iltis(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the Iltis, on a flat road unless its host gives another, with its object file."""
-    model = with_inputs(read_model(MODELS / "iltis.yaml"), grounded=["*"])
+    model = with_inputs(read_model(MODELS / "iltis.yaml"), terrain=["*"])
     scene = model.scenes["simul3"]
     generated = generate(model, scene, scene.outputs, method=DEFAULT_METHOD, poses=True)
     place = write(make_standalone(generated, equal_steps=True), tmp_path_factory.mktemp("iltis"))
@@ -199,12 +199,12 @@ def test_gradients_in_other_packages(package: str) -> None:
     """The derivatives of a mean square, beside differences of runs."""
     pytest.importorskip(package)
     found = [float(x) for x in re.findall(r"(-?[\d.e-]+) m(?:\^2)? per", python(EXAMPLES / f"gradient_{package}.py"))]
-    sim = cutjoint.load(ROOT / "models" / "press.yaml", integrator="rk4", linearise=True, opened=["A.z"])
+    sim = cutjoint.load(ROOT / "models" / "press.yaml", integrator="rk4", linearise=True, tunable=["A.z"])
 
     def mean_square(stiffness: float, height: float) -> float:
         sim.parameters.update({"stiffness": stiffness, "A.z": height})
         start = sim.reset(dt=1e-3).outputs["slider.x"]
-        return float(np.mean(np.append(start, sim.play(400)[9::10, sim.outputs.place("slider.x")]) ** 2))
+        return float(np.mean(np.append(start, sim.run(400)[9::10, sim.outputs.place("slider.x")]) ** 2))
 
     differences = [
         (mean_square(2002.0, 0.1) - mean_square(1998.0, 0.1)) / 4.0,
@@ -224,7 +224,7 @@ def test_jax_maps_over_runs() -> None:
 
 
 @pytest.mark.heavy
-def test_pytorch_checks_the_course_of_the_press() -> None:
+def test_pytorch_checks_the_trajectory_of_the_press() -> None:
     torch = pytest.importorskip("torch")
     known = runpy.run_path(str(EXAMPLES / "gradient_torch.py"))
     ones = torch.ones(2, dtype=torch.float64, requires_grad=True)

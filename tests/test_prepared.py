@@ -104,13 +104,13 @@ def simulate(model: Path, *arguments: object, scene: str = "still", out: str = "
 def anew(monkeypatch: pytest.MonkeyPatch) -> list[Request]:
     """Requests that are prepared anew from now on."""
     done: list[Request] = []
-    prepare = preparing.prepare_and_play
+    prepare = preparing.prepare_and_run
 
     def watched(request: Request, *rest: object) -> object:
         done.append(request)
         return prepare(request, *rest)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(preparing, "prepare_and_play", watched)
+    monkeypatch.setattr(preparing, "prepare_and_run", watched)
     return done
 
 
@@ -171,12 +171,12 @@ def test_a_kept_run_is_what_it_was(arguments: tuple[str, ...], model: Path, monk
 
 def test_parameters_change_a_kept_run_that_nothing_else_follows_from(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     simulate(model, "--set", "push=3")
-    pushed = table(model)
+    external_wrenches = table(model)
     simulate(model, out="plain.csv")
-    assert pushed != table(model, "plain.csv")
+    assert external_wrenches != table(model, "plain.csv")
     done = anew(monkeypatch)
     assert re.search("generate +found in the cache", simulate(model, "--set", "push=3", out="again.csv").output)
-    assert table(model, "again.csv") == pushed
+    assert table(model, "again.csv") == external_wrenches
     assert done == []
 
 
@@ -194,7 +194,7 @@ def test_a_start_that_follows_from_a_parameter_is_found_anew(model: Path) -> Non
         (("--solver", "klu"), "--solver klu: the recursive method has no linear solver; use --method " + _WITH_SOLVER),
     ],
 )
-def test_wrong_requests_are_told_as_before(arguments: tuple[str, ...], message: str, model: Path) -> None:
+def test_wrong_requests_are_reported_as_before(arguments: tuple[str, ...], message: str, model: Path) -> None:
     before = simulate(model, *arguments)
     assert simulate(model).exit_code == 0
     after = simulate(model, *arguments)
@@ -202,7 +202,7 @@ def test_wrong_requests_are_told_as_before(arguments: tuple[str, ...], message: 
     assert before.exit_code == after.exit_code == 1
 
 
-def test_a_model_that_became_wrong_is_told(model: Path) -> None:
+def test_a_model_that_became_wrong_is_reported(model: Path) -> None:
     assert simulate(model).exit_code == 0
     model.write_text(SLIDE.replace("[ground, block]", "[ground, clock]"), encoding="utf-8")
     result = simulate(model)
@@ -416,7 +416,7 @@ def test_the_package_has_what_it_names() -> None:
 def test_help_names_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extensions, "_entry_points", lambda: EntryPoints(()))
     output = CliRunner().invoke(main, ["--help"]).output
-    helpers = {"__init", "options", "picking", "preparing", "renamed", "replaying", "table"}
+    helpers = {"__init", "options", "picking", "preparing", "renamed", "replay", "table"}
     modules = {p.stem.rstrip("_") for p in Path(preparing.__file__).parent.glob("*.py")} - helpers
     assert {line.split()[0] for line in output.partition("Commands:")[2].splitlines() if line.strip()} == modules
     assert "No such command 'simualte'" in CliRunner().invoke(main, ["simualte", str(MODELS / "four_bar.yaml")]).output

@@ -91,7 +91,7 @@ def test_a_batch_with_a_run_that_fails_raises_after_all_have_ended() -> None:
     whole = cutjoint.simulate_batch(batches(), cases, dt=1e-3, check=False)
     assert str(error.value.batch.failures[1]) == str(whole.failures[1])
     assert whole.failures[0] is None
-    assert cutjoint.simulate_batch(batches(), cases[:1], dt=1e-3).largest["slider.x"] == pytest.approx(whole.largest["slider.x"][:1])
+    assert cutjoint.simulate_batch(batches(), cases[:1], dt=1e-3).maximum["slider.x"] == pytest.approx(whole.maximum["slider.x"][:1])
 
 
 @needs_cpp
@@ -143,8 +143,8 @@ def test_a_file_a_model_and_an_artifact_are_as_good(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(pipeline, "compile_scene", lambda model, scene, options: compile_interpreted(model, scene, method=options.method))
     runs = [cutjoint.simulate(given, end=0.02, error=False) for given in (str(PRESS), model, artifact)]
     assert [list(run["slider.x"]) for run in runs[1:]] == [list(runs[0]["slider.x"])] * 2
-    opened = cutjoint.simulate(PRESS, opened=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
-    assert opened["slider.x"][-1] != runs[0]["slider.x"][-1]
+    tunable = cutjoint.simulate(PRESS, tunable=["B.*"], parameters={"B.z": 0.05}, end=0.02, error=False, method="recursive-newton")
+    assert tunable["slider.x"][-1] != runs[0]["slider.x"][-1]
 
 
 def test_all_that_takes_a_model_takes_it_in_each_form() -> None:
@@ -165,11 +165,11 @@ def test_the_earlier_name_of_the_solver_s_tolerance_works_with_a_warning() -> No
     assert list(old["slider.x"]) != list(cutjoint.simulate(press(), solver_tolerance=1e-9, **how)["slider.x"])
 
 
-def test_what_is_no_model_is_told() -> None:
+def test_what_is_no_model_is_reported() -> None:
     with pytest.raises(TypeError, match="a model is its file, what read_model has made of it, or an artifact, not int"):
         cutjoint.simulate(5)  # type: ignore[arg-type]
     with pytest.raises(cutjoint.RunError, match=r"numbers are opened while the file is read; give the file, or read_model\(path, opened="):
-        cutjoint.find_equilibrium(cutjoint.read_model(PRESS), opened=["B.*"])
+        cutjoint.find_equilibrium(cutjoint.read_model(PRESS), tunable=["B.*"])
     with pytest.raises(cutjoint.RunError, match="no scene 'fast'; the model has turn"):
         cutjoint.find_equilibrium(cutjoint.read_model(PRESS), scene="fast")
 
@@ -187,14 +187,14 @@ def test_a_scene_begins_where_its_run_does() -> None:
 @pytest.mark.parametrize("at", [0.0, 0.1])
 def test_modes_of_a_file_are_those_of_its_scene(at: float) -> None:
     modes = cutjoint.find_modes(PRESS, scene="turn", at=at)
-    assert (modes.time, modes.freedoms) == (pytest.approx(at), 1)
+    assert (modes.time, modes.degrees_of_freedom) == (pytest.approx(at), 1)
 
 
 @needs_cpp
 def test_a_column_that_is_not_there_is_an_error_that_suggests() -> None:
     run, state = cutjoint.simulate(press(), end=0.01), cutjoint.find_initial_state(PRESS)
     batch = cutjoint.simulate_batch(batches(), [{"stiffness": 2000.0}])
-    for values in (run, run.columns, run.units, run.error, run.error.largest, state, state.units, batch.end, batch.largest, batch.units):
+    for values in (run, run.columns, run.units, run.error, run.error.max_error, state, state.units, batch.end, batch.maximum, batch.units):
         with pytest.raises(KeyError, match=r"no column 'slidr\.x'; did you mean 'slider\.x'\?"):
             values["slidr.x"]
     with pytest.raises(KeyError, match=r"no column 'zzz'; there is: pin\.angle, slider\.vx, slider\.x, spring\.force"):
@@ -211,7 +211,7 @@ def results() -> list[object]:
         found += [artifact.topology, *artifact.program.functions]
     run = cutjoint.simulate(press())
     failed = cutjoint.simulate(press(), parameters=STIFF, dt=1e-3, check=False)
-    found += [run, run.error, failed, failed.failure, run.effort, cutjoint.run_in_real_time(press(), end=0.5)]
+    found += [run, run.error, failed, failed.failure, run.statistics, cutjoint.run_in_real_time(press(), end=0.5)]
     found += [cutjoint.simulate_batch(batches(), [{"stiffness": 2000.0 + k} for k in range(100)], end=0.1)]
     return [*found, cutjoint.find_initial_state(PRESS), cutjoint.find_equilibrium(PRESS), cutjoint.find_modes(PRESS, at=0.1)]
 

@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from cutjoint.stepping.rollout import rollout
     from cutjoint.stepping.simulation import Simulation, SimulationError
     from cutjoint.stepping.values import (
-        EventDerivative,
-        ModeDerivative,
-        RestDerivative,
-        RunAdjoint,
-        RunDerivative,
+        AdjointSensitivities,
+        EigenvalueSensitivities,
+        EventSensitivities,
+        ForwardSensitivities,
+        StateSensitivities,
         StateSpace,
-        StepDerivative,
+        StepDerivatives,
     )
     from cutjoint.sweeps.run import Sweep, sweep
     from cutjoint.tasks.batch import compile_batch, simulate, simulate_batch
-    from cutjoint.tasks.inverse import find_drives
+    from cutjoint.tasks.inverse import inverse_dynamics
     from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
     from cutjoint.tasks.realtime import FailedRealTimeError, run_in_real_time
     from cutjoint.tasks.states import NoEquilibriumError, find_equilibrium, find_initial_state, find_modes
@@ -55,12 +55,13 @@ if TYPE_CHECKING:
     from cutjoint.view.views import write_view
 
 __all__ = [
-    "ConstantError", "CutjointError", "EquationsError", "EventDerivative", "FailedBatchError", "FailedRealTimeError", "FailedRunError",
-    "GuideError", "IncompleteError", "MissingLibraryError", "MissingPackageError", "ModeDerivative", "ModelError", "NoEquilibriumError",
-    "NoInertiaError", "OutputError", "RestDerivative", "RunAdjoint", "RunDerivative", "RunError", "Simulation", "SimulationError",
-    "SimulatorError", "StateSpace", "StepDerivative", "Sweep", "ToolchainError", "TopologyError", "build_topology", "compile_batch",
-    "compile_model", "find_compliance", "find_drives", "find_equilibrium", "find_initial_state", "find_kinematics", "find_modes", "load",
-    "read_model", "read_model_text", "rollout", "run_in_real_time", "simulate", "simulate_batch", "sweep", "write_view",
+    "AdjointSensitivities", "ConstantError", "CutjointError", "EigenvalueSensitivities", "EquationsError", "EventSensitivities",
+    "FailedBatchError", "FailedRealTimeError", "FailedRunError", "ForwardSensitivities", "GuideError", "IncompleteError",
+    "MissingLibraryError", "MissingPackageError", "ModelError", "NoEquilibriumError", "NoInertiaError", "OutputError", "RunError",
+    "Simulation", "SimulationError", "SimulatorError", "StateSensitivities", "StateSpace", "StepDerivatives", "Sweep", "ToolchainError",
+    "TopologyError", "build_topology", "compile_batch", "compile_model", "find_compliance", "find_equilibrium", "find_initial_state",
+    "find_kinematics", "find_modes", "inverse_dynamics", "load", "read_model", "read_model_text", "rollout", "run_in_real_time",
+    "simulate", "simulate_batch", "sweep", "write_view",
 ]  # fmt: skip
 
 _HOMES = {
@@ -73,7 +74,7 @@ _HOMES = {
     "cutjoint.compile.pipeline": ("compile_model",),
     "cutjoint.program.blocks": ("ConstantError",),
     "cutjoint.tasks.kinematics.sweep": ("find_compliance", "find_kinematics"),
-    "cutjoint.tasks.inverse": ("find_drives",),
+    "cutjoint.tasks.inverse": ("inverse_dynamics",),
     "cutjoint.tasks.realtime": ("FailedRealTimeError", "run_in_real_time"),
     "cutjoint.run.failures": ("FailedBatchError", "FailedRunError", "IncompleteError"),
     "cutjoint.run.outputs": ("OutputError",),
@@ -84,7 +85,8 @@ _HOMES = {
     "cutjoint.stepping.rollout": ("rollout",),
     "cutjoint.stepping.simulation": ("Simulation", "SimulationError"),
     "cutjoint.stepping.values": (
-        "EventDerivative", "ModeDerivative", "RestDerivative", "RunAdjoint", "RunDerivative", "StateSpace", "StepDerivative",
+        "EventSensitivities", "EigenvalueSensitivities", "StateSensitivities", "AdjointSensitivities", "ForwardSensitivities", "StateSpace",
+        "StepDerivatives",
     ),
     "cutjoint.sweeps.run": ("Sweep", "sweep"),
     "cutjoint.topology.build": ("build_topology",),
@@ -98,9 +100,22 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         """Import a name of the list above with its first use: SymPy takes longer to import than a cached run takes to run."""
+        if name.startswith("__"):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from types import FunctionType
+
+        from cutjoint.package.renamed import NAMES, renamed, with_old_words
+
+        if name in NAMES:
+            return __getattr__(renamed(name, NAMES))
         for home, names in _HOMES.items():
             if name in names:
-                return getattr(import_module(home), name)
+                found = getattr(import_module(home), name)
+                if isinstance(found, FunctionType):
+                    found = with_old_words(found)
+                    found.__module__ = __name__
+                globals()[name] = found
+                return found
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__() -> list[str]:

@@ -50,7 +50,7 @@ class Loops(StrEnum):
     """The way in which loops with one degree of freedom are closed."""
 
     EXACT = "exact"  #: by their equations
-    COMPILED = "compiled"  #: by functions of one coordinate, where they hold to a tolerance
+    EMBEDDED = "embedded"  #: by functions of one coordinate, where they hold to a tolerance
 
 
 @dataclass(frozen=True, kw_only=True)

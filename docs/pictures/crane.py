@@ -31,5 +31,5 @@ if __name__ == "__main__":
     sim, steps = known["sim"], known["STEPS"]
     sim.reset(dt=known["LONG"] / steps)
     course = {"t": known["times"], "value": known["found"].x, "interpolation": "linear"}
-    found = sim.play_derivative(steps, known["ENDS"], [], inputs={"push": course})
+    found = sim.forward_sensitivities(steps, known["ENDS"], [], inputs={"push": course})
     draw(known["times"], known["found"].x, found.times, found.values)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from click.testing import CliRunner
 from PIL import Image
-from tests.view.browser import Page, opened
+from tests.view.browser import Page, tunable
 
 from cutjoint.cli import main as cutjoint
 
@@ -59,7 +59,7 @@ def page_of(model: str, scene: str, size: tuple[int, int]) -> Iterator[Page]:
         command = ["simulate", MODELS / f"{model}.yaml", "--scene", scene, "--no-error", "--out", Path(name) / "run.csv", "--view", page]
         done = CliRunner().invoke(cutjoint, [str(word) for word in command], catch_exceptions=False)
         assert done.exit_code == 0, done.output
-        with opened() as browser:
+        with tunable() as browser:
             browser.open(page, size=size)
             browser.run(HIDE)
             yield browser
@@ -67,7 +67,7 @@ def page_of(model: str, scene: str, size: tuple[int, int]) -> Iterator[Page]:
 
 def shoot(browser: Page, time: float) -> Image.Image:
     """What is shown at a time, in few colours."""
-    browser.run(f"cutjoint.play(false); cutjoint.setTime({time}); 1")
+    browser.run(f"cutjoint.run(false); cutjoint.setTime({time}); 1")
     with tempfile.NamedTemporaryFile(suffix=".png") as file:
         browser.picture(Path(file.name))
         return Image.open(file.name).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
@@ -100,7 +100,7 @@ STEPS = 5200
 
 def draw_drive() -> None:
     """Write the pictures of a drive over hills and steps."""
-    with tempfile.TemporaryDirectory() as name, opened() as browser:
+    with tempfile.TemporaryDirectory() as name, tunable() as browser:
         page = Path(name) / "drive.html"
         command = ["drive", MODELS / "iltis_driven.yaml", "--scene", "by_hand", "--steer", "steer=9,-9", "--out", page]
         done = CliRunner().invoke(cutjoint, [str(word) for word in command], catch_exceptions=False)

@@ -100,7 +100,7 @@ def _seconds(text: str) -> list[float]:
               help="Timed runs of each point.")
 @click.option("--reference", type=click.Choice([*TOLERANCES, "none"]), default="quad", show_default=True,
               help="Number type in which references are integrated; extended is faster, and enough where roads have kinks.")
-@click.option("--limits/--no-limits", default=True, help="Look for the largest step of each method.")
+@click.option("--limits/--no-limits", default=True, help="Visual for the largest step of each method.")
 @click.option("--drift", is_flag=True, help="Energy and momentum of mechanisms that keep them.")
 @click.option("--atlas", is_flag=True, help="Where each method fails, over step, penalty and number type.")
 @click.option("--vary", default="", metavar="NAME", help="A parameter that the atlas varies in place of the penalty.")

@@ -28,7 +28,7 @@ from cutjoint.reduce.sequence import ReducedModel, reduction_sequence
 from cutjoint.reduce.trials import common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import held_as_usual, with_loops
+from cutjoint.run.scenes import with_default_closure, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.toolchain.cache import runtime_digest
 from cutjoint.toolchain.temporary import temporary_folder
@@ -125,7 +125,7 @@ def cutjoint_contenders() -> Iterator[Contender]:
         name = method if integrator == DEFAULT_INTEGRATOR else f"{method}/{integrator}"
         yield _contender(
             f"{name}/functions", f"{name.replace('/', ', ')}, loops as functions", "functions", method=method,
-            integrator=integrator, loops=Loops.COMPILED,
+            integrator=integrator, loops=Loops.EMBEDDED,
         )  # fmt: skip
     for method in METHODS:
         for solver in (s.name for s in ALL_SOLVERS.values() if s.suits(METHODS[method]) and s.name != DEFAULT_SOLVER):
@@ -167,8 +167,8 @@ def _prepare(
     """
     additions = (solver,) if solver in ADDED_SOLVERS else ()
     options = CompileOptions(method=method, outputs=case.outputs, lanes=lanes, precision=precision, additions=additions)
-    artifact = compile_scene(case.model, held_as_usual(with_loops(case.scene, loops), method, integrator), options)
-    if loops == Loops.COMPILED and not artifact.topology.model.assemblies:
+    artifact = compile_scene(case.model, with_default_closure(with_loops(case.scene, loops), method, integrator), options)
+    if loops == Loops.EMBEDDED and not artifact.topology.model.assemblies:
         raise RunError("no loops can be closed by functions")
     return _runner(integrator)(
         artifact=artifact, solver=solver, integrator=integrator, located=located, tolerance=tolerance, parameters=case.parameters
@@ -190,7 +190,7 @@ def identify_code(
     """The `identity` of what a case's generated code is now, without compiling it."""
     scene = with_loops(case.scene, loops)
     if implementation != Implementation.GENERIC:
-        scene = held_as_usual(scene, method, integrator)
+        scene = with_default_closure(scene, method, integrator)
     made = generate(case.model, scene, case.outputs, method=method, lanes=lanes, precision=precision)
     added = implementation == Implementation.GENERIC or precision != DEFAULT_PRECISION or solver in ADDED_SOLVERS
     return identity(made[-1], added=added)
@@ -209,13 +209,13 @@ def identity(source: Source, *, added: bool = False) -> Mapping[str, str]:
 
 def _reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> OwnRunner:
     variant = _last_exact(case, method)
-    artifact = compile_scene(variant.model, held_as_usual(variant.scene, method, integrator), CompileOptions(method=method))
+    artifact = compile_scene(variant.model, with_default_closure(variant.scene, method, integrator), CompileOptions(method=method))
     return _runner(integrator)(artifact=artifact, integrator=integrator, parameters=case.parameters)
 
 
 def _identify_reduced(case: Case, *, method: str, integrator: str = DEFAULT_INTEGRATOR) -> Mapping[str, str]:
     variant = _last_exact(case, method)
-    scene = held_as_usual(variant.scene, method, integrator)
+    scene = with_default_closure(variant.scene, method, integrator)
     return identity(generate(variant.model, scene, scene.outputs, method=method)[-1])
 
 

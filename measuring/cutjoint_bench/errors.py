@@ -35,7 +35,7 @@ def measure_errors(case: Case, run: Trajectory, reference: Reference) -> Errors:
     return Errors(
         position=float(places.max()), velocity=float(velocities.max()), mean_position=_mean(places), mean_velocity=_mean(velocities),
         energy=_energy_error(case, {n: c[mine] for n, c in run.columns.items()}, {n: c[known] for n, c in reference.columns.items()}),
-        residual=run.effort.residuals.position,
+        residual=run.statistics.residuals.position,
     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ def measure_point(
         first = runner(dt, measured=True)
     except SimulatorError as error:
         return Point(contender=name, dt=dt, failure=str(error), reached=0.0)
-    point = Point(contender=name, dt=dt, steps=first.steps, iterations=first.effort.iterations)
+    point = Point(contender=name, dt=dt, steps=first.steps, iterations=first.statistics.iterations)
     if reference is not None:
         point = replace(point, errors=measure_errors(case, first, reference))
     if first.failure is not None:

@@ -65,7 +65,7 @@ class LentProbe {
   void energy(const double* q, const double* v, const double* vdot, const double* lambda, double* energy) const {
     alone_.energy(q, v, vdot, lambda, energy);
   }
-  void project(const double* q, const double* gap, double* dz) const { alone_.project(q, gap, dz); }
+  void project(const double* q, const double* violation, double* dz) const { alone_.project(q, violation, dz); }
   void domains(const double* q, const double* v, const double* lambda, double* inside) const { alone_.domains(q, v, lambda, inside); }
 
  private:
@@ -191,8 +191,8 @@ class Group {
       for (const Real value : values) result[name].push_back(number_or_null(value[static_cast<int>(k)]));
     };
     add("end", end_);
-    add("smallest", smallest_);
-    add("largest", largest_);
+    add("minimum", smallest_);
+    add("maximum", largest_);
   }
 
   AnyMechanism<double>& alone_;

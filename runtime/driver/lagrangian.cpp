@@ -4,7 +4,7 @@
 #include "newton.hpp"
 
 #include "cutjoint/core/implicit_steps.hpp"
-#include "cutjoint/core/split_steps.hpp"
+#include "cutjoint/core/substeps.hpp"
 #include "cutjoint/core/stepping/newton_rule.hpp"
 #include "cutjoint/lagrangian/choose_solver.hpp"
 #include "cutjoint/core/newton/classical.hpp"

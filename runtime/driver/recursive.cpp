@@ -5,7 +5,7 @@
 
 #include "cutjoint/core/explicit_steps.hpp"
 #include "cutjoint/core/fixed_point_steps.hpp"
-#include "cutjoint/core/split_steps.hpp"
+#include "cutjoint/core/substeps.hpp"
 #include "cutjoint/core/stepping/trapezoidal_rule.hpp"
 #include "cutjoint/perform.hpp"
 #include "cutjoint/program.hpp"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.functions import leave_to_host
 from cutjoint.topology.reading import read_model

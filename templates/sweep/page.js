@@ -282,7 +282,7 @@ const mark = (list) => {
   }));
   $('number').textContent = `${marked.length > 1 ? 'Runs' : 'Run'} ${marked.map((r) => run[r]).join(', ')}`;
   $('by-command').hidden = marked.every((r) => run[r] in about.replays);
-  const over = (i) => (i ? ` --over ${about.pages}${run[marked[0]]}.html` : '');
+  const over = (i) => (i ? ` --ghost ${about.pages}${run[marked[0]]}.html` : '');
   $('command').textContent = marked.map((r, i) => `${about.command} --replay ${run[r]}${over(i)}`).join('\n');
   draw();
 };

@@ -110,9 +110,9 @@ class Simulation {
   advance(time) { this.#do('advance', time); }
 
   /** So many steps; the outputs at the end of each, row by row. */
-  play(steps) {
+  run(steps) {
     const count = steps * this.#model.outputs.length, at = this.#model.room(8 * count);
-    this.#do('play', steps, at);
+    this.#do('run', steps, at);
     return this.#model.doubles(at, count).slice();
   }
 
@@ -127,10 +127,10 @@ class Simulation {
   /** An input follows its scene again. */
   releaseInput(name) { this.#do('release_input', this.#model.find('input', name)); }
   input(name) { return this.#call('input', this.#model.find('input', name)); }
-  giveCoordinate(name, value) { this.#do('give_coordinate', this.#model.find('start_coordinate', name), value); }
-  giveSpeed(name, value) { this.#do('give_speed', this.#model.find('start_speed', name), value); }
+  setStartCoordinate(name, value) { this.#do('set_start_coordinate', this.#model.find('start_coordinate', name), value); }
+  setStartSpeed(name, value) { this.#do('set_start_speed', this.#model.find('start_speed', name), value); }
   /** Forgets coordinates and speeds that were given. */
-  giveScene() { this.#do('give_scene'); }
+  resetStart() { this.#do('reset_start'); }
 
   get time() { return this.#call('time'); }
   /** The present values, arrays that the next call changes; copy what shall stay. */
@@ -162,9 +162,9 @@ class Simulation {
   }
 
   /** What failed last, and where it stands in the model's file. */
-  explain() {
+  failureText() {
     const at = this.#model.room(TEXT);
-    this.#call('explain', at, TEXT);
+    this.#call('failure_text', at, TEXT);
     return this.#model.text(at);
   }
 

@@ -114,7 +114,7 @@ def test_places_that_follow_from_each_other_go_together() -> None:
     assert start["elbow.z"] == pytest.approx(-0.05, abs=1e-11)
 
 
-def test_what_cannot_be_had_is_told_with_the_nearest_that_can() -> None:
+def test_what_cannot_be_had_is_reported_with_the_nearest_that_can() -> None:
     with pytest.raises(RunError, match=r"lift.yaml:\d+:35: scene 'too_far': .* the nearest has tip.x = 400 in place of 450 mm; write"):
         start_of("too_far")
     with pytest.raises(RunError, match=r"hinge.angle = \S+ in place of 30 deg; 2 values are wanted, and 1 can be chosen there"):
@@ -244,7 +244,7 @@ def test_a_simulation_that_python_holds_is_assembled_with_its_parameters() -> No
         ("{wheel.x: 3}", "unknown element 'wheel'"),
     ],
 )
-def test_what_is_no_place_is_told(aims: str, said: str) -> None:
+def test_what_is_no_place_is_reported(aims: str, said: str) -> None:
     with pytest.raises(ModelError) as error:
         read_model_text(CRANK.replace("{tip.x: away}", aims), "lift.yaml")
     assert said in str(error.value)

@@ -28,7 +28,7 @@ from cutjoint.tasks.states import find_scene_equilibrium
 from tests.analysis.linearised import implicit
 from tests.conftest import ROOT, needs_cpp, with_heavy
 from tests.mechanisms.one_degree import four_bar, spatial
-from tests.standalone.test_folder import check_table
+from tests.standalone.test_c_export import check_table
 
 pytestmark = needs_cpp
 
@@ -102,7 +102,7 @@ def test_coarse_functions_keep_the_energy() -> None:
     scene = model.scenes["fall"]
     made: dict[float, Trajectory] = {}
     for tolerance in (1e-10, 1e-3):
-        compiled = replace(scene, numerics=replace(scene.numerics, loops="compiled", loop_tolerance=tolerance))
+        compiled = replace(scene, numerics=replace(scene.numerics, loops="embedded", loop_tolerance=tolerance))
         artifact = compile_interpreted(model, compiled, method="recursive")
         made[tolerance] = simulate(artifact, integrator="dormand-prince", tolerance=1e-10)
         energy = made[tolerance].energy
@@ -192,7 +192,7 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
         file = tmp_path / f"{way}.yaml"
         file.write_text(SWING % words, encoding="utf-8")
         rows = {}
-        for loops in ("exact", "compiled"):
+        for loops in ("exact", "embedded"):
             out = tmp_path / f"{way}_{loops}.csv"
             asked = ["simulate", str(file), "--loops", loops, "--implementation", "interpreted", "--no-error", "--out", str(out)]
             result = CliRunner().invoke(main, [*asked, "--view", str(tmp_path / "view.html")])
@@ -205,7 +205,7 @@ def test_a_run_that_leaves_the_range_stops_or_starts_again(tmp_path: Path) -> No
         else:
             assert result.exit_code == 0, result.output
             assert "again with the loops' equations" in result.output.replace("\n", " ")
-            assert rows["compiled"] == rows["exact"]
+            assert rows["embedded"] == rows["exact"]
 
 
 def test_tables_that_slide_along_parallel_rails_have_functions() -> None:
@@ -325,7 +325,7 @@ def test_the_tangent_is_that_of_the_residual(text: str, monkeypatch: pytest.Monk
 def test_newtons_method_has_functions(make) -> None:  # type: ignore[no-untyped-def]
     """The motion is that of the method recursive, reactions too, and no loop is left."""
     model = read_model_text(make(1), "random.yaml")
-    scene = replace(model.scenes["fall"], numerics=replace(model.scenes["fall"].numerics, loops="compiled"))
+    scene = replace(model.scenes["fall"], numerics=replace(model.scenes["fall"].numerics, loops="embedded"))
     artifact = compile_interpreted(model, scene, method="recursive-newton")
     assert not artifact.mechanism.closures
     made, known = simulate(artifact, integrator="radau5", tolerance=1e-9), run(model, scene)
@@ -338,10 +338,10 @@ def test_newtons_method_has_functions(make) -> None:  # type: ignore[no-untyped-
 def test_other_methods_have_no_functions(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     file.write_text(SWING % "", encoding="utf-8")
-    asked = ["simulate", str(file), "--loops", "compiled", "--method", "augmented", "--out", str(tmp_path / "x.csv")]
+    asked = ["simulate", str(file), "--loops", "embedded", "--method", "augmented", "--out", str(tmp_path / "x.csv")]
     result = CliRunner().invoke(main, asked)
     assert result.exit_code == 1
-    words = "--loops compiled: only generated and interpreted programs of the methods recursive and recursive-newton have it"
+    words = "--loops embedded: only generated and interpreted programs of the methods recursive and recursive-newton have it"
     assert words in result.output.replace("\n", " ")
 
 
@@ -350,7 +350,7 @@ HELD = SWING.replace("bodies:\n", """parameters: {heavy: {value: 1, unit: kg, bi
 bodies:
 """, 1).replace("left: {mass: 1,", "left: {mass: heavy,").replace(
     "outputs:", "forces: {push: {kind: joint_force, joint: a, law: push - 30*position}}\noutputs:"
-) % ", numerics: {loops: compiled, integrator: trapezoidal, dt: 1 ms}"  # fmt: skip
+) % ", numerics: {loops: embedded, integrator: trapezoidal, dt: 1 ms}"  # fmt: skip
 
 
 def test_a_scene_compiles_its_loops() -> None:

@@ -18,7 +18,7 @@ from cutjoint.methods import Loops
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model, Scene
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import take_model, with_loops
+from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.stepping.load import load_scene
 from cutjoint.topology.build import build_topology
@@ -29,9 +29,9 @@ from tests.mechanisms.one_degree import four_bar, spatial
 pytestmark = needs_cpp
 
 
-def opened(text: str, name: str) -> tuple[Model, Scene, dict[str, float]]:
+def tunable(text: str, name: str) -> tuple[Model, Scene, dict[str, float]]:
     """A random model with its points open, and other places of these, 1 % of their distances away."""
-    model = read_model_text(text, name, opened=["?.x", "?.z"])
+    model = read_model_text(text, name, tunable=["?.x", "?.z"])
     scene = model.scenes["fall"]
     rng = np.random.default_rng(0)
     changed = {p.name: p.value + 0.01 * rng.uniform(-1, 1) for p in model.parameters if p.name[0] in "ABCD"}
@@ -47,7 +47,7 @@ def run(model: Model, scene: Scene, parameters: dict[str, float]) -> Trajectory:
 @pytest.mark.parametrize("make", [four_bar, spatial])
 @pytest.mark.parametrize("seed", with_heavy(range(50), *range(2, 50)))
 def test_random_mechanisms_with_other_points_move_as_by_their_loops_equations(make, seed: int) -> None:  # type: ignore[no-untyped-def]
-    model, scene, changed = opened(make(seed), "random.yaml")
+    model, scene, changed = tunable(make(seed), "random.yaml")
     outcome = assemble_loops(model, scene)
     assert [one.functions.open for one in outcome.model.assemblies] == [True], [note.words for note in outcome.left]
     exact, fitted = run(model, scene, changed), run(outcome.model, scene, changed)
@@ -64,7 +64,7 @@ def test_random_mechanisms_with_other_points_move_as_by_their_loops_equations(ma
 def test_functions_by_numpy_are_those_of_a_model_with_these_numbers() -> None:
     """Values and slopes on the range; the series has other ends, since a fresh one is as long as it needs."""
     text = four_bar(1)
-    model, scene, changed = opened(text, "random.yaml")
+    model, scene, changed = tunable(text, "random.yaml")
     outcome = assemble_loops(model, scene)
     own = outcome.model.assemblies[0]
     found = refit(build_topology(outcome.model), own, changed)
@@ -81,7 +81,7 @@ def test_functions_by_numpy_are_those_of_a_model_with_these_numbers() -> None:
 @pytest.mark.parametrize(("file", "pattern", "point"), [("press", "A.*", "A.z"), ("slider_crank", "B.*", "B.z")])
 def test_full_turns_by_generated_code(file: str, pattern: str, point: str) -> None:
     """A longer crank: interpreted and generated programs beside the loops' equations."""
-    model, scene = take_model(ROOT / "models" / f"{file}.yaml", None, [pattern])
+    model, scene = load_model(ROOT / "models" / f"{file}.yaml", None, [pattern])
     scene = replace(scene, end=0.5, output_step=0.01)
     fitted = assemble_loops(model, scene).model
     assert fitted.assemblies[0].functions.turns
@@ -97,8 +97,8 @@ def test_full_turns_by_generated_code(file: str, pattern: str, point: str) -> No
 
 def test_newtons_method_and_poses_have_the_functions_of_the_parameters() -> None:
     """By recursive-newton; bodies of a view stand where the outputs say, which the program itself computes."""
-    model, scene, changed = opened(four_bar(0), "random.yaml")
-    compiled = with_loops(scene, Loops.COMPILED)
+    model, scene, changed = tunable(four_bar(0), "random.yaml")
+    compiled = with_loops(scene, Loops.EMBEDDED)
     artifact = compile_interpreted(model, compiled, method="recursive-newton")
     assert not artifact.mechanism.closures
     made = simulate(artifact, parameters=changed, integrator="radau5", tolerance=1e-9)
@@ -109,8 +109,8 @@ def test_newtons_method_and_poses_have_the_functions_of_the_parameters() -> None
 
 def test_a_host_changes_a_point_between_steps() -> None:
     """Coefficients follow the parameter, and only then; a change of a mass finds none anew."""
-    model, scene = take_model(ROOT / "models" / "press.yaml", None, ["A.z", "slider.mass"])
-    scene = with_loops(scene, Loops.COMPILED)
+    model, scene = load_model(ROOT / "models" / "press.yaml", None, ["A.z", "slider.mass"])
+    scene = with_loops(scene, Loops.EMBEDDED)
     places = []
     for change in (False, True):
         sim = cutjoint.load(replace(model, scenes={scene.name: scene})).reset()
@@ -134,15 +134,15 @@ def test_a_host_changes_a_point_between_steps() -> None:
 
 def test_a_step_is_differentiated_by_a_point() -> None:
     """The fit is differentiated with the step: beside differences of steps, and beside the loops' equations."""
-    model, scene = take_model(ROOT / "models" / "press.yaml", None, ["A.z"])
+    model, scene = load_model(ROOT / "models" / "press.yaml", None, ["A.z"])
     found = {}
-    for loops in (Loops.EXACT, Loops.COMPILED):
+    for loops in (Loops.EXACT, Loops.EMBEDDED):
         chosen = with_loops(scene, loops)
         sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=1e-3)
         for _ in range(5):
             sim.step()
         before = sim.snapshot()
-        found[loops] = sim.step_derivative().by_parameter[:, list(sim.parameters).index("A.z")]
+        found[loops] = sim.step_derivatives().by_parameter[:, list(sim.parameters).index("A.z")]
     ends = []
     for way in (-2, -1, 1, 2):
         sim.restore(before)
@@ -150,8 +150,8 @@ def test_a_step_is_differentiated_by_a_point() -> None:
         sim.step()
         ends.append(sim.states.array.copy())
     differences = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-5
-    assert np.abs(found[Loops.COMPILED] - differences).max() < 1e-8 * np.abs(differences).max()
-    assert np.abs(found[Loops.COMPILED] - found[Loops.EXACT]).max() < 1e-7 * np.abs(differences).max()
+    assert np.abs(found[Loops.EMBEDDED] - differences).max() < 1e-8 * np.abs(differences).max()
+    assert np.abs(found[Loops.EMBEDDED] - found[Loops.EXACT]).max() < 1e-7 * np.abs(differences).max()
 
 
 #: A swing whose point on the left is as high as a parameter says.
@@ -160,16 +160,16 @@ HIGH = _SLOW.replace("at: [0, 0, 1]", "at: [0, 0, high]").replace(
     "bodies:\n", "parameters: {high: {value: 1, unit: m, binding: param}}\nbodies:\n", 1)  # fmt: skip
 
 
-def test_loops_that_do_not_close_are_told_and_left_to_their_equations(tmp_path: Path) -> None:
+def test_loops_that_do_not_close_are_reported_and_left_to_their_equations(tmp_path: Path) -> None:
     rows, words = {}, "its loops do not close over the range of their functions with these parameters"
-    for way, loops in (("stop", "compiled"), ("restart", "compiled"), ("restart", "exact")):
+    for way, loops in (("stop", "embedded"), ("restart", "embedded"), ("restart", "exact")):
         file, out = tmp_path / f"{way}.yaml", tmp_path / f"{way}_{loops}.csv"
-        file.write_text(HIGH % f", on_violation: {way}, numerics: {{loops: compiled}}", encoding="utf-8")
+        file.write_text(HIGH % f", on_violation: {way}, numerics: {{loops: embedded}}", encoding="utf-8")
         asked = ["simulate", str(file), "--set", "high=2.5", "--loops", loops, "--implementation", "interpreted", "--no-error"]
         result = CliRunner().invoke(main, [*asked, "--out", str(out)])
         assert result.exit_code == (1 if way == "stop" else 0), result.output
-        if loops == "compiled":
+        if loops == "embedded":
             assert words in result.output.replace("\n", " ")
         rows[way, loops] = out.read_text(encoding="utf-8") if out.exists() else ""
-    assert not rows["stop", "compiled"]
-    assert rows["restart", "compiled"] == rows["restart", "exact"]
+    assert not rows["stop", "embedded"]
+    assert rows["restart", "embedded"] == rows["restart", "exact"]

@@ -1,4 +1,4 @@
-"""Runs that leave the range of functions of loops go on by the loops' equations, beside runs that have these from the start."""
+"""Runs that leave the range of loop embeddings go on by the loops' equations, beside runs that have these from the start."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def compiled(text: str, scene: str, loops: str, *, terms: int = 20, method: str 
 
 
 def both(text: str, scene: str, how: dict[str, Any], **choices: Any) -> tuple[Trajectory, Trajectory]:
-    exact, gone_on = (simulate(compiled(text, scene, loops, **choices), **how) for loops in ("exact", "compiled"))
-    assert gone_on.instead.startswith("the loops' equations at t = ")
-    assert not exact.instead
+    exact, gone_on = (simulate(compiled(text, scene, loops, **choices), **how) for loops in ("exact", "embedded"))
+    assert gone_on.fallback.startswith("the loops' equations at t = ")
+    assert not exact.fallback
     assert np.array_equal(gone_on.t, exact.t)
     return exact, gone_on
 
@@ -92,8 +92,8 @@ def test_states_and_controllers_carry_over() -> None:
     exact, gone_on = both(CONTROLLED, "fall", {"integrator": "dormand-prince", "tolerance": 1e-11, "error": False})
     for name, difference in apart(exact, gone_on).items():
         assert difference < 1e-8, (name, difference)
-    assert gone_on.effort.events_by_element == exact.effort.events_by_element
-    assert exact.effort.events > 0
+    assert gone_on.statistics.events_by_element == exact.statistics.events_by_element
+    assert exact.statistics.events > 0
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])
@@ -120,16 +120,16 @@ def test_newtons_method_goes_on() -> None:
 def test_the_command_line_writes_one_table(tmp_path: Path) -> None:
     """A table and a stream have the header and each row once; the command says where the run went over."""
     file = tmp_path / "swing.yaml"
-    file.write_text(SWING % ", numerics: {loops: compiled, solver_tolerance: 1e-11}", encoding="utf-8")
+    file.write_text(SWING % ", numerics: {loops: embedded, solver_tolerance: 1e-11}", encoding="utf-8")
     tables = {}
-    for loops in ("exact", "compiled"):
+    for loops in ("exact", "embedded"):
         out = tmp_path / f"{loops}.csv"
         asked = ["simulate", str(file), "--loops", loops, "--implementation", "interpreted", "--no-error", "--out", str(out)]
         result = CliRunner().invoke(main, asked)
         assert result.exit_code == 0, result.output
         tables[loops] = out.read_text(encoding="utf-8")
         said = "went over to: the loops' equations at t = 0.1 s, since the functions of 'a' end at t = 0.15 s"
-        assert (said in result.output.replace("\n", " ")) == (loops == "compiled")
+        assert (said in result.output.replace("\n", " ")) == (loops == "embedded")
     exact, gone_on = ([line.split(",") for line in table.splitlines()] for table in tables.values())
     assert [line[0] for line in gone_on] == [line[0] for line in exact]
     assert gone_on[0] == exact[0]
@@ -138,7 +138,7 @@ def test_the_command_line_writes_one_table(tmp_path: Path) -> None:
 
 def test_a_run_that_cannot_go_on_stops() -> None:
     """Coordinates of a view have another number behind the end; a range that the start is not in has no row."""
-    artifact = compiled(SWING % "", "fall", "compiled")
+    artifact = compiled(SWING % "", "fall", "embedded")
     with pytest.raises(FailedRunError, match="the functions of its loops end there") as caught:
         simulate(artifact, coordinates=True, error=False)
     assert caught.value.trajectory.t[-1] == 0.1
@@ -149,8 +149,8 @@ def test_generated_code_goes_on() -> None:
     model = read_model_text(CONTROLLED, "model.yaml")
     scenes = [
         replace(model.scenes["fall"], on_violation="restart", numerics=replace(model.scenes["fall"].numerics, loops=loops))
-        for loops in ("exact", "compiled")
+        for loops in ("exact", "embedded")
     ]
     exact, gone_on = (simulate(compile_scene(model, scene), integrator="dormand-prince", tolerance=1e-11) for scene in scenes)
-    assert gone_on.instead
+    assert gone_on.fallback
     assert max(apart(exact, gone_on).values()) < 1e-8

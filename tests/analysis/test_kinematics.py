@@ -193,7 +193,7 @@ CAR = Links(
     ("iltis", "front", 0.356, ILTIS), ("car", "rear", 0.3, CAR), ("car", "rear_left.carrier,rear_right.carrier", 0.3, CAR),
 ])  # fmt: skip
 def test_wheels_of_other_models_stand_as_their_links_say(model: str, axle: str, radius: float, links: Links) -> None:
-    found = find_kinematics(MODELS / f"{model}.yaml", axle=axle, radius=radius, points=5, travel=0.04, turn=0.015)
+    found = find_kinematics(MODELS / f"{model}.yaml", axle=axle, radius=radius, points=5, travel=0.04, steer_travel=0.015)
     for name, columns in found.sweeps.items():
         for i, travel in enumerate(columns["left.travel"]):
             rotation, shift = links.pose(travel, columns["steer"][i] if "steer" in columns else 0.0)
@@ -267,7 +267,7 @@ def _solved(travel: float, rack: float) -> tuple[Array, Array]:
 
 @pytest.fixture(scope="module")
 def axle() -> AxleKinematics:
-    return find_kinematics(MODELS / "axle.yaml", travel=0.03, turn=0.015, points=7)
+    return find_kinematics(MODELS / "axle.yaml", travel=0.03, steer_travel=0.015, points=7)
 
 
 def left_corners(found: AxleKinematics) -> Iterator[tuple[str, int, Corner]]:

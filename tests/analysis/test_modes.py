@@ -107,8 +107,8 @@ def test_free_chain_moves_as_a_whole() -> None:
     n, k = 3, 50.0
     modes = at_rest(chain(n, k, 0.0, fixed=False))
     assert frequencies(modes) == pytest.approx([2 * sqrt(k / 2) * sin(j * pi / (2 * n)) for j in range(1, n)], rel=1e-11)
-    assert (modes.freedoms, modes.zeros, list(modes.indifferent)) == (3, 2, ["j1.displacement"])
-    assert [p.amplitude for p in modes.indifferent["j1.displacement"].values()] == pytest.approx([1.0] * n, abs=1e-12)
+    assert (modes.degrees_of_freedom, modes.zeros, list(modes.rigid_body_modes)) == (3, 2, ["j1.displacement"])
+    assert [p.amplitude for p in modes.rigid_body_modes["j1.displacement"].values()] == pytest.approx([1.0] * n, abs=1e-12)
 
 
 def test_zeros_of_a_chain_of_integrators_are_counted() -> None:
@@ -139,7 +139,7 @@ def test_parallelogram_in_motion(angle: float) -> None:
     needed."""
     c = G * (3 / 2 + 2) / (3 / 3 + 2)
     equations, modes = four_bar_in_motion(angle, 1.7)
-    assert (modes.freedoms, len(equations.equation_names)) == (1, 12)
+    assert (modes.degrees_of_freedom, len(equations.equation_names)) == (1, 12)
     root = sqrt(abs(c * cos(angle)))
     expected = [root, -root] if cos(angle) > 0 else [1j * root]
     assert sorted((m.eigenvalue for m in modes.modes), key=lambda v: -v.real) == pytest.approx(expected, rel=1e-9)
@@ -251,7 +251,7 @@ def test_flyball_governor_after_a_second() -> None:
     modes = find_scene_modes(model, find_scene(model, None), at=1.0)
     real = sorted(m.eigenvalue.real for m in modes.modes)
     assert real[:3] == pytest.approx([-8075, -1444, -20.5], abs=0.5)
-    assert list(modes.indifferent) == ["bearing.angle"]
+    assert list(modes.rigid_body_modes) == ["bearing.angle"]
     assert modes.time == pytest.approx(1.0, abs=1e-12)
 
 
@@ -275,7 +275,7 @@ def test_vehicle(tmp_path: Path) -> None:
     out = tmp_path / "modes.json"
     status, output = command(MODELS / "iltis.yaml", "--out", out)
     assert status == 0, output
-    assert "indifferent, with 6 eigenvalues of zero: chassis_free.x, chassis_free.y, chassis_free.wz" in " ".join(output.split())
+    assert "rigid_body_modes, with 6 eigenvalues of zero: chassis_free.x, chassis_free.y, chassis_free.wz" in " ".join(output.split())
     found = json.loads(out.read_text())
     assert (found["about"], found["degrees_of_freedom"], found["zero_eigenvalues"]) == ("static equilibrium", 10, 6)
     leaders = [max(m["shape"], key=lambda n: m["shape"][n]["share"]) for m in found["modes"]]

@@ -59,7 +59,7 @@ def test_two_cranks_in_line_lose_an_equation_for_a_moment() -> None:
     assert names(found.structural) == [f"closure_1.{e}" for e in ("z", "axis_x", "axis_y", "axis_z")]
 
 
-def test_structural_and_momentary_redundancy_are_told_apart() -> None:
+def test_structural_and_momentary_redundancy_are_reported_apart() -> None:
     """Three cranks in line: one equation in the plane is always implied, another for the moment."""
     found = redundancy(parallel_cranks_text(3, IN_LINE))
     assert len([r for r in found.structural if r.equation in ("x", "y")]) == 1

@@ -111,7 +111,7 @@ def test_what_is_in_the_store_is_not_run_again(crossing: tuple[dict[str, Any], P
 def test_words_count_the_outcomes(crossing: tuple[dict[str, Any], Path]) -> None:
     assert crossing[0]["words"].startswith(
         "recursive converges in 4 of 4 runs, with steps up to 20 ms in double; 0 stop with a message, 0 drift, "
-        "none ends wrong without a word. augmented converges in "
+        "none ends wrong silently. augmented converges in "
     )
 
 
@@ -129,7 +129,7 @@ def test_a_stiffness_that_the_step_does_not_resolve_ends_wrong(tmp_path: Path) -
     atlas = map_case(case, grid, Store(tmp_path / "store.jsonl"), refer=spring_motion)
     assert [c["outcome"] for c in atlas["cells"]] == ["converged", "wrong", "wrong"]
     assert atlas["own"]["recursive"] == {"dt": 1e-3, "value": 1.0}
-    assert "2 end wrong without a word" in atlas["words"]
+    assert "2 end wrong silently" in atlas["words"]
     assert "stiffness [N/m]" in draw_atlas(atlas)
 
 
@@ -165,7 +165,7 @@ def test_a_gap_of_a_small_mechanism_has_drifted_earlier() -> None:
     assert judge(run_to(1), Errors(position=0.0), 2e-5, 0.01).outcome == "drifted"
 
 
-def test_a_failure_is_told_whatever_the_error() -> None:
+def test_a_failure_is_reported_whatever_the_error() -> None:
     failure = FailureReport(message="it stopped", time=1.1, step=2, element="pin", residual=1.0, advice="try less")
     found = judge(run_to(1, failure), Errors(position=nan), nan, 1.0)
     assert (found.outcome, found.reached) == ("diverged", 1.0)
@@ -266,5 +266,5 @@ def test_exact_motions(tmp_path: Path, text: str, motion: Callable[[Array], Mapp
 def test_words_of_a_method_that_never_converges() -> None:
     cells = [{"method": "classical", "outcome": "wrong", "dt": 1.0, "penalty": None, "precision": "double"}]
     assert describe_cells(cells) == (
-        "classical converges in 0 of 1 runs; 0 stop with a message, 0 drift, 1 end wrong without a word."
+        "classical converges in 0 of 1 runs; 0 stop with a message, 0 drift, 1 end wrong silently."
     )  # fmt: skip

@@ -167,7 +167,7 @@ def test_words_on_digits_that_never_do() -> None:
     assert said.endswith("More digits do not cure it.")
 
 
-def test_an_order_is_told_by_steps_that_agree_on_it() -> None:
+def test_an_order_is_reported_by_steps_that_agree_on_it() -> None:
     """Not by rounding, and not where errors pass zero."""
     noisy = [(2.0**-k, max(2.0 ** (-4 * k), 1e-9 * (2 + (-1) ** k)), 1.0) for k in range(12)]
     assert order(line_of(noisy)) == pytest.approx(4, abs=0.2)

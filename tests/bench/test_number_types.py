@@ -23,4 +23,4 @@ def test_motions_in_two_number_types_agree_to_the_digits_of_the_shorter(precisio
         for p in ("double", precision)
     )  # fmt: skip
     assert other["mass.z"] == pytest.approx(plain["mass.z"], abs=20 * tolerance)
-    assert other.effort.events == plain.effort.events
+    assert other.statistics.events == plain.statistics.events

@@ -92,7 +92,7 @@ def test_a_reference_that_came_to_harm_is_made_again(tmp_path: Path, monkeypatch
         assert file.read_bytes() == sound
 
 
-def test_a_parameter_that_is_not_there_is_told_before_anything_is_made(tmp_path: Path) -> None:
+def test_a_parameter_that_is_not_there_is_reported_before_anything_is_made(tmp_path: Path) -> None:
     plan = Plan(cases=[make_case(MODELS / "pendulum.yaml", end=1.0)], contenders=[], atlas=True, vary="stifness")
     begun: list[str] = []
     with pytest.raises(RunError, match="stifness"):

@@ -34,7 +34,7 @@ def test_solvers_agree(method: str) -> None:
         for solver in names_of(ALL_SOLVERS, lambda s: s.suits(METHODS[method]))
     }
     for solver, run in runs.items():
-        assert run.effort.solver == solver
+        assert run.statistics.solver == solver
         assert apart(run, runs["emitted"], PLACE) < 1e-9
 
 

@@ -79,9 +79,9 @@ int main(int, char** argv) {
   for (double& v : state.v) v = disturb(1.0);
   cutjoint::Projection<Mechanism> projection(mechanism);
 
-  const double gap = largest(closure(mechanism, state).first);
+  const double violation = largest(closure(mechanism, state).first);
   if (projection.positions(state)) return 1;
-  std::printf("%d %.17g %.17g ", projection.iterations(), gap, largest(closure(mechanism, state).first));
+  std::printf("%d %.17g %.17g ", projection.iterations(), violation, largest(closure(mechanism, state).first));
   const State before = state;
   const double rate = largest(closure(mechanism, state).second);
   if (projection.velocities(state)) return 1;

@@ -31,10 +31,10 @@ def test_hosts_drive_generated_code(tmp_path: Path) -> None:
     printed = subprocess.run([program], capture_output=True, text=True, check=True).stdout
     rows = np.array([[float(x) for x in line.split()] for line in printed.splitlines()])
     cubic = CubicHermiteSpline([0.5, 0.75], [0.1, 0.4], [0.5, -1.0])
-    courses = [
+    trajectories = [
         orders(LIFT, np.float64(0.5)), (0.7, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.1 + 0.1 * 1.2, 1.2, 0.0),
         (cubic(0.6), cubic(0.6, 1), cubic(0.6, 2)), (1.2, 2.0, 0.0), orders(LIFT, np.float64(0.5)),
     ]  # fmt: skip
-    for row, course in zip(rows, courses, strict=True):
-        lift: tuple[Array, Array, Array] = tuple(np.array(x) for x in course)  # type: ignore[assignment]
+    for row, trajectory in zip(rows, trajectories, strict=True):
+        lift: tuple[Array, Array, Array] = tuple(np.array(x) for x in trajectory)  # type: ignore[assignment]
         assert row[1:] == pytest.approx([float(x) for x in guided(lift, row[0]).values()], abs=1e-13)

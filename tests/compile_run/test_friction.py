@@ -64,9 +64,9 @@ def test_restored_moments_of_python_go_on_the_same(method: str, tmp_path: Path) 
         sim.advance(t)
         assert (sim.outputs["pin.angle"], sim.outputs["rub.load"]) == (angle, load)
     moment = sim.snapshot()
-    first = sim.play(50)
+    first = sim.run(50)
     sim.restore(moment)
-    assert np.array_equal(sim.play(50), first)
+    assert np.array_equal(sim.run(50), first)
 
 
 @pytest.mark.parametrize("method", ["recursive", "recursive-newton"])

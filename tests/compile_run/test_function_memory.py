@@ -236,7 +236,7 @@ def test_commands_that_interpret_refuse_functions_by_name(command: str, tmp_path
     assert "m.yaml:7:3: function 'wear': only generated code calls functions of the user" in result.output.replace("\n", " ")
 
 
-def test_code_without_the_update_is_told(tmp_path: Path) -> None:
+def test_code_without_the_update_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "f.cpp"
     path.write_text(CODE.replace("cutjoint_wear_update", "update"), encoding="utf-8")
     with pytest.raises(ModelError, match=r"m\.yaml:7:3: function 'wear': .*f\.cpp has no cutjoint_wear_update; write extern \"C\" void"):

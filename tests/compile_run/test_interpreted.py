@@ -177,7 +177,7 @@ def test_all_integrators_find_a_bounce(method: str, integrator: str) -> None:
     run = completed(simulate(bounce(method), integrator=integrator, dt=2e-4, events="located"))
     heights, switched = exact_bounces(run.t, 0.0, 0.5)
     assert run["mass.z"] == pytest.approx(heights, abs=1e-4)
-    assert run.effort.events == switched
+    assert run.statistics.events == switched
     assert run.energy is not None
     assert run.energy.share < 1e-4
 

@@ -213,9 +213,9 @@ def test_derivatives_and_snapshots_of_a_host(code: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, np.abs(other).max(initial=0.0)))
     simulation = pair[0]
     kept = simulation.snapshot()
-    first = simulation.play(10).copy()
+    first = simulation.run(10).copy()
     simulation.restore(kept)
-    np.testing.assert_array_equal(simulation.play(10), first)
+    np.testing.assert_array_equal(simulation.run(10), first)
 
 
 @pytest.mark.heavy
@@ -236,7 +236,7 @@ def test_what_is_no_number_ends_the_run(tmp_path: Path) -> None:
         run(model, "recursive")
 
 
-def test_code_that_does_not_compile_is_told(tmp_path: Path) -> None:
+def test_code_that_does_not_compile_is_reported(tmp_path: Path) -> None:
     with pytest.raises(CutjointError, match=r"functions:\d+"):
         run(supplied(tmp_path, CODE.replace("3 * a[1];", "3 * b[1];")), "recursive")
 

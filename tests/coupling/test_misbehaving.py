@@ -33,7 +33,7 @@ CASES = (
 
 
 @pytest.mark.parametrize(("call", "number", "deed", "message"), CASES)
-def test_what_it_does_is_told_and_rows_are_kept(call: str, number: int, deed: str, message: str) -> None:
+def test_what_it_does_is_reported_and_rows_are_kept(call: str, number: int, deed: str, message: str) -> None:
     (said,) = controllers.check(json.dumps({"call": call, "number": number, "deed": deed}), "4")
     assert said.startswith(message), said
 

@@ -28,7 +28,7 @@ def everywhere(largest: float) -> Mapping[str, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Course:
+class Trajectory:
     """A run by a peer with each of ``steps`` (s, falling) beside one of cutjoint with ``own_dt`` (s) up to ``end`` (s).
 
     ``limits`` (SI units) are the largest differences with the smallest step, by column, or for every "place" and "velocity";
@@ -70,7 +70,7 @@ class Expected:
     accelerations: Mapping[str, float]
     trees: Mapping[int, float]
     loops: Mapping[str, float] = field(default_factory=dict)
-    courses: tuple[Course, ...]
+    trajectories: tuple[Trajectory, ...]
     breakdown: Breakdown
 
 
@@ -82,10 +82,10 @@ _MUJOCO = Expected(
     accelerations={"pendulum": 2e-9, "flyball": 1e-13, "four_bar": 0.01, "andrews": 0.01, "slider_crank": 0.01},
     # rounding; with guides the millionth that their armature lets through; with screws the softness between advance and angle
     trees={5: 1e-13, 8: 1e-13, 14: 1e-12, 0: 2e-6, 3: 2e-6, 6: 2e-6, 11: 1e-3},
-    courses=(
+    trajectories=(
         # the trapezoidal rule's error is the larger part for pendulum and four-bar; with soft loops the square of MuJoCo's step
         *(
-            Course(name=name, case=partial(case_of, name), steps=(dt,), own_dt=own_dt, end=end, integrator="rk4",
+            Trajectory(name=name, case=partial(case_of, name), steps=(dt,), own_dt=own_dt, end=end, integrator="rk4",
                    limits={"place": place, "velocity": velocity})
             for name, dt, own_dt, end, place, velocity in (
                 ("pendulum", 1e-3, 1e-4, 2.0, 1e-7, 5e-7), ("flyball", 1e-4, 1e-5, 0.2, 5e-10, 5e-9),
@@ -94,18 +94,18 @@ _MUJOCO = Expected(
             )
         ),
         # the trapezoidal rule's error, which is the larger part
-        Course(name="gears", case=geared, steps=(1e-3,), own_dt=2.5e-4, end=1.0, integrator="rk4", limits=everywhere(3e-7)),
+        Trajectory(name="gears", case=geared, steps=(1e-3,), own_dt=2.5e-4, end=1.0, integrator="rk4", limits=everywhere(3e-7)),
         # those of first order err by about ten steps
         *(
-            Course(name="pendulum", case=partial(case_of, "pendulum"), steps=(1e-4,), own_dt=1e-3, end=1.0, integrator=integrator,
+            Trajectory(name="pendulum", case=partial(case_of, "pendulum"), steps=(1e-4,), own_dt=1e-3, end=1.0, integrator=integrator,
                    limits=everywhere(3e-3))
             for integrator in ("rk4", "euler", "implicit", "implicitfast")
         ),
         # the links carry tons: softness leaves a tenth of a millimetre, and half the step a quarter of it
-        Course(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3, 5e-4), own_dt=2.5e-4, end=0.3, integrator="rk4",
+        Trajectory(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3, 5e-4), own_dt=2.5e-4, end=0.3, integrator="rk4",
                limits={"chassis.z": 2e-4}, with_largest=2e-4, ratio=(3, 6)),
         # softness lets the wheels give way, by the square of the step
-        Course(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(5e-4, 2.5e-4), own_dt=2.5e-4, end=0.3,
+        Trajectory(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(5e-4, 2.5e-4), own_dt=2.5e-4, end=0.3,
                integrator="rk4", limits={"chassis.y": 1e-4}, ratio=(3, 5)),
     ),
     breakdown=Breakdown(model="flyball", dt=1e-3, end=1.0, integrator="rk4", message="the state is no longer finite, or too large"),
@@ -119,9 +119,9 @@ _EXUDYN = Expected(
     # trees without screws, forces on coordinates of free joints, and guides that turn; the third one has a guide
     trees=dict.fromkeys((5, 8, 3, 14, 17), 1e-7),
     loops={kind: 1e-7 for kind in LOOPS if kind is not JointKind.SCREW},
-    courses=(
+    trajectories=(
         *(
-            Course(name=name, case=partial(case_of, name), steps=(dt, dt / 2), own_dt=own_dt, end=end, integrator=integrator,
+            Trajectory(name=name, case=partial(case_of, name), steps=(dt, dt / 2), own_dt=own_dt, end=end, integrator=integrator,
                    limits=everywhere(largest), ratio=(3.5, 4.5))
             for integrator in ("generalized_alpha", "trapezoidal_index2")
             for name, dt, own_dt, end, largest in (
@@ -130,11 +130,12 @@ _EXUDYN = Expected(
             )
         ),
         # two rules of second order at the same step of 0.1 ms, at 30 rad/s: an angle goes on beyond a turn
-        Course(name="rotor", case=rotor, steps=(1e-4,), own_dt=1e-4, end=1.0, integrator="generalized_alpha", limits=everywhere(1e-4)),
+        Trajectory(name="rotor", case=rotor, steps=(1e-4,), own_dt=1e-4, end=1.0, integrator="generalized_alpha", limits=everywhere(1e-4)),
         # 0.6 mm in 0.3 s, to the error of second order at steps of 2 ms
-        Course(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(2e-3,), own_dt=5e-4, end=0.3, integrator="generalized_alpha",
+        Trajectory(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(2e-3,), own_dt=5e-4, end=0.3,
+            integrator="generalized_alpha",
                limits={"chassis.x": 2e-6, "chassis.z": 5e-6}),
-        Course(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(2e-3,), own_dt=5e-4, end=0.3,
+        Trajectory(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(2e-3,), own_dt=5e-4, end=0.3,
                integrator="generalized_alpha", limits={"chassis.y": 1e-6}),
     ),
     # equations on velocities alone have no solution in the pose at t = 1.2282 s, in which all bars are in line
@@ -151,9 +152,9 @@ _PINOCCHIO = Expected(
     trees={5: 1e-13, 8: 1e-13, 9: 1e-12, 11: 1e-13, 0: 1e-9, 3: 1e-9, 6: 1e-9},
     # contacts for balls, hinges and welds; bodies in parts, welded together, for the rest
     loops=dict.fromkeys(LOOPS, 1e-8),
-    courses=(
+    trajectories=(
         *(
-            Course(name=name, case=partial(case_of, name), steps=(dt,), own_dt=own_dt, end=end, integrator="rk4",
+            Trajectory(name=name, case=partial(case_of, name), steps=(dt,), own_dt=own_dt, end=end, integrator="rk4",
                    limits=everywhere(largest))
             for name, dt, own_dt, end, largest in (
                 ("pendulum", 5e-3, 1e-4, 1.0, 1e-7), ("four_bar", 5e-3, 1e-4, 0.5, 1e-7), ("andrews", 4e-5, 1e-6, 0.01, 2e-9),
@@ -161,13 +162,13 @@ _PINOCCHIO = Expected(
             )
         ),
         # of first order
-        Course(name="pendulum", case=partial(case_of, "pendulum"), steps=(2e-3, 1e-3), own_dt=1e-4, end=1.0,
+        Trajectory(name="pendulum", case=partial(case_of, "pendulum"), steps=(2e-3, 1e-3), own_dt=1e-4, end=1.0,
                integrator="semi_implicit_euler", limits=everywhere(0.01), ratio=(1.8, 2.2)),
-        Course(name="rotor", case=rotor, steps=(1e-3,), own_dt=1e-4, end=1.0, integrator="rk4", limits=everywhere(1e-4)),
+        Trajectory(name="rotor", case=rotor, steps=(1e-3,), own_dt=1e-4, end=1.0, integrator="rk4", limits=everywhere(1e-4)),
         # to the error of cutjoint's second order at steps of 0.5 ms
-        Course(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3,), own_dt=5e-4, end=0.3, integrator="rk4",
+        Trajectory(name="bump", case=partial(vehicle, "iavsd_inphase_5"), steps=(1e-3,), own_dt=5e-4, end=0.3, integrator="rk4",
                limits={"chassis.x": 2e-7, "chassis.z": 4e-7}),
-        Course(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(1e-3,), own_dt=5e-4, end=0.3, integrator="rk4",
+        Trajectory(name="rack", case=partial(vehicle, "iavsd_sine_2mm", rack=0.5), steps=(1e-3,), own_dt=5e-4, end=0.3, integrator="rk4",
                limits={"chassis.y": 2e-7}),
     ),
     # the fastest eigenvalue is -8075 1/s: the rule of fourth order is stable up to 2.785/8075 s

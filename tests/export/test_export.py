@@ -44,7 +44,7 @@ def test_the_command_writes_a_program_and_says_what_differs(peer: str, tmp_path:
     assert "the first of them says how to run it" in said
 
 
-def test_mujoco_is_told_to_differ_in_closed_loops(tmp_path: Path) -> None:
+def test_mujoco_is_reported_to_differ_in_closed_loops(tmp_path: Path) -> None:
     assert "Loops are closed by soft constraints" in export(FOUR_BAR, "--to", "mujoco", "--out", tmp_path).output
 
 

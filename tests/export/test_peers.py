@@ -17,7 +17,7 @@ from cutjoint.model.records import JointKind
 from cutjoint_bench.export.peers import PEERS
 from cutjoint_bench.peers.run import run_peer
 from tests.export.cases import turning_loop
-from tests.export.expected import EXPECTED, LOOPS, Course, Expected
+from tests.export.expected import EXPECTED, LOOPS, Expected, Trajectory
 from tests.export.own import Case, both_accelerations, case_of, exported, largest_differences, moving, needs, wheel
 from tests.mechanisms.random_models import random_tree
 
@@ -42,7 +42,7 @@ def differ_by(peer: str, case: Case, folder: Path) -> float:
 def test_every_peer_is_expected_to_agree_in_all_that_it_has() -> None:
     assert EXPECTED.keys() == PEERS.keys()
     for name, expected in EXPECTED.items():
-        assert {course.integrator for course in expected.courses} == set(PEERS[name].integrators)
+        assert {trajectory.integrator for trajectory in expected.trajectories} == set(PEERS[name].integrators)
 
 
 @pytest.mark.parametrize(("peer", "model"), of_each(lambda expected: expected.accelerations))
@@ -70,20 +70,20 @@ def test_a_wheel_on_a_road(peer: str, _: str, road: str, speed: str, tmp_path: P
     np.testing.assert_allclose(found, own, rtol=1e-12, atol=1e-10)
 
 
-@pytest.mark.parametrize(("peer", "course"), of_each(lambda expected: expected.courses))
-def test_trajectories(peer: str, course: Course, tmp_path: Path) -> None:
-    case = course.case()
+@pytest.mark.parametrize(("peer", "course"), of_each(lambda expected: expected.trajectories))
+def test_trajectories(peer: str, trajectory: Trajectory, tmp_path: Path) -> None:
+    case = trajectory.case()
     found = [
-        largest_differences(peer, case, tmp_path, dt=dt, own_dt=course.own_dt, end=course.end, integrator=course.integrator)
-        for dt in course.steps
+        largest_differences(peer, case, tmp_path, dt=dt, own_dt=trajectory.own_dt, end=trajectory.end, integrator=trajectory.integrator)
+        for dt in trajectory.steps
     ]
-    limits = {column: limit for column in found[0] if (limit := course.limit(column)) is not None}
+    limits = {column: limit for column in found[0] if (limit := trajectory.limit(column)) is not None}
     assert limits
     assert {column: found[-1][column] for column in limits if not found[-1][column] < limits[column]} == {}
     largest = [max(differences[column] for column in limits) for differences in found]
-    assert largest[0] < course.with_largest
-    if course.ratio is not None:
-        low, high = course.ratio
+    assert largest[0] < trajectory.with_largest
+    if trajectory.ratio is not None:
+        low, high = trajectory.ratio
         assert all(low < coarse / fine < high for coarse, fine in pairwise(largest))
 
 

@@ -88,7 +88,7 @@ def test_what_is_not_exported() -> None:
     )
 
 
-def test_the_differences_are_told(tmp_path: Path) -> None:
+def test_the_differences_are_reported(tmp_path: Path) -> None:
     case = turning_loop(JointKind.UNIVERSAL, "ground", 3)
     differences = PEERS["pinocchio"].export(case.model, case.scene, {}, ()).differences
     assert differences[0].startswith("Loops are closed on accelerations")

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.folders import plan_delivery
+from cutjoint.compile.c_export import plan_delivery
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import _for_hosts, generate
 from cutjoint.export.fmu.archive import make_fmu

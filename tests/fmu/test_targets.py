@@ -82,7 +82,7 @@ def test_states_go_on_in_the_other_code(program: str, tmp_path: Path) -> None:
 
 @needs_qemu
 @pytest.mark.heavy
-def test_a_processor_without_avx2_is_told_what_it_lacks(program: str) -> None:
+def test_a_processor_without_avx2_is_reported_what_it_lacks(program: str) -> None:
     fmu = fmu_of("press", 3, integrator="trapezoidal")
     done = hosted(fmu, fmu.build(FLAGS, target="avx2"), [*OLD, program])
     assert done.returncode == 4

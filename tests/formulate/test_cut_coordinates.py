@@ -76,11 +76,12 @@ def test_forces_have_the_power_of_their_coordinates(kind: JointKind, closing: st
     with_force, without = (make_system(m, scene) for m in (model, bare))
     at = state(without, 5)
     del at["delta"]
-    pushed = with_force.call("dynamic_residual", **at)["force_residual"] - without.call("dynamic_residual", **at)["force_residual"]
+    external_wrenches = with_force.call("dynamic_residual", **at)["force_residual"] - without.call("dynamic_residual",
+        **at)["force_residual"]
     columns, expected = report(blocks, at), np.zeros(without.n)
     for (cut, coordinate, _), name in zip(measured(topology), forces, strict=True):
         expected -= columns[f"{name}.force"] * rate_gradient(blocks, at, f"{cut.name}.{rate_name(coordinate)}")
-    assert pushed == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    assert external_wrenches == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
     assert np.abs(expected).max() > 1e-3
 
 

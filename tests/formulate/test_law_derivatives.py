@@ -14,9 +14,9 @@ from cutjoint.model.operations import Term
 from cutjoint.model.read import read_model_text
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.differentiate import Differentiator
+from cutjoint.program.elimination import adjoint, slopes
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import Lowering
-from cutjoint.program.slopes import adjoint, slopes
 
 #: Stribeck friction, the library's contact, a driven brush wheel, and a clutch.
 LAWS = """

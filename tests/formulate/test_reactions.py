@@ -140,7 +140,7 @@ def test_equations_of_motion_do_not_feel_reactions(method: str) -> None:
 FOUND = tuple(kind for kind in random_models.PLAIN_KINDS if kind not in (K.FIXED, K.FREE))
 
 
-def pushed(model: Model, kind: JointKind) -> Model:
+def external_wrenches(model: Model, kind: JointKind) -> Model:
     """The model with a force on the displacement of each joint of a kind that has one."""
     coordinates = {j.name: [c for c in COORDINATES[kind] if c.startswith("displacement")] for j in model.joints if j.kind is kind}
     law = 5 - 4 * random_models.variable("position") - random_models.variable("rate")
@@ -155,7 +155,7 @@ def pushed(model: Model, kind: JointKind) -> Model:
 @pytest.mark.parametrize("is_reversed", [False, True], ids=["normal", "reversed"])
 def test_tree_joints_in_natural_coordinates(kind: JointKind, is_reversed: bool) -> None:
     """A force of a joint in the tree that natural coordinates have is that of the recursion."""
-    model = pushed(with_reactions(without_rod_forces(random_models.tree_with(kind, is_reversed, 1))), kind)
+    model = external_wrenches(with_reactions(without_rod_forces(random_models.tree_with(kind, is_reversed, 1))), kind)
     joint = next(j for j in model.joints if j.kind is kind)
     outputs = tuple(Output(element=f"all_of_{joint.name}", quantity=q, span=NOWHERE) for q in COMPONENTS[:3])
     pair = make_pair(model, SCENE, outputs)

@@ -83,7 +83,7 @@ def test_natural_coordinates_have_the_tangent_of_all_that_laws_read(seed: int) -
 
 
 @pytest.mark.parametrize("angle", ["roll", "pitch", "yaw"])
-def test_natural_coordinates_have_the_slopes_of_angles(angle: str) -> None:
+def test_natural_coordinates_have_the_derivatives_of_angles(angle: str) -> None:
     text = SLIDER.replace("LAW", f"3*rod.{angle} + 2*rod.{angle}**2")
     pair = make_pair(read_model_text(text, "slider.yaml"), SCENE, (), "augmented")
     rng = np.random.default_rng(1)

@@ -23,7 +23,7 @@ from filelock import FileLock
 from cutjoint.compile.prepared import made_with
 from cutjoint.toolchain.build import cache_folder
 
-from .press import MODEL, press, require_told, run
+from .press import MODEL, press, require_reported, run
 
 _DAMAGES = ("empty", "cut", "flip", "append", "remove", "mode", "folder", "unreadable_text", "dangling")
 #: The parts of a path to a cached file that others can write or own: the file itself, its folder, the cache, the folder that has it.
@@ -78,7 +78,7 @@ def _run(folder: Path, private: Path) -> bytes:
 def _call(folder: Path, private: Path) -> subprocess.CompletedProcess[str]:
     (folder / MODEL).write_text(press(), encoding="utf-8")
     done = run(_CALL, folder, {"CUTJOINT_CACHE": str(private), **FLAGS})
-    require_told(done)
+    require_reported(done)
     return done
 
 

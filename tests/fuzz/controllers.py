@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 from tests.conftest import ROOT
 
-from .press import require_told, run
+from .press import require_reported, run
 from .signals import require_none_left
 
 _EXAMPLES = ROOT / "examples"
@@ -123,7 +123,7 @@ def check(text: str, limit: str = _PATIENT) -> tuple[str, ...]:
     with TemporaryDirectory() as name:
         folder = Path(name)
         done = call(folder, {"MISBEHAVE": f"{case['call']} {case['number']} {case['deed']}"}, limit)
-        require_told(done)
+        require_reported(done)
         require_none_left(folder)
         assert not list((folder / "tmp").iterdir()), f"left: {list((folder / 'tmp').iterdir())}"
         assert "\x1b" not in done.stderr + done.stdout, "escape codes are printed"

@@ -15,7 +15,7 @@ import numpy as np
 
 from tests.edges.calling import compile_first
 
-from .press import MODEL, command, environment, press, require_told
+from .press import MODEL, command, environment, press, require_reported
 
 _EARLIER = "t,earlier\n0,1\n"
 SECONDS = 60.0
@@ -50,7 +50,7 @@ def check(text: str) -> tuple[str, ...]:
                 command(*case["words"]), cwd=folder, env=environment(), capture_output=True, text=True, errors="replace", check=False,
                 timeout=SECONDS,
             )  # fmt: skip
-            require_told(done)
+            require_reported(done)
             found = (folder / "full" / "run.csv").read_text(encoding="utf-8")
             if done.returncode == 0 or _only_pictures_are_missing(done, found):
                 _require_whole(case, found)

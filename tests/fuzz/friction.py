@@ -85,6 +85,6 @@ def _try_share(artifact: Artifact, case: dict[str, Any]) -> tuple[str, ...]:
             assert fewer <= run.evaluations / math.sqrt(LOOSER), f"{run.evaluations} evaluations of {SHARE:g} of the run, {fewer} looser"
             return (f"{case['method']}: as slow as its tolerance asks",)
     except SimulatorError as error:
-        raise AssertionError(f"{case['method']}, {case['settings']}: stands still without a word") from error
+        raise AssertionError(f"{case['method']}, {case['settings']}: stands still silently") from error
     assert run.evaluations <= SHARE * MOST, f"{run.evaluations} evaluations of {SHARE:g} of the run"
     return (f"{case['method']}: goes on, but slowly",)

@@ -35,7 +35,7 @@ controllers:
 outputs: [damp.u, damp.m, """
 DT = 1e-3
 #: The largest distance of a guide from its course, m, and the largest gap of loops.
-_COURSE, _GAP = 1e-9, 1e-4
+_TRAJECTORY, _GAP = 1e-9, 1e-4
 #: The largest movement of the rack, m: beyond, jumps are made at once, off the course.
 _FURTHEST = 0.05
 
@@ -75,7 +75,7 @@ def make(rng: random.Random) -> str:
     return json.dumps([way, calls])
 
 
-class Course:
+class Trajectory:
     """The course of a guide by docs/how-to/embed-in-c.md for a host that holds values: pieces of parabolas over whole calls of one step."""
 
     def __init__(self, place: float) -> None:
@@ -96,8 +96,8 @@ def check(text: str) -> tuple[str, ...]:
     sim, other = _simulation(way, 0), _simulation(way, 1)
     _start(sim, 0.0, 0.0, by=1)
     saved, given = sim.snapshot(), (0.0, 0.0)
-    course: Course | None = Course(0.0)
-    saved_with = (_copy(course), given)
+    trajectory: Trajectory | None = Trajectory(0.0)
+    saved_with = (_copy(trajectory), given)
     for call in calls:
         kind, *numbers = call
         if kind == "push":
@@ -105,20 +105,20 @@ def check(text: str) -> tuple[str, ...]:
             given = (given[0], numbers[0])
         elif kind in ("hold", "rate"):
             given = (numbers[0], given[1])
-            course = _go(sim, other, kind, numbers, course)
+            trajectory = _go(sim, other, kind, numbers, trajectory)
         elif kind == "look":
-            _ = (sim.gap, sim.present_input("rack"), sim.jacobian, sim.outputs.array.copy())
+            _ = (sim.constraint_violation, sim.get_input("rack"), sim.constraint_jacobian, sim.outputs.array.copy())
         elif kind == "save":
-            saved, saved_with = sim.snapshot(), (_copy(course), given)
+            saved, saved_with = sim.snapshot(), (_copy(trajectory), given)
         elif kind == "restore":
             sim.restore(saved)
-            course, given = _copy(saved_with[0]), saved_with[1]
+            trajectory, given = _copy(saved_with[0]), saved_with[1]
         else:
             sim.reset()
             given = (float(sim.inputs["rack"]), float(sim.inputs["push"]))
             _start(other, *given, by=2)
             _require_same(sim, other, "a reset beside one that has the same values")
-            course = Course(given[0])
+            trajectory = Trajectory(given[0])
     return ()
 
 
@@ -130,7 +130,7 @@ def _start(sim: Simulation, rack: float, push: float, *, by: int) -> None:
         sim.reset(dt=DT)
 
 
-def _go(sim: Simulation, other: Simulation, kind: str, numbers: list[float], course: Course | None) -> Course | None:
+def _go(sim: Simulation, other: Simulation, kind: str, numbers: list[float], trajectory: Trajectory | None) -> Trajectory | None:
     """Go on by one call, beside another simulation from a snapshot; returns the course, if it is known further on."""
     other.restore(sim.snapshot())
     *given, steps = numbers
@@ -142,14 +142,14 @@ def _go(sim: Simulation, other: Simulation, kind: str, numbers: list[float], cou
         else:
             each.advance(each.time + steps * DT)
     _require_same(sim, other, f"{kind} {numbers} beside the same from a snapshot")
-    gap, equation = sim.gap
+    gap, equation = sim.constraint_violation
     assert gap < _GAP, f"{kind} {numbers}: '{equation}' stands open by {gap:.3g}"
-    if kind != "hold" or steps != 1 or course is None:
+    if kind != "hold" or steps != 1 or trajectory is None:
         return None
-    course.step(given[0])
+    trajectory.step(given[0])
     place = sim.outputs["rail.displacement"]
-    assert abs(place - course.place) < _COURSE, f"the guide is at {place}, not at {course.place}"
-    return course
+    assert abs(place - trajectory.place) < _TRAJECTORY, f"the guide is at {place}, not at {trajectory.place}"
+    return trajectory
 
 
 def _require_same(sim: Simulation, other: Simulation, what: str) -> None:
@@ -157,9 +157,9 @@ def _require_same(sim: Simulation, other: Simulation, what: str) -> None:
     assert np.array_equal(sim.coordinates.array, other.coordinates.array), what
 
 
-def _copy(course: Course | None) -> Course | None:
-    if course is None:
+def _copy(trajectory: Trajectory | None) -> Trajectory | None:
+    if trajectory is None:
         return None
-    other = Course(course.place)
-    other.rate, other.held, other.last = course.rate, course.held, course.last
+    other = Trajectory(trajectory.place)
+    other.rate, other.held, other.last = trajectory.rate, trajectory.held, trajectory.last
     return other

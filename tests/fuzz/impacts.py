@@ -110,7 +110,7 @@ def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
                 yield f"{words}: {run.failure.message}"
                 continue
             apart = max(float(np.abs(run[name] - limit[name])[rows].max()) for name in limit)
-            told = max(run.error.largest.values())
+            told = max(run.error.max_error.values())
             assert apart <= max(ALLOWED, 3 * told), f"{words} is {apart:.1e} m off and says {told:.1e}"
             assert run.energy is not None
             energy = max(energy, run.energy.kinetic)
@@ -123,7 +123,7 @@ def _compare(case: Node, limit: dict[str, Any], rows: Any) -> Iterator[str]:
                 assert finer.energy is not None, defect
                 assert finer.energy.defect < run.energy.defect / 4, f"{defect}, and by {finer.energy.defect:.1e} J in shorter steps"
                 run = finer
-            works[words] = sum(impact.work for impact in run.effort.impacts)
+            works[words] = sum(impact.work for impact in run.statistics.impacts)
     if works and max(works.values()) - min(works.values()) > max(1e-2 * max(abs(x) for x in works.values()), LEAST * max(1.0, energy)):
         raise AssertionError(f"works differ: {works}")
 

@@ -128,7 +128,7 @@ def _compare(method: str, run: Trajectory | None, limit: Trajectory) -> None:
     """Fail where a run that has converged is farther from the limit than it says."""
     if run is not None and run.error.converged:
         apart = max(float(np.abs(run[name] - limit[name]).max()) for name in limit.columns)
-        expected = max(run.error.largest.values())
+        expected = max(run.error.max_error.values())
         assert apart <= max(UNCERTAIN * GOAL, PROMISED * expected), f"{method} is {apart:.1e} m off and says {expected:.1e}"
 
 
@@ -141,4 +141,4 @@ def _limit(text: str) -> Trajectory | None:
             node["bodies"][name] = {"mass": HARDLY_ANY, "centre_of_mass": at, "inertia": [HARDLY_ANY / 100] * 3}
     model = read_model_text(json.dumps(node), "light.yaml")
     run = simulate(compile_interpreted(model, model.scenes["run"]), integrator="dormand-prince", tolerance=1e-9, check=False)
-    return run if run.failure is None and max(run.error.largest.values()) <= EXACT else None
+    return run if run.failure is None and max(run.error.max_error.values()) <= EXACT else None

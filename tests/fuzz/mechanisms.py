@@ -73,7 +73,7 @@ def check(text: str) -> tuple[str, ...]:
 
 
 def _estimate(run: Trajectory) -> float:
-    return max(run.error.largest.values())
+    return max(run.error.max_error.values())
 
 
 def _mass(rng: random.Random) -> float:

@@ -21,7 +21,7 @@ from cutjoint.view.meshes import box
 from cutjoint.view.page import Camera, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.edges.calling import call
-from tests.view.browser import Page, opened
+from tests.view.browser import Page, tunable
 from tests.view.lever import MODEL, glb, obj, stl
 from tests.view.pages import part_of, with_part
 
@@ -87,7 +87,7 @@ def _check_page(file: Path, case: dict[str, object]) -> tuple[str, ...]:
     file.write_bytes(page.encode("utf-8", "surrogateescape"))
     said = _open(file, blank="</style>" not in page or not page.startswith(_page()[: _page().index("<body>")]))
     try:
-        earlier = read_page(file, "--over")
+        earlier = read_page(file, "--ghost")
     except RunError as error:
         return (*said, str(error).rpartition(": ")[2])
     file.with_name("both.html").write_text(_make(earlier), encoding="utf-8")
@@ -114,7 +114,7 @@ def _page() -> str:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "earlier.html"
         file.write_text(_make(None), encoding="utf-8")
-        return _make(read_page(file, "--over"))
+        return _make(read_page(file, "--ghost"))
 
 
 def _make(over: GhostRun | None) -> str:
@@ -145,7 +145,7 @@ def _browser() -> Page:
     """One browser for all inputs of a process."""
     stack = ExitStack()
     Finalize(None, stack.close, exitpriority=10)
-    return stack.enter_context(opened())
+    return stack.enter_context(tunable())
 
 
 def _open(file: Path, *, blank: bool = False) -> tuple[str, ...]:

@@ -204,7 +204,7 @@ class Maker:
         return {
             "kind": "wheel", "body": self.rng.choice(self.bodies), "centre": [0, 0, 0.3], "axis": self.rng.choice(([0, 1, 0], "y")),
             "radius": 0.31, "force": force, "moment": self.rng.choice(moments) or [0, 0, 0], "let": {"near": "loaded_radius*drive"},
-            **({"ground_height": "0.01*sin(t)"} if self.chance(0.3) else {}),
+            **({"terrain_height": "0.01*sin(t)"} if self.chance(0.3) else {}),
         }  # fmt: skip
 
     def submodel(self) -> Node:
@@ -309,7 +309,8 @@ class Maker:
         if "functions" in made:
             for controller in made["controllers"].values():
                 kept = {"function": "worn", "arguments": [rng.choice(known), rng.choice(known)]}
-                controller.setdefault("memory", {})["bytes"] = kept if self.chance(0.95) else {"function": "pushed", "arguments": ["t"]}
+                controller.setdefault("memory", {})["bytes"] = kept if self.chance(0.95) else {"function": "external_wrenches",
+                    "arguments": ["t"]}
         for force in made["forces"].values():
             if isinstance(force.get("law"), str) and self.chance():
                 force["law"] += f" + 3*({term()})"
@@ -327,11 +328,11 @@ class Maker:
         results = rng.choice((["force", "heat"], {"force": "N", "heat": "W"}, {"force": 1, "heat": unit}))
         memory = rng.choice((1, 7, 64, *((0, 300, "64") if self.chance(0.1) else ())))
         made["functions"] = {
-            "pushed": {"arguments": {"a": "m", "b": "m/s"} if self.chance(0.1) else ["a", "b"], "partials": self.chance()},
+            "external_wrenches": {"arguments": {"a": "m", "b": "m/s"} if self.chance(0.1) else ["a", "b"], "partials": self.chance()},
             "worn": {"arguments": ["a", "b"], "results": results, "memory": memory},
         }
         if self.chance():
-            made["functions"]["pushed"]["unit"] = rng.choice(("N", "m", "1"))
+            made["functions"]["external_wrenches"]["unit"] = rng.choice(("N", "m", "1"))
         calls = ["pushed({}, {})", *(f"worn.{result}({{}}, {{}}, {name}.bytes)" for result in results for name in controllers)]
         return [*calls, "worn({}, {})", "worn.cold({}, {}, t)", "pushed({})"] if self.chance(0.1) else calls
 

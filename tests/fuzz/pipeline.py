@@ -67,9 +67,9 @@ def code_of(model: Model) -> str:
 
 def _compile(text: str) -> Outcome:
     """A text's outcome; of one text in six all numbers are opened, of another its masses."""
-    opened = {0: ["*"], 1: ["*.mass"]}.get(crc32(text.encode()) % 6, [])
+    tunable = {0: ["*"], 1: ["*.mass"]}.get(crc32(text.encode()) % 6, [])
     try:
-        model = read_model_text(text, FILE, opened=opened)
+        model = read_model_text(text, FILE, tunable=tunable)
         model = replace(model, code=code_of(model))
         scene = next(iter(model.scenes.values()), None) or find_scene(model, None)
         equations, _, source = pipeline.generate(model, scene, scene.outputs)

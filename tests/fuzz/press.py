@@ -51,7 +51,7 @@ def run(words: Sequence[object], folder: Path, more: Mapping[str, str] | None = 
     )  # fmt: skip
 
 
-def require_told(done: subprocess.CompletedProcess[str]) -> None:
+def require_reported(done: subprocess.CompletedProcess[str]) -> None:
     """A call ended as it should: done, or with a message and status 1 or 2."""
     assert done.returncode in (0, 1, 2), f"status {done.returncode}: {done.stderr[-600:]}"
     assert "Traceback" not in done.stderr, done.stderr[-600:]

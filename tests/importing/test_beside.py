@@ -108,7 +108,7 @@ def test_older_dialects_say_the_same(tmp_path: Path) -> None:
         model_of(tmp_path, robot(links, joints + middle.replace("rolling", "sliding")))
 
 
-def test_joints_that_nothing_moves_are_told(tmp_path: Path) -> None:
+def test_joints_that_nothing_moves_are_reported(tmp_path: Path) -> None:
     follower = hinge("k", "a", "b", "1 0 0").replace("<joint", '<joint independent="false"')
     text = robot(LINKS, hinge("j", "base", "a", "0 0 0") + follower + hinge("l", "b", "c", "0 0 0"))
     assert "free, since nothing in the file says what they follow: k" in model_of(tmp_path, text)[1].notes

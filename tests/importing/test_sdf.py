@@ -83,7 +83,7 @@ def test_a_gearbox_relates_turns_about_its_reference(tmp_path: Path) -> None:
         ("<parent>world</parent><child>crank</child>", "<parent>crank</parent><child>crank</child>", "connects 'crank' with itself"),
     ],
 )
-def test_faults_are_told(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_faults_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in FOUR_BAR
     with pytest.raises(ModelError, match=message):
         read_model(written(tmp_path, FOUR_BAR.replace(old, new)))

@@ -129,7 +129,7 @@ def test_three_hinges_that_meet_are_a_ball(tmp_path: Path) -> None:
     }  # fmt: skip
     for state in subject.states(4, 1):
         worst.take(subject, begin(state, 1e-10, 0.0))
-    assert (worst.freedoms, worst.singular) == ({2}, 0)
+    assert (worst.degrees_of_freedom, worst.singular) == ({2}, 0)
     assert (worst.place < 1e-12, worst.acceleration < 1e-9) == (True, True)
 
 

@@ -132,9 +132,9 @@ def _guided(t: Array) -> dict[str, Array]:
     def rate(t: float, y: Array) -> list[float]:
         c, w = y
         b, v, a = turn(t)
-        pushed = radius * np.array([-np.sin(b) * a - np.cos(b) * v**2, -np.cos(b) * a + np.sin(b) * v**2])
+        external_wrenches = radius * np.array([-np.sin(b) * a - np.cos(b) * v**2, -np.cos(b) * a + np.sin(b) * v**2])
         arm = length * np.array([-np.cos(c), np.sin(c)])
-        return [w, -m * (pushed @ arm + G * length * np.sin(c)) / (m * length**2 + inertia)]
+        return [w, -m * (external_wrenches @ arm + G * length * np.sin(c)) / (m * length**2 + inertia)]
 
     y = _solved(rate, [0.0, turn(0.0)[1]], t)
     return {"driven.angle": turn(t)[0], "rim.angle": y[0] - turn(t)[0]}

@@ -11,7 +11,19 @@ from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 from cutjoint.elements.force import Force, ForceElement, ForceField, Law, LawForce, Reader, Shape
 from cutjoint.elements.forces import FORCES
-from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Explanation, Interaction, Look, Mechanics, Page, Point, Sight
+from cutjoint.elements.interaction import (
+    Arrow,
+    Axis,
+    Carrier,
+    Coil,
+    Explanation,
+    Interaction,
+    Mechanics,
+    Page,
+    Point,
+    Visual,
+    VisualContext,
+)
 from cutjoint.elements.terms import Scalar, Vector
 
 if TYPE_CHECKING:
@@ -33,24 +45,24 @@ class Bend(Interaction):
         bend, rate = b.add(ways[0].x, ways[1].x), b.add(ways[0].v, ways[1].v)
         F = b.column([m.scalar(force.law, {"position": b.element(bend, i), "rate": b.element(rate, i)}) for i in range(3)])
         for at, push in ((self.first, b.neg(F)), (self.last, b.neg(F)), (self.middle, b.add(F, F))):
-            m.push_at(at, push)
+            m.apply_force(at, push)
         return {f"F{axis}": b.neg(b.element(m.in_global(F), i)) for i, axis in enumerate("xyz")}
 
     def explain(self, force: LawForce, page: Page) -> Explanation:
         """The bend, its law and three forces."""
-        pushes = [page.push_at(f"p_{i}", "2 F" if i == 2 else "(-F)", f"{i}") for i in (1, 2, 3)]
+        pushes = [page.apply_force(f"p_{i}", "2 F" if i == 2 else "(-F)", f"{i}") for i in (1, 2, 3)]
         return Explanation(
             notes=("$F$ straightens the points.",), actions=(r"s = p_1 + p_3 - 2 p_2", *pushes),
             laws=page.law("F", force.law, "position", "s"),
         )  # fmt: skip
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """Two springs."""
         return (Coil(self.middle, self.first), Coil(self.middle, self.last))
 
-    def arrow(self, force: LawForce, sight: Sight) -> Arrow:
+    def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
         """The force on the last point."""
-        return sight.components(self.last, None)
+        return context.components(self.last, None)
 
 
 @dataclass(frozen=True, kw_only=True)

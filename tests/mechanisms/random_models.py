@@ -92,11 +92,11 @@ def stop(x: Any, rate: Any, stiffness: Any) -> Any:
 
 @dataclass(kw_only=True)
 class Workshop:
-    """Collects the parts of a model; without ``grounded`` no force element stands on the ground."""
+    """Collects the parts of a model; without ``terrain`` no force element stands on the ground."""
 
     rng: np.random.Generator
     gravity: bool = True
-    grounded: bool = True
+    terrain: bool = True
     bodies: list[Body] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
     forces: list[Force] = field(default_factory=list)
@@ -219,7 +219,7 @@ class Workshop:
 
     def places(self) -> list[str]:
         """All bodies, and the ground unless the mechanism floats."""
-        return [*([GROUND] if self.grounded else []), *(b.name for b in self.bodies)]
+        return [*([GROUND] if self.terrain else []), *(b.name for b in self.bodies)]
 
     def two(self) -> tuple[str, str]:
         """Two different bodies or the ground."""
@@ -302,7 +302,7 @@ class Workshop:
 
     def load_all(self) -> None:
         """One or two forces of every kind, none from outside on what floats, and one that the model switches off."""
-        for add in (self.point_spring, self.axial_force, self.bushing, self.joint_force, *([self.load] if self.grounded else [])):
+        for add in (self.point_spring, self.axial_force, self.bushing, self.joint_force, *([self.load] if self.terrain else [])):
             for _ in range(int(self.rng.integers(1, 3))):
                 add()
         off = PointSpring(
@@ -334,9 +334,9 @@ def _unit(x: np.ndarray) -> tuple[Any, Any, Any]:
     return tuple(sympy.Float(c) for c in x / np.linalg.norm(x))
 
 
-def workshop(seed: int, salt: str, gravity: bool = True, grounded: bool = True) -> Workshop:
+def workshop(seed: int, salt: str, gravity: bool = True, terrain: bool = True) -> Workshop:
     """An empty workshop; ``salt`` tells apart the generators that share a seed."""
-    return Workshop(rng=np.random.default_rng([seed, *salt.encode()]), gravity=gravity, grounded=grounded)
+    return Workshop(rng=np.random.default_rng([seed, *salt.encode()]), gravity=gravity, terrain=terrain)
 
 
 # Models
@@ -401,7 +401,7 @@ def loop_with(kind: str, closing: str, seed: int) -> Model:
 
 def floating_loops(seed: int, roots: int = 2) -> Model:
     """Free bodies that carry others, with loops in and between them; neither gravity nor a force from outside."""
-    w = workshop(seed, "floating loops", gravity=False, grounded=False)
+    w = workshop(seed, "floating loops", gravity=False, terrain=False)
     for _ in range(roots):
         w.grow(GROUND, K.FREE, is_reversed=False)
     for _ in range(int(w.rng.integers(3, 6))):

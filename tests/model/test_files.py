@@ -80,10 +80,10 @@ def test_the_banner_of_generated_code_changes_with_a_file(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("file", "names"), [("damper.csv", "012"), ("map.csv", ("0.0", "0.1", "1.0", "1.1", "2.0", "2.1"))])
-def test_values_of_tables_in_files_are_opened(tmp_path: Path, file: str, names: Sequence[str]) -> None:
+def test_values_of_tables_in_files_are_tunable(tmp_path: Path, file: str, names: Sequence[str]) -> None:
     path = written(tmp_path, {file: TABLES[file][0]}, with_law(f"{{table: {{file: {file}}}}}"))
-    opened = [p.name for p in read_model(path, opened=["drag.law.table.*"]).parameters if p.name.startswith("drag")]
-    assert opened == [f"drag.law.table.value.{name}" for name in names]
+    tunable = [p.name for p in read_model(path, tunable=["drag.law.table.*"]).parameters if p.name.startswith("drag")]
+    assert tunable == [f"drag.law.table.value.{name}" for name in names]
 
 
 def test_columns_are_named_and_inputs_have_tables(tmp_path: Path) -> None:
@@ -97,11 +97,11 @@ def test_columns_are_named_and_inputs_have_tables(tmp_path: Path) -> None:
     assert model.scenes["fall"].inputs == same.scenes["fall"].inputs
 
 
-def test_points_of_a_file_are_points_and_numbers_to_open(tmp_path: Path) -> None:
+def test_points_of_a_file_are_points_and_numbers_to_tune(tmp_path: Path) -> None:
     files = {"points.csv": "\ufeffx [mm], name, y, z [m]\r\n1500, tip, 0.25, -0.5\r\n1e3, C, 0, 0\r\n"}
     text = varied("points:\n  tip: [arm_length, 0, 0]", "points: {file: points.csv, half: {midpoint: [tip, C]}}")
     text = varied("centre_of_mass: [1, 0, 0]", "centre_of_mass: half", text).replace("  arm_length: {value: 1.5, unit: m}\n", "")
-    model = read_model(written(tmp_path, files, text), opened=["tip.x"])
+    model = read_model(written(tmp_path, files, text), tunable=["tip.x"])
     assert [p.value for p in model.parameters if p.name == "tip.x"] == [1.5]
     assert tuple(map(float, model.bodies[0].centre_of_mass[1:])) == (0.125, -0.25)
     (marker,) = model.markers
@@ -221,7 +221,7 @@ def test_a_text_and_a_pipe_have_no_folder(tmp_path: Path) -> None:
     assert read_model_text(text, "m.yaml", folder=tmp_path).files == {"t.csv": TABLES["damper.csv"][0]}
 
 
-def test_a_file_that_is_no_text_is_told_at_its_place(tmp_path: Path) -> None:
+def test_a_file_that_is_no_text_is_reported_at_its_place(tmp_path: Path) -> None:
     path = written(tmp_path, {}, with_law("{table: {file: t.csv}}"))
     (tmp_path / "t.csv").write_bytes(b"rate,value\n0,\xff\n")
     with pytest.raises(ModelError, match=r"t\.csv:2:1: file: the file is not UTF-8 text$"):

@@ -282,13 +282,13 @@ MOVED = WING.replace("mirror: y}", "mirror: y, points: {tip: {sum: [nest, [0, 0,
 
 def test_instances_give_points() -> None:
     """By the points around them, as of the original; what the submodel makes of a point goes along."""
-    model = read_model_text(MOVED, "m.yaml", opened=["nest.x"])
+    model = read_model_text(MOVED, "m.yaml", tunable=["nest.x"])
     left, right = pair(model, "arm")
     values = {parameter.symbol: parameter.value for parameter in model.parameters}
     for arm, place in ((left, (0.1, 0.6, 0.3)), (right, (0.55, -1.1, 2.65))):
         assert vector(*(evaluate(x, values) for x in arm.centre_of_mass)) == place
-    (opened,) = (parameter.symbol for parameter in model.parameters if parameter.name == "nest.x")
-    assert right.centre_of_mass[0].has(opened)
+    (tunable,) = (parameter.symbol for parameter in model.parameters if parameter.name == "nest.x")
+    assert right.centre_of_mass[0].has(tunable)
 
 
 def test_a_submodel_does_not_see_the_points_of_the_model() -> None:

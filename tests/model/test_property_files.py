@@ -53,7 +53,7 @@ def test_sections_of_tables_and_texts_of_other_encodings_are_passed_over(tmp_pat
     assert read_model_text(MODEL, "m.yaml", folder=tmp_path).bodies
 
 
-def test_each_key_that_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
+def test_each_key_that_is_wrong_is_reported_with_its_line(tmp_path: Path) -> None:
     number = next(i for i, line in enumerate(TYRE.splitlines(), start=1) if line.startswith("PCX1"))
     without = "".join(line for line in TYRE.splitlines(keepends=True) if not line.startswith("PCX1"))
     assert told(tmp_path, without) == [
@@ -159,7 +159,7 @@ scenes: {run: {end: 1}}
 """
 
 
-def test_choices_and_warnings_of_submodels_are_told() -> None:
+def test_choices_and_warnings_of_submodels_are_reported() -> None:
     """By the values of the instances; equal ones stand together, a value that changes with time is none."""
     model = read_model_text(CHOSEN, "m.yaml")
     assert model.choices == {"left, right": "mode 0, soft 0", "top": "mode varies, soft 1"}

@@ -244,7 +244,7 @@ def test_heights_that_are_missing_at_the_sides_are_those_beside_them(tmp_path: P
     ({"old": "long section 3,m", "new": "long section 3,mm"}, "'long section 3' is in 'mm'; it is in m"),
     ({"grid": np.where(np.arange(36).reshape(9, 4) == 13, np.nan, GRID)}, "heights are missing in a cross section, not at its sides alone"),
 ])  # fmt: skip
-def test_what_is_not_heeded_of_opencrg_is_told(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+def test_what_is_not_heeded_of_opencrg_is_reported(given: dict[str, Any], message: str, tmp_path: Path) -> None:
     with pytest.raises(ModelError) as caught:
         crg(tmp_path, "LDFI", **given)
     assert message in str(caught.value)

@@ -11,7 +11,7 @@ import pytest
 from cutjoint.view.page import Camera, Drive, make_page
 from tests.conftest import ROOT
 from tests.fmu.slaves import fmu_of
-from tests.standalone.folders import standalone_of
+from tests.standalone.c_exports import standalone_of
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LICENCES = [(ROOT / name).read_text(encoding="utf-8") for name in PROJECT["license-files"]]

@@ -29,9 +29,9 @@ def is_generated() -> bool:
     return os.environ.get("CUTJOINT_TEST_CODE") == "generated"
 
 
-def compile_model(path: Path, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
+def compile_model(path: Path, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
     """As `pipeline.compile_model`, for the interpreter."""
-    model = read_model(path, opened=opened)
+    model = read_model(path, tunable=tunable)
     return compile_scene(model, find_scene(model, scene), CompileOptions(**choices))
 
 

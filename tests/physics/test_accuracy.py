@@ -338,7 +338,7 @@ def _held(text: str, scene: str) -> Artifact:
 def test_a_run_whose_finer_ones_come_to_no_end_has_an_estimate(numerics: str) -> None:
     run, exact = (simulate(_held(HELD.replace("NUMERICS", how), "fall"), error=not i, integrator="dormand-prince" if i else None,
                            tolerance=1e-10 if i else None) for i, how in enumerate((numerics, "{}")))  # fmt: skip
-    for name, error in run.error.largest.items():
+    for name, error in run.error.max_error.items():
         true = float(np.abs(run[name] - exact[name]).max())
         assert true / 3 < error < 10 * true
 

@@ -1,4 +1,4 @@
-"""Branches at singular poses: no run takes the wrong one without a word."""
+"""Branches at singular poses: no run takes the wrong one silently."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ def test_programs_that_have_no_contacts_are_not_given_any(tmp_path: Path) -> Non
         ("at: [0, 0, 0], normal: z, along: z", "along is along the normal; write a direction across it, or leave it out"),
     ],
 )
-def test_surfaces_that_are_none_are_told(tmp_path: Path, surface: str, said: str) -> None:
+def test_surfaces_that_are_none_are_reported(tmp_path: Path, surface: str, said: str) -> None:
     path = tmp_path / "ball.yaml"
     path.write_text(ball(surface, "exponent: 1", "end: 1"))
     with pytest.raises(ModelError) as error:

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import cutjoint
 from cutjoint.compile.pipeline import compile_interpreted
-from cutjoint.run.scenes import take_model
+from cutjoint.run.scenes import load_model
 from tests.conftest import ROOT, needs_cpp
 
 Vector = NDArray[np.float64]
@@ -61,7 +61,7 @@ def test_the_load_swings_as_a_pendulum_by_hand(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "how-to" / "mechanism-recipes.md").read_text(encoding="utf-8")
     (text,) = re.findall(r'```yaml title="crane.yaml"\n(.*?)```', page, re.DOTALL)
     (tmp_path / "crane.yaml").write_text(text, encoding="utf-8")
-    run = cutjoint.simulate(compile_interpreted(*take_model(tmp_path / "crane.yaml")), accuracy=1e-7)
+    run = cutjoint.simulate(compile_interpreted(*load_model(tmp_path / "crane.yaml")), accuracy=1e-7)
     state = np.concatenate([[0, 0, -5.0], np.zeros(3)])
     for begin, end in pairwise(KINKS):
         path = solve_ivp(swing, (begin, end), state, args=(begin,), method="DOP853", rtol=1e-11, atol=1e-11, dense_output=True)

@@ -208,9 +208,9 @@ scenes: {run: {end: 40, output_step: 0.5, rates: {moves.vx: 2}}}
         course = yaw + np.arctan(drift / max(abs(v), 1)) + reach / 2 * (0.7 * turn / max(v, 1) + 0.3 * steer / needs)
         off = 40 - np.hypot(x + reach * np.cos(course), side + reach * np.sin(course) - 40)
         asked = np.clip(steer - 2 * needs * off / reach**2, -0.5, 0.5)
-        effort = 0.4 * (8 - v) + trim
-        along, across = 4 * np.clip(effort, -1, 1), -20 * drift
-        trims = 0.1 * (8 - v) * np.clip(11 - 10 * abs(effort), 0, 1)
+        statistics = 0.4 * (8 - v) + trim
+        along, across = 4 * np.clip(statistics, -1, 1), -20 * drift
+        trims = 0.1 * (8 - v) * np.clip(11 - 10 * abs(statistics), 0, 1)
         return [vx, vy, turn, along * np.cos(yaw) - across * np.sin(yaw), along * np.sin(yaw) + across * np.cos(yaw),
                 10 * (v * steer / 5 - turn), (asked - steer) * max(v, 0) / (0.04 * max(v, 0) + 0.6), trims]  # fmt: skip
 

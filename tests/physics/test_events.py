@@ -64,7 +64,7 @@ def bouncing_error(folder: Path, damping: float, method: str) -> Callable[..., f
         run = completed(simulate(artifact, **how))
         heights, switched = exact_bounces(run.t, damping, 0.5)
         told = {} if how.get("events") == "crossed" else {"floor": switched}
-        assert (run.effort.events, run.effort.events_by_element) == (sum(told.values()), told)
+        assert (run.statistics.events, run.statistics.events_by_element) == (sum(told.values()), told)
         return float(np.abs(run["mass.z"] - heights).max())
 
     return error
@@ -99,7 +99,7 @@ def test_order_of_rules_across_breaks_of_the_road(integrator: str, method: str, 
 
     def error(dt: float) -> float:
         run = completed(simulate(artifact, integrator=integrator, events="located", tolerance=1e-12, dt=dt))
-        assert run.effort.events_by_element["tyre"] >= 4
+        assert run.statistics.events_by_element["tyre"] >= 4
         return float(np.abs(run["hub.z"] - heights).max())
 
     check_order_2([error(dt) for dt in (2.5e-3, 1.25e-3, 6.25e-4)])
@@ -116,9 +116,9 @@ def test_order_of_rules_with_loops(integrator: str, method: str, closure: str, t
 
     def error(dt: float) -> float:
         run = completed(simulate(artifact, integrator=integrator, events="located", tolerance=1e-9, dt=dt, steps=tmp_path / "steps.csv"))
-        assert run.effort.events == truth.effort.events >= 2
+        assert run.statistics.events == truth.statistics.events >= 2
         if closure == "proximal" or method == "recursive-newton":
-            assert run.effort.residuals.position < 1e-10
+            assert run.statistics.residuals.position < 1e-10
         return float(np.abs(run["tip.x"] - truth["tip.x"]).max())
 
     check_order_2([error(dt) for dt in (2e-3, 1e-3, 5e-4)])
@@ -129,8 +129,8 @@ def test_factors_are_kept_where_no_event_is(tmp_path: Path) -> None:
     text = swaying_text().replace("at: -0.1", "at: -10")
     artifact = compiled(tmp_path, text, "recursive-newton")
     crossed, located = (completed(simulate(artifact, dt=1e-3, events=events)) for events in ("crossed", "located"))
-    assert located.effort.events == 0
-    assert located.effort.factorisations <= crossed.effort.factorisations + 2
+    assert located.statistics.events == 0
+    assert located.statistics.factorisations <= crossed.statistics.factorisations + 2
 
 
 def check_order_2(errors: Sequence[float]) -> None:
@@ -173,7 +173,7 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
 
     def error(**how: Any) -> float:
         run = completed(simulate(artifact, **how))
-        assert run.effort.events_by_element["tyre"] >= 4
+        assert run.statistics.events_by_element["tyre"] >= 4
         assert run["tyre.Fz"].min() > 0
         return float(np.abs(run["hub.z"] - heights).max())
 
@@ -187,10 +187,10 @@ def test_order_across_breaks_of_the_road(integrator: str, tmp_path: Path) -> Non
 def test_attempts_end_before_the_first_stage_outside(integrator: str, stages: int, share: float, tmp_path: Path) -> None:
     """An attempt that is taken again costs less than its stages; each event begins with an evaluation, its interpolant may take three."""
     run = completed(simulate(compiled(tmp_path, TABLE, "recursive"), integrator=integrator, tolerance=1e-4))
-    assert run.effort.events == 25
+    assert run.statistics.events == 25
     between = 3 * run.steps if integrator == "dop853" else 0
-    again = run.evaluations - stages * run.steps - run.effort.events - 3
-    assert again < share * stages * run.effort.rejected + between
+    again = run.evaluations - stages * run.steps - run.statistics.events - 3
+    assert again < share * stages * run.statistics.rejected + between
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_steps_end_where_a_function_of_time_jumps(method: str, how: dict[str, An
     """Piecewise parabolas, which the methods have exactly: what is left is where the jumps are."""
     run = completed(simulate(compiled(tmp_path, PULSES, method), **how))
     places, speeds = pulsed(run.t)
-    assert run.effort.events == 2
+    assert run.statistics.events == 2
     assert run["mass.vx"] == pytest.approx(speeds, abs=1e-12)
     assert run["mass.x"] == pytest.approx(places, abs=1e-12)
 

@@ -119,7 +119,7 @@ def test_rows_do_not_limit_steps() -> None:
         completed(simulate(with_rows(compiled("pendulum"), row), integrator="dormand-prince", tolerance=1e-8, end=5.0))
         for row in (1e-3, 1e-1)
     )  # fmt: skip
-    assert (many.steps, many.evaluations, many.effort.rejected) == (few.steps, few.evaluations, few.effort.rejected)
+    assert (many.steps, many.evaluations, many.statistics.rejected) == (few.steps, few.evaluations, few.statistics.rejected)
     assert many["bob.x"][::100] == pytest.approx(few["bob.x"], abs=1e-13)
     errors = [measure_errors(BY_NAME["A01"], run).largest for run in (many, few)]
     assert errors[0] < 3 * errors[1]
@@ -131,7 +131,7 @@ def test_rows_ask_for_what_lies_between() -> None:
         completed(simulate(with_rows(compiled("pendulum"), row), integrator="dop853", tolerance=1e-8, end=5.0, error=False))
         for row in (1e-3, 1.0)
     )  # fmt: skip
-    assert (many.steps, many.effort.rejected) == (few.steps, few.effort.rejected)
+    assert (many.steps, many.statistics.rejected) == (few.steps, few.statistics.rejected)
     assert many.evaluations - few.evaluations == 3 * (many.steps - len(few.t))
     assert many["bob.x"][::1000] == pytest.approx(few["bob.x"], abs=1e-13)
 
@@ -147,8 +147,8 @@ def with_rows(artifact: Artifact, row: float) -> Artifact:
 def test_loops_stay_closed(model: str, how: dict[str, float | str], tmp_path: Path) -> None:
     end = {"four_bar": 0.6, "slider_crank": 2.0, "andrews": 0.05}[model]
     run = completed(simulate(compiled(model), end=end, steps=tmp_path / "steps.csv", **how))  # type: ignore[arg-type]
-    assert run.effort.residuals.position < 1e-10
-    assert run.effort.residuals.velocity < 1e-9
+    assert run.statistics.residuals.position < 1e-10
+    assert run.statistics.residuals.velocity < 1e-9
 
 
 #: Ends of runs; the four-bar's before its first singular pose.
@@ -165,7 +165,7 @@ def test_constraints_hold_at_any_penalty(model: str, scene: str | None, end: flo
     artifact = compiled(model, scene)
     for how in ({"integrator": "dormand-prince", "tolerance": 1e-4}, {"integrator": "rk4"}):
         run = simulate(artifact, end=end, penalty=penalty, steps=tmp_path / "steps.csv", check=False, **how)  # type: ignore[arg-type]
-        assert run.effort.residuals.position < 1e-12, how
+        assert run.statistics.residuals.position < 1e-12, how
         if (model, penalty) != ("andrews", 1e12) or run.failure is None:
             completed(run)
         else:
@@ -193,7 +193,7 @@ def test_the_vehicle_over_a_bump(tmp_path: Path) -> None:
 
     def error(**how: float | str) -> float:
         run = vehicle(tmp_path, **how)
-        assert run.effort.residuals.position < 1e-10
+        assert run.statistics.residuals.position < 1e-10
         return float(np.max([np.abs(run[name] - np.interp(run.t, tight.t, tight[name])) for name in names]))
 
     check_proportional(lambda x: error(integrator="dormand-prince", tolerance=x), (1e-5, 1e-7, 1e-9), within=10.0)

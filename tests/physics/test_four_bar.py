@@ -120,7 +120,7 @@ def test_dormand_prince_loses_its_branch_at_a_coarse_tolerance(tolerance: float,
     """Known, and docs/reference/integrators.md says so: the run comes to its end with closed loops, on the other branch."""
     run = completed(simulate(two_windows("recursive"), integrator="dormand-prince", tolerance=tolerance, steps=tmp_path / "steps.csv"))
     assert largest_error(run, 2) > 1
-    assert run.effort.residuals.position < 1e-10
+    assert run.statistics.residuals.position < 1e-10
 
 
 @pytest.mark.parametrize("dt", [0.01, 0.004, 0.001, FIRST / 71])

@@ -127,8 +127,8 @@ def test_wheels_and_cams_with_laws(method: str) -> None:
     angle, w, stroke, mass = 60 * run.t, 60.0, 0.008, 0.4
     lift = stroke * (1 - np.cos(angle)) / 2
     np.testing.assert_allclose(run["stem.displacement"], lift, rtol=0, atol=error)
-    pushed = mass * (stroke / 2 * w**2 * np.cos(angle) + 9.81) + 2e4 * (lift + 0.002)
-    np.testing.assert_allclose(run["profile.force"], pushed, rtol=0, atol=3e-2 if equal else 1e-5)
+    external_wrenches = mass * (stroke / 2 * w**2 * np.cos(angle) + 9.81) + 2e4 * (lift + 0.002)
+    np.testing.assert_allclose(run["profile.force"], external_wrenches, rtol=0, atol=3e-2 if equal else 1e-5)
 
 
 def test_a_law_of_a_table_is_its_cubic() -> None:

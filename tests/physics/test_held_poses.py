@@ -104,7 +104,7 @@ def test_hosts_seek_a_rest_near_positions(tmp_path: Path) -> None:
 def test_batches_begin_there() -> None:
     model = hanging()
     batch = simulate_batch(compile_scene_batch(model, model.scenes["start"]), [{"mass": 1.0 + k} for k in range(3)])
-    assert batch.largest["lower.pitch"] == pytest.approx(0.0, abs=1e-3)  # 0.01 s after the release
+    assert batch.maximum["lower.pitch"] == pytest.approx(0.0, abs=1e-3)  # 0.01 s after the release
 
 
 def test_simulations_of_a_host_begin_there(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_simulations_of_a_host_begin_there(tmp_path: Path) -> None:
     assert sim.outputs["lower.pitch"] == pytest.approx(0.0, abs=1e-8)
 
 
-def test_a_host_is_told_where_a_scene_is_not_made_for_that(tmp_path: Path) -> None:
+def test_a_host_is_reported_where_a_scene_is_not_made_for_that(tmp_path: Path) -> None:
     """Without the pose in its scene a simulation knows no masses: what carries a force is named."""
     path = tmp_path / "hanging.yaml"
     path.write_text(TEXT.replace("pose: equilibrium, ", ""), encoding="utf-8")

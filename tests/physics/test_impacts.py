@@ -94,9 +94,9 @@ def test_a_cart_takes_its_rod_along(method: str, how: dict[str, Any], begin: flo
     w = m * length * u / (own + m * length**2)
     energy = (cart + m) * u**2 / 2 - m * length * u * w + (own + m * length**2) * w**2 / 2
     run = completed(simulate(_compiled(CART, begin, method), **how))
-    assert [impact.element for impact in run.effort.impacts] == ["rail"]
-    assert run.effort.impacts[0].time == pytest.approx(begin, abs=1e-9)
-    assert run.effort.impacts[0].work == pytest.approx(energy, rel=1e-9)
+    assert [impact.element for impact in run.statistics.impacts] == ["rail"]
+    assert run.statistics.impacts[0].time == pytest.approx(begin, abs=1e-9)
+    assert run.statistics.impacts[0].work == pytest.approx(energy, rel=1e-9)
     later = run.t > begin - 1e-9
     np.testing.assert_allclose(run["pin.angle_rate"][~later], 0, atol=1e-12)
     assert run["pin.angle_rate"][later][0] == pytest.approx(w, rel=2e-3)
@@ -119,7 +119,7 @@ def test_a_rate_jumps_through_a_gear(method: str, how: dict[str, Any]) -> None:
     later = run.t > AT_A_ROW - 1e-9
     np.testing.assert_allclose(run["load.vz"][later], 3.0, rtol=1e-6)
     np.testing.assert_allclose(run["load.z"][later], 3.0 * (run.t[later] - AT_A_ROW), atol=1e-6)
-    assert [impact.work for impact in run.effort.impacts] == [pytest.approx((4 * 1.5**2 + 10 * 3.0**2) / 2, rel=1e-6)]
+    assert [impact.work for impact in run.statistics.impacts] == [pytest.approx((4 * 1.5**2 + 10 * 3.0**2) / 2, rel=1e-6)]
     assert run.energy is not None
     assert run.energy.share < 1e-6
 
@@ -133,7 +133,7 @@ def test_steps_leave_no_jump_out_between_them(method: str, how: dict[str, Any]) 
     text = CART.replace("where(t < BEGIN, 0, 2*(t - BEGIN))", " + ".join(laws)).replace("dt: 0.002", f"dt: {length}")
     text = text.replace("end: 0.4, output_step: 0.02", "end: 0.945, output_step: 0.045")
     run = completed(simulate(_compiled(text, BETWEEN, method), error=False, **how))
-    np.testing.assert_allclose([impact.time for impact in run.effort.impacts], whens, atol=1e-9)
+    np.testing.assert_allclose([impact.time for impact in run.statistics.impacts], whens, atol=1e-9)
     assert abs(run["cart.vx"][-1]) == pytest.approx(1.0)
     m, arm, own = 2.0, 0.5, 0.3
     assert abs(run["pin.angle_rate"][-1]) == pytest.approx(m * arm / (own + m * arm**2), rel=0.05)
@@ -143,7 +143,7 @@ def test_steps_leave_no_jump_out_between_them(method: str, how: dict[str, Any]) 
 def test_a_place_that_jumps_is_no_impact(method: str, how: dict[str, Any]) -> None:
     text = HOIST.replace("where(t < BEGIN, 0, 1.5*(t - BEGIN))", "where(t < BEGIN, 0, 0.1)")
     run = simulate(_compiled(text, BETWEEN, method), check=False, error=False, **how)
-    assert run.effort.impacts == ()
+    assert run.statistics.impacts == ()
 
 
 def test_an_acceleration_that_jumps_is_no_impact() -> None:
@@ -151,7 +151,7 @@ def test_an_acceleration_that_jumps_is_no_impact() -> None:
     text = CART.replace("2*(t - BEGIN))", "where(t < BEGIN + 1e-4, 1e4*(t - BEGIN)**2, 2*(t - BEGIN) - 1e-4))")
     for how in RUNS["recursive"]:
         run = completed(simulate(_compiled(text, BETWEEN, "recursive"), error=False, **how))
-        assert run.effort.impacts == ()
+        assert run.statistics.impacts == ()
 
 
 # Beside the dense twin
@@ -232,7 +232,7 @@ def test_random_mechanisms_are_struck_as_by_dense_algebra(make: Callable[..., Mo
         for body, speeds in exact.items():
             found = np.array([run[f"{body}.{q}"][row] for q in SPEEDS])
             np.testing.assert_allclose(found, speeds, rtol=1e-6, atol=1e-7, err_msg=f"{method} {how} {body}")
-        assert sum(impact.work for impact in run.effort.impacts) == pytest.approx(work, rel=1e-6)
+        assert sum(impact.work for impact in run.statistics.impacts) == pytest.approx(work, rel=1e-6)
 
 
 #: Turns about several axes, and one mirrored.
@@ -278,7 +278,7 @@ def _placed(method: str, turn: tuple[tuple[float, ...], ...]) -> np.ndarray[Any,
     """The mass in the axes of the mechanism that lies along x, a row each."""
     matrix, model = np.array(turn), _slider_crank(np.array(turn))
     run = completed(simulate(compile_interpreted(model, model.scenes["run"], method=method), error=False, **RUNS[method][0]))
-    assert len(run.effort.impacts) == 1
+    assert len(run.statistics.impacts) == 1
     return np.stack([run[f"m.{axis}"] for axis in "xyz"], axis=1) @ matrix
 
 

@@ -117,7 +117,7 @@ def test_errors_follow_the_tolerance(name: str, end: float) -> None:
     runs = [run_of(name, integrator="radau5", tolerance=tolerance, end=end) for tolerance in tolerances]
     ratios = [measure_errors(BY_NAME[name], run).largest / tolerance for run, tolerance in zip(runs, tolerances, strict=True)]
     assert np.max(ratios) < 30 * np.min(ratios), ratios  # of nan too, which max passes over
-    assert all(run.effort.residuals.position < 1e-10 for run in runs)
+    assert all(run.statistics.residuals.position < 1e-10 for run in runs)
 
 
 def test_rows_do_not_limit_steps() -> None:
@@ -136,7 +136,7 @@ def test_stiff_modes_of_the_governor_do_not_limit_steps() -> None:
 
 def test_few_factorisations() -> None:
     run = run_of("A03", integrator="radau5", tolerance=1e-6)
-    assert run.effort.factorisations < 2 * run.steps
+    assert run.statistics.factorisations < 2 * run.steps
 
 
 SECOND_ORDER = [
@@ -153,7 +153,7 @@ def test_generalised_alpha_is_of_second_order(name: str, end: float, steps: tupl
     artifact = with_radius(compiled(problem.path), radius)
     runs = [completed(simulate(artifact, integrator="generalised-alpha", dt=dt, end=end, tolerance=1e-10)) for dt in steps]
     assert orders([measure_errors(problem, run).largest for run in runs]) == pytest.approx([2], abs=0.1)
-    assert all(run.effort.residuals.position < 1e-10 for run in runs)  # 0 of a tree, nan of what was not measured
+    assert all(run.statistics.residuals.position < 1e-10 for run in runs)  # 0 of a tree, nan of what was not measured
 
 
 SPRING = """

@@ -12,7 +12,7 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.run.scenes import find_case
 from cutjoint.run.simulation import simulate
-from cutjoint.tasks.inverse import find_drives
+from cutjoint.tasks.inverse import inverse_dynamics
 from cutjoint.topology.reading import read_model_text
 from tests.conftest import needs_cpp
 
@@ -58,7 +58,7 @@ def test_drives_bring_the_motion_about() -> None:
     model = five_bar()
     case, scene = find_case(model, "move")
     prescribed = simulate(compile_interpreted(case, scene), error=False)
-    found = find_drives(model, scene="move", drives=["ja", "jc"])
+    found = inverse_dynamics(model, scene="move", drives=["ja", "jc"])
     assert not found.redundant
     assert found.units == {"ja": "N*m", "jc": "N*m"}
     for row, t in enumerate(found.t):
@@ -74,18 +74,18 @@ def test_drives_bring_the_motion_about() -> None:
 
 def test_several_solutions_and_none() -> None:
     model = five_bar()
-    least = find_drives(model, scene="move", drives=["ja", "jb", "jc"])
+    least = inverse_dynamics(model, scene="move", drives=["ja", "jb", "jc"])
     assert least.redundant
-    two = find_drives(model, scene="move", drives=["ja", "jc"])
+    two = inverse_dynamics(model, scene="move", drives=["ja", "jc"])
     assert np.all(least["ja"] ** 2 + least["jb"] ** 2 + least["jc"] ** 2 <= two["ja"] ** 2 + two["jc"] ** 2 + 1e-12)
     with pytest.raises(RunError, match="the drives ja cannot move 'jb' as scene 'move' does"):
-        find_drives(model, scene="move", drives=["ja"])
+        inverse_dynamics(model, scene="move", drives=["ja"])
     with pytest.raises(RunError, match="prescribes the motion only in part: 1 freedoms are left"):
-        find_drives(model, scene="part")
+        inverse_dynamics(model, scene="part")
     with pytest.raises(RunError, match="prescribes no motion"):
-        find_drives(model, scene="free")
+        inverse_dynamics(model, scene="free")
     with pytest.raises(RunError, match="there is no joint 'jx'"):
-        find_drives(model, scene="move", drives=["jx"])
+        inverse_dynamics(model, scene="move", drives=["jx"])
 
 
 def test_a_pendulum_in_closed_form(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ bodies: {arm: {mass: 2, centre_of_mass: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1]}}
 joints: {pin: {kind: revolute, bodies: [ground, arm], at: [0, 0, 0], axis: y, armature: 0.4}}
 scenes: {turn: {end: 1, output_step: 0.1, drive: {pin: "sin(t)"}}}
 """
-    found = find_drives(read_model_text(text, "pendulum.yaml"))
+    found = inverse_dynamics(read_model_text(text, "pendulum.yaml"))
     angle = np.sin(found.t)
     expected = (0.1 + 2 * 0.25 + 0.4) * -np.sin(found.t) - 2 * 9.81 * 0.5 * np.cos(angle)
     assert found["pin"] == pytest.approx(expected, abs=1e-10)

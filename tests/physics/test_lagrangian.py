@@ -66,8 +66,8 @@ def test_every_scene(scene: str, method: str) -> None:
     height = np.interp(run.t, fine.t, fine["chassis.z"])
     assert run.t[-1] == pytest.approx(fine.t[-1], abs=run.t[1] - run.t[0])
     assert np.sqrt(np.mean((run["chassis.z"] - height) ** 2)) < 0.02
-    assert run.effort.residuals.position < 2e-8
-    assert run.effort.residuals.velocity < 1e-9
+    assert run.statistics.residuals.position < 2e-8
+    assert run.statistics.residuals.velocity < 1e-9
 
 
 @each_method
@@ -81,7 +81,7 @@ def test_residuals_are_reported_for_each_step(method: str, tmp_path: Path) -> No
     assert len(rows) == run.steps == 1000
     assert rows[:, 2:4].max() < 1e-9
     assert rows[:, 4].max() < 1e-7
-    assert run.effort.residuals.position >= rows[:, 2].max() > 0.0
+    assert run.statistics.residuals.position >= rows[:, 2].max() > 0.0
     assert 1 <= rows[:, 1].mean() < 5
 
 
@@ -139,7 +139,7 @@ def in_line(folder: Path, method: str) -> Artifact:
 def test_augmented_starts_in_a_singular_pose(tmp_path: Path) -> None:
     """It does not matter to it that one equation says what others say; on which branch it goes on is not determined."""
     run = completed(simulate(in_line(tmp_path, "augmented"), end=0.3))
-    assert run.effort.residuals.position < 1e-9
+    assert run.statistics.residuals.position < 1e-9
     assert np.hypot(run["tip.x"], run["tip.y"]) == pytest.approx(np.ones(run.t.size), abs=1e-8)
 
 

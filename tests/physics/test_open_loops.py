@@ -44,7 +44,7 @@ def turning(guide: str) -> Artifact:
         return compile_text(Path(folder), FOUR_BAR.replace("GUIDE", guide))
 
 
-def test_a_gap_behind_a_guide_that_jumps_is_told_and_counted() -> None:
+def test_a_gap_behind_a_guide_that_jumps_is_reported_and_counted() -> None:
     """Two steps agree on what neither has right, a run that closes its loops shows it: estimates are near the true errors."""
     run, finer = (simulate(turning("turn"), inputs=JUMP, integrator="trapezoidal", dt=dt) for dt in (5e-4, 2.5e-4))
     exact = simulate(turning("turn"), inputs=JUMP, integrator="dormand-prince", tolerance=1e-9, error=False)

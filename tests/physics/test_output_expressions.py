@@ -75,7 +75,7 @@ def test_a_tolerance_means_radians_whatever_the_unit(unit: str, size: float) -> 
     found, known = (simulate(compile_scene(m, m.scenes["tried"])) for m in (model, plain))
     assert found.steps == known.steps
     assert np.array_equal(found["turn"], size * known["hinge.angle"])
-    assert found.error.largest["turn"] == pytest.approx(size * known.error.largest["hinge.angle"], rel=1e-3)
+    assert found.error.max_error["turn"] == pytest.approx(size * known.error.max_error["hinge.angle"], rel=1e-3)
 
 
 @needs_cpp

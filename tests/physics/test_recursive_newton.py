@@ -36,7 +36,7 @@ def test_long_steps_on_stiff_bumpers() -> None:
     artifact = compiled("iltis", "simul1s")
     for dt in (0.005, 0.0075, 0.01):
         run = finished(artifact, dt=dt)
-        assert run.effort.residuals.position < 1e-10
+        assert run.statistics.residuals.position < 1e-10
         assert np.isfinite(np.array(list(run.columns.values()))).all()
 
 
@@ -44,7 +44,7 @@ def test_long_steps_on_stiff_bumpers() -> None:
 def test_iterations_on_stiff_bumpers(dt: float, at_most: float) -> None:
     """Measured: 3.02, 3.70, 4.29 on average.  Four were asked for at each; 10 ms is the known shortfall."""
     run = finished(compiled("iltis", "simul1s"), dt=dt)
-    assert run.effort.iterations < at_most * run.steps
+    assert run.statistics.iterations < at_most * run.steps
 
 
 def test_operations_of_an_iteration_stay_what_they_are() -> None:
@@ -60,8 +60,8 @@ def test_operations_of_an_iteration_stay_what_they_are() -> None:
 def test_very_long_steps_on_stiff_bumpers(dt: float) -> None:
     """Contacts that the iteration does not find its way through at once, which steps in parts do."""
     run = finished(compiled("iltis", "simul1s"), dt=dt)
-    assert run.effort.residuals.position < 1e-10
-    assert run.effort.residuals.velocity < 1e-5
+    assert run.statistics.residuals.position < 1e-10
+    assert run.statistics.residuals.velocity < 1e-5
 
 
 def test_steps_in_parts() -> None:
@@ -70,11 +70,11 @@ def test_steps_in_parts() -> None:
     numerics = replace(artifact.scene.numerics, iterations=2)
     whole = finished(artifact, dt=0.005, end=4.0)
     parts = finished(replace(artifact, scene=replace(artifact.scene, numerics=numerics)), dt=0.005, end=4.0)
-    assert whole.effort.substeps == 0
-    assert parts.effort.substeps >= 2
+    assert whole.statistics.substeps == 0
+    assert parts.statistics.substeps >= 2
     assert parts.steps == whole.steps
     assert parts.t == pytest.approx(whole.t, abs=1e-12)
-    assert parts.effort.residuals.position < 1e-10
+    assert parts.statistics.residuals.position < 1e-10
     assert parts.columns["chassis.z"] == pytest.approx(whole.columns["chassis.z"], abs=2e-4)
 
 
@@ -91,9 +91,9 @@ def test_a_step_whose_parts_fail_ends_the_run() -> None:
 def test_short_steps_keep_their_factors() -> None:
     """A tangent in less than four of ten steps, where it would cost as much as three or four iterations; no step is taken in parts."""
     run = finished(compiled("iltis", "simul1"), dt=0.00125, end=5.0)
-    assert run.effort.factorisations < 0.4 * run.steps
-    assert run.effort.iterations < 2.8 * run.steps
-    assert run.effort.substeps == 0
+    assert run.statistics.factorisations < 0.4 * run.steps
+    assert run.statistics.iterations < 2.8 * run.steps
+    assert run.statistics.substeps == 0
 
 
 def test_accuracy_does_not_depend_on_kept_factors() -> None:
@@ -111,7 +111,7 @@ def test_long_steps_of_the_vehicle() -> None:
     for column in ("chassis.z", "chassis.pitch"):
         assert long.columns[column][-1] == pytest.approx(short.columns[column][-1], abs=2e-4)
     run = finished(artifact, dt=0.03)
-    assert run.effort.residuals.position < 1e-10
+    assert run.statistics.residuals.position < 1e-10
 
 
 def test_order_two_on_the_stiff_governor() -> None:
@@ -147,8 +147,8 @@ def test_four_bar_steps_over_its_singular_poses(dt: float, gap: float, integrato
     run = finished(compiled("four_bar"), dt=dt, integrator=integrator)
     assert np.hypot(run.columns["tip.x"], run.columns["tip.y"]) == pytest.approx(np.ones(len(run.t)), abs=1e-9)
     assert np.abs(run.columns["tip.y"] - np.cos(parallelogram(run.t))).max() < (30 if gap > 1e-10 else 10) * dt**2
-    assert run.effort.residuals.position < gap
-    assert run.effort.residuals.velocity < 1e-6
+    assert run.statistics.residuals.position < gap
+    assert run.statistics.residuals.velocity < 1e-6
 
 
 @pytest.mark.parametrize("integrator", ["trapezoidal", "generalised-alpha"])
@@ -160,7 +160,7 @@ def test_four_bar_says_where_it_meets_a_singular_pose(dt: float, integrator: str
     assert "the pose is singular, or nearly" in run.failure.message
     assert run.failure.advice == "try: another dt, or the methods augmented and recursive, which can cross such poses"
     assert np.abs(run.columns["tip.y"] - np.cos(parallelogram(run.t))).max() < 10 * dt**2
-    assert run.effort.residuals.position < 2e-9
+    assert run.statistics.residuals.position < 2e-9
 
 
 def with_penalty(artifact: Artifact, penalty: float) -> Artifact:
@@ -179,9 +179,9 @@ LEAST_PENALTIES = [
 def test_constraints_hold_at_any_penalty_from_the_least_on(model: str, scene: str | None, end: float, least: float) -> None:
     """The issue's bound is 1e-10 m; 2e-12 is the most of these, Andrews' mechanism at 1e9."""
     runs = [finished(with_penalty(compiled(model, scene), penalty), end=end) for penalty in (least, 1e10, 1e12)]
-    assert [run.effort.penalty for run in runs] == [least, 1e10, 1e12]
-    assert all(run.effort.residuals.position < 1e-11 for run in runs)
-    assert runs[0].effort.iterations > runs[1].effort.iterations  # it does act
+    assert [run.statistics.penalty for run in runs] == [least, 1e10, 1e12]
+    assert all(run.statistics.residuals.position < 1e-11 for run in runs)
+    assert runs[0].statistics.iterations > runs[1].statistics.iterations  # it does act
     for column in runs[0].columns:
         size = np.abs(runs[2].columns[column]).max()
         assert runs[0].columns[column] == pytest.approx(runs[2].columns[column], abs=1e-4 * (1 + size)), column

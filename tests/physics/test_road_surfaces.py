@@ -84,7 +84,7 @@ def run(folder: Path, model: str, integrator: str = "dormand-prince", steps: Map
     ],
 )
 def test_a_surface_is_the_ground_by_expressions(tmp_path: Path, method: str, integrator: str, tolerance: float) -> None:
-    ground = f"ground_height: {BOWL}\n    ground_slope: {SLOPE}\n    ground_bank: {BANK}"
+    ground = f"terrain_height: {BOWL}\n    terrain_slope: {SLOPE}\n    terrain_bank: {BANK}"
     asked = run(tmp_path, text("{}", more=ground))
     steps = {"dt": 2.5e-4} if integrator == "trapezoidal" else {}
     found = run(tmp_path, text(bowl()), integrator, steps, method=method)

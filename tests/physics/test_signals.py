@@ -110,19 +110,20 @@ def exact_carts(start: tuple[float, ...] = (0.3, 0, 0, -1, 0.5)) -> dict[str, np
     def parts(t: float, y: np.ndarray) -> tuple[float, ...]:
         x1, x2, _, v2, _ = y
         length = np.hypot(x2 - x1, 1)
-        pushed = 6 * x2 - 2 * v2 * x1 + 4 * np.cos(3 * t)
-        return length - 1, pushed, 40 * (length - 1) + 3 * v2, (x2 - x1) / length
+        external_wrenches = 6 * x2 - 2 * v2 * x1 + 4 * np.cos(3 * t)
+        return length - 1, external_wrenches, 40 * (length - 1) + 3 * v2, (x2 - x1) / length
 
     def derive(t: float, y: np.ndarray) -> list[float]:
         x1, x2, v1, v2, heard = y
-        _, pushed, rod, along = parts(t, y)
-        pull = -20 * x1 + pushed
+        _, external_wrenches, rod, along = parts(t, y)
+        pull = -20 * x1 + external_wrenches
         return [v1, v2, (pull + rod * along) / 2, -8 * x2 - heard + 0.2 * rod - rod * along, (pull - heard) / 0.1]
 
     t = np.linspace(0, 1, 21)
     y = solve_ivp(derive, (0, 1), start, t_eval=t, rtol=1e-12, atol=1e-12).y
-    stretch, pushed, rod, _ = parts(t, y)
-    return {"one.x": y[0], "two.x": y[1], "heard.value": y[4], "pushed.value": pushed, "stretch.value": stretch, "rod.force": rod}
+    stretch, external_wrenches, rod, _ = parts(t, y)
+    return {"one.x": y[0], "two.x": y[1], "heard.value": y[4], "pushed.value": external_wrenches, "stretch.value": stretch,
+        "rod.force": rod}
 
 
 def exact(model: Model) -> dict[str, np.ndarray]:

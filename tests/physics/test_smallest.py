@@ -48,7 +48,7 @@ def test_states_run_beside_a_motion_that_is_wholly_prescribed(method: str, integ
     run = _run(text, method, integrator)
     assert run["a.x"][-1] == pytest.approx(0.1 * np.sin(1.0), abs=1e-14)
     assert run["w.value"][-1] == pytest.approx(_filtered(0.1), abs=2e-5)  # the trapezoidal rule by 1 ms
-    drives = cutjoint.find_drives(read_model_text(text, "g.yaml"))
+    drives = cutjoint.inverse_dynamics(read_model_text(text, "g.yaml"))
     assert drives["s"] == pytest.approx(-10 * np.sin(10 * drives.t), abs=1e-9)
 
 

@@ -35,9 +35,9 @@ def run(text: str, *, tolerance: float, closure: str = "solved", **settings: Any
     return completed(simulate(made, check=False, integrator="dormand-prince", tolerance=tolerance, **settings))
 
 
-def effort(trajectory: Trajectory) -> float:
+def statistics(trajectory: Trajectory) -> float:
     """The evaluations of an attempted step."""
-    return trajectory.evaluations / (trajectory.steps + trajectory.effort.rejected)
+    return trajectory.evaluations / (trajectory.steps + trajectory.statistics.rejected)
 
 
 @pytest.mark.parametrize("corners", [BENNETT, BRICARD], ids=["Bennett", "Bricard"])
@@ -47,7 +47,7 @@ def test_overconstrained_chains_keep_their_energy(corners: tuple[tuple[float, ..
     Between steps states are off the motion by the error of a stage, where equations that depend on each other there contradict each other.
     """
     trajectory = run(skew_chain_text(corners, "{end: 1, output_step: 0.1}"), tolerance=1e-11)
-    assert effort(trajectory) < EVALUATIONS
+    assert statistics(trajectory) < EVALUATIONS
     assert trajectory.energy is not None
     assert trajectory.energy.share < 1e-8
 
@@ -62,7 +62,7 @@ def test_four_bars_follow_their_pendulum(windows: int) -> None:
     trajectory = completed(simulate(compile_scene(model, scene), check=False, integrator="dormand-prince", tolerance=1e-10))
     tip = np.stack([trajectory.columns["tip.x"], trajectory.columns["tip.y"]], axis=1)
     assert np.abs(tip - exact_tip(windows, trajectory.t)).max() < 2e-8
-    assert effort(trajectory) < EVALUATIONS
+    assert statistics(trajectory) < EVALUATIONS
 
 
 #: Hanging cranks, which swing and never come in line.
@@ -92,7 +92,7 @@ def test_redundant_reactions_follow_from_the_state() -> None:
         lambda _, s: [s[1], -weight / inertia * np.sin(s[0])], (0, 20), [begun, 0], method="DOP853", rtol=1e-12, atol=1e-12
     )
     assert abs(begun + angle - exact.y[0, -1]) < 1e-6
-    assert effort(late) < EVALUATIONS
+    assert statistics(late) < EVALUATIONS
     start = f"positions: {{pin_0.angle: {angle!r}}}, rates: {{pin_0.angle_rate: {rate!r}}}, end: 0.01, output_step: 0.01"
     there = run(cranks_text(start), tolerance=1e-9)
     for name in ("r.Fx", "r.Fy"):
@@ -105,7 +105,7 @@ def test_drawn_mechanisms_take_one_pass(draw: Callable[[int], str], seed: int) -
     """Beside multipliers that are corrected until they stay, at a hundredth of the tolerance."""
     made = run(draw(seed), tolerance=1e-10)
     exact = run(draw(seed), tolerance=1e-12, closure="proximal")
-    assert effort(made) < EVALUATIONS
+    assert statistics(made) < EVALUATIONS
     assert max(np.abs(made.columns[name] - exact.columns[name]).max() for name in made.columns) < 2e-8
 
 
@@ -167,7 +167,7 @@ def toggle_motion(t: np.ndarray) -> np.ndarray:
 def test_passes_are_repeated_where_one_is_not_enough() -> None:
     trajectory = run(toggle_text(), tolerance=1e-11)
     assert np.abs(trajectory.columns["pin.angle"] - toggle_motion(trajectory.t)).max() < 2e-8
-    assert effort(trajectory) > EVALUATIONS
+    assert statistics(trajectory) > EVALUATIONS
 
 
 def test_integrators_choose_the_closure() -> None:

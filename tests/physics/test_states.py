@@ -169,7 +169,7 @@ def test_a_pose_at_rest_has_states_at_rest() -> None:
 
 def test_modes_have_the_rates_of_states() -> None:
     modes = find_scene_modes(at_rest(), at_rest().scenes["run"])
-    assert modes.freedoms == 1
+    assert modes.degrees_of_freedom == 1
     angle = find_scene_equilibrium(at_rest(), at_rest().scenes["run"]).values["arm.pitch"]
     swinging = np.roots([INERTIA, 2, 1 + WEIGHT * np.sin(angle)])
     found = [mode.eigenvalue for mode in modes.modes]

@@ -40,7 +40,7 @@ TABLES = {
     "mf62s": ("magic_formula_62", "wheel_mf62", ("kappa", "alpha", "gamma", "load", "vx", "spin", "pressure")),
 }
 KINDS = ("52", "62")
-TOLD = ("Fx", "Fy", "Mx", "My", "Mz", "sigma_x", "sigma_y", "Re")
+REPORTED = ("Fx", "Fy", "Mx", "My", "Mz", "sigma_x", "sigma_y", "Re")
 
 
 def of_formula(name: str, also: Sequence[str] = (), more: str = "") -> str:
@@ -53,7 +53,7 @@ def of_formula(name: str, also: Sequence[str] = (), more: str = "") -> str:
     defaults = {name: value for name, value in of_wheel["defaults"].items() if name in used}
     given = ", ".join(f"{x}: {x}" for x in motion)
     inputs = "\n".join(f"  {x}: {{value: 1, binding: input}}" for x in motion)
-    outputs = ", ".join(f"bench.f.{x}.value" for x in TOLD)
+    outputs = ", ".join(f"bench.f.{x}.value" for x in REPORTED)
     return f"""
 cutjoint: 1
 name: tables
@@ -83,7 +83,7 @@ def test_forces_are_those_of_the_tables(name: str) -> None:
     rows = np.arange(len(table["kappa"]), dtype=float)
     inputs = {x: {"t": rows, "value": table[x], "interpolation": "linear"} for x in TABLES[name][2]}
     run = completed(simulate(compile_scene(model, model.scenes["run"]), inputs=inputs, end=rows[-1], error=False))
-    for quantity in TOLD:
+    for quantity in REPORTED:
         expected, within = table[quantity], 1e-6 if quantity == "Mz" else 1e-9
         assert run[f"bench.f.{quantity}.value"] == pytest.approx(expected, rel=0, abs=within * np.abs(expected).max())
 
@@ -303,14 +303,14 @@ def test_a_braked_wheel_is_pushed_off_at_the_limit_of_friction(kind: str) -> Non
     """Within 0.05 % of the largest force that its formula has, which a sliding wheel goes through."""
     pull = "end: 40, output_step: 0.1, numerics: {dt: 0.002}, inputs: {brake: 5000, pull: {table: %s, interpolation: linear}}"
 
-    def pushed(force: float, before: float) -> Trajectory:
+    def external_wrenches(force: float, before: float) -> Trajectory:
         table = f"{{t: [0, 10, 20, 40], value: [0, {before}, {force}, {force}]}}"
         return run(corner(kind, LEVEL, pull % table), "recursive-newton", integrator="trapezoidal")
 
-    limit = -pushed(4500, 0)["w.rolling.contact.Fx"].min()
+    limit = -external_wrenches(4500, 0)["w.rolling.contact.Fx"].min()
     assert limit == pytest.approx(4000, rel=0.05)
-    assert pushed(0.9995 * limit, 0.99 * limit)["cart.x"].max() < 0.1
-    assert pushed(1.0005 * limit, 0.99 * limit)["cart.x"][-1] > 100
+    assert external_wrenches(0.9995 * limit, 0.99 * limit)["cart.x"].max() < 0.1
+    assert external_wrenches(1.0005 * limit, 0.99 * limit)["cart.x"][-1] > 100
 
 
 PAIR = """

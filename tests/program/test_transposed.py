@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.pipeline import generate
-from cutjoint.formulate.implicit.equations import formulate_balance
+from cutjoint.formulate.implicit.equations import formulate_residual
 from cutjoint.formulate.lanes import schedule_recursive
-from cutjoint.formulate.transposed import Derived, linearise_balance, transpose
+from cutjoint.formulate.transposed import Derived, linearise_residual, transpose
 from cutjoint.methods import METHODS, Loops
 from cutjoint.program.blocks import FUNCTIONS, BindingTime
+from cutjoint.program.elimination import adjoint, slopes
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
 from cutjoint.program.scalars import Graph
-from cutjoint.program.slopes import adjoint, slopes
-from cutjoint.run.scenes import take_model, with_loops
+from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.run.settings import find_closure
 from tests.conftest import MODELS
 
@@ -44,7 +44,7 @@ class Ground:
 
 
 @pytest.mark.parametrize("function", [f for f in _PLACES if f not in ("lt", "le", "and", "or", "not")])
-def test_each_function_has_its_slopes(function: str) -> None:
+def test_each_function_has_its_derivatives(function: str) -> None:
     graph = Graph()
     numbers = _PLACES[function]
     args = tuple(graph.symbol("x", i, BindingTime.ITERATION) for i in range(len(numbers)))
@@ -73,12 +73,12 @@ def test_lanes_are_gathered_summed_and_taken() -> None:
     assert [slopes[found[n]] for n in (a, b, u)] == [7.0, 7.0 + 30.0, 7.0]
 
 
-@pytest.mark.parametrize(("model", "scene", "opened", "share"), [
+@pytest.mark.parametrize(("model", "scene", "tunable", "share"), [
     ("pendulum", None, ["*.mass"], 1e-9), ("press", None, ["*.mass", "A.z"], 1e-9), ("four_bar", None, ["*.mass"], 1e-9),
     ("axle", "bump", ["*.mass"], 1e-8), ("iltis", "simul1", ["*.mass"], 1e-7),
 ])  # fmt: skip
-def test_models(model: str, scene: str | None, opened: list[str], share: float) -> None:
-    generated = generate(*(given := take_model(MODELS / f"{model}.yaml", scene, opened)), given[1].outputs)
+def test_models(model: str, scene: str | None, tunable: list[str], share: float) -> None:
+    generated = generate(*(given := load_model(MODELS / f"{model}.yaml", scene, tunable)), given[1].outputs)
     transposed = transpose(generated.equations, generated.program)  # type: ignore[arg-type]
     inputs = _drawn(transposed.program, [p.value for p in generated.equations.parameters])
     roads = dict.fromkeys(generated.equations.roads, Ground())
@@ -138,7 +138,7 @@ def _slopes(
     return {(r.target.removeprefix("by_"), r.index + k): float(x) for r, k, x in lanes}
 
 
-def test_slopes_by_elimination_are_those_of_adjoints() -> None:
+def test_derivatives_by_elimination_are_those_of_adjoints() -> None:
     """Of results that numbers reach by lanes that are gathered, summed, taken and spread; a choice keeps out what has no value there."""
     graph = Graph()
     x = [graph.symbol("x", i, BindingTime.ITERATION) for i in range(6)]
@@ -161,18 +161,18 @@ def test_slopes_by_elimination_are_those_of_adjoints() -> None:
 
 
 @pytest.mark.parametrize(("model", "scene", "loops"), [
-    ("pendulum", None, Loops.EXACT), ("press", None, Loops.COMPILED), ("iltis", "simul1", Loops.COMPILED),
+    ("pendulum", None, Loops.EXACT), ("press", None, Loops.EMBEDDED), ("iltis", "simul1", Loops.EMBEDDED),
     ("press", None, Loops.EXACT), ("iltis", "simul1", Loops.EXACT),
 ])  # fmt: skip
 def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> None:
     """Nothing is left of it at the accelerations of the recursion and corrected multipliers, of loops what their penalties let give way,
     and it changes along all that it follows from as differences say."""
-    read, chosen = take_model(MODELS / f"{model}.yaml", scene, ["*.mass"])
+    read, chosen = load_model(MODELS / f"{model}.yaml", scene, ["*.mass"])
     generated = generate(read, with_loops(chosen, loops), chosen.outputs)
     closure = find_closure(chosen.numerics, METHODS["recursive"]).name
-    balance = formulate_balance(generated.equations, closure)  # type: ignore[arg-type]
+    balance = formulate_residual(generated.equations, closure)  # type: ignore[arg-type]
     program = schedule_recursive(balance, lanes=True)
-    derived = linearise_balance(balance, program)
+    derived = linearise_residual(balance, program)
     parameters = [p.value for p in balance.parameters]
     inputs = _drawn(generated.program, parameters) | _drawn(program, parameters)
     for symbol, numbers in inputs.items():
@@ -219,7 +219,7 @@ def test_the_balance_of_forces(model: str, scene: str | None, loops: Loops) -> N
     for symbol, slot in balance.slots.items():
         if slot.array in columns and symbol in ways:
             columns[slot.array][slot.offset : slot.offset + len(ways[symbol])] = ways[symbol]
-    numbers, found = np.concatenate(list(columns.values())), of("balance_slopes")
+    numbers, found = np.concatenate(list(columns.values())), of("residual_jacobian")
     entries = ((row, column) for row, of_row in enumerate(derived.columns) for column in of_row)
     along = np.zeros(len(still))
     for i, (row, column) in zip(derived.places, entries, strict=True):

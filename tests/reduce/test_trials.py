@@ -44,7 +44,7 @@ def test_a_run_is_the_same_when_its_code_is_compiled(method: str) -> None:
     assert distance(first, again) < 1e-8
     if not METHODS[method].has_system:
         _, program = schedule_method(model, scene, scene.outputs, method=method)
-        assert trials.instructions(again) == again.effort.iterations * program.instructions("evaluate")
+        assert trials.instructions(again) == again.statistics.iterations * program.instructions("evaluate")
 
 
 def test_long_runs_are_compiled() -> None:

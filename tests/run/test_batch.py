@@ -105,7 +105,7 @@ def check_same(batch: Batch, i: int, run: Trajectory, *left_out: str) -> None:
         if name in left_out:
             continue
         size = 1.0 + float(np.abs(column).max())
-        for table, value in ((batch.end, column[-1]), (batch.smallest, column.min()), (batch.largest, column.max())):
+        for table, value in ((batch.end, column[-1]), (batch.minimum, column.min()), (batch.maximum, column.max())):
             assert table[name][i] == pytest.approx(value, abs=1e-8 * size), name
 
 
@@ -117,7 +117,7 @@ def test_each_run_is_that_of_its_parameters_alone() -> None:
         assert run.failure is None
         check_same(batch, i, run)
         assert batch.evaluations[i] == pytest.approx(run.evaluations, rel=0.02)  # those of a step end by rounding's leave
-    assert batch.largest["bumper.force"].max() == 0.0 > batch.smallest["bumper.force"].min()  # the stop acted
+    assert batch.maximum["bumper.force"].max() == 0.0 > batch.minimum["bumper.force"].min()  # the stop acted
     assert len({round(x, 6) for x in batch.end["chassis.z"]}) == len(CASES)
 
 
@@ -163,7 +163,7 @@ def test_threads_change_nothing() -> None:
     one, two = (simulate_batch(compiled(), CASES, threads=threads) for threads in (1, 100))
     for name in one.end:
         assert np.array_equal(one.end[name], two.end[name])
-        assert np.array_equal(one.largest[name], two.largest[name])
+        assert np.array_equal(one.maximum[name], two.maximum[name])
 
 
 def test_a_run_that_fails_does_not_stop_the_others() -> None:

@@ -60,8 +60,8 @@ def test_steps_against_the_clock_of_a_run_without_a_start(tmp_path: Path) -> Non
         times = run_in_real_time(pendulum(), parameters=NO_START, out=place, check=False)
         assert times.failure is not None
         assert times.failure.message == FAILURE
-        assert times.took.size == times.late.size == 0
-        assert run_in_real_time(pendulum(), out=out).took.size == 2
+        assert times.durations.size == times.lateness.size == 0
+        assert run_in_real_time(pendulum(), out=out).durations.size == 2
 
 
 def test_the_command_says_why_a_run_against_the_clock_has_no_start(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ COMMANDS = ("simulate --no-error --dt 1ms --out run.csv", "modes", "modes --at 0
 
 
 @pytest.mark.parametrize(("text", "place"), [(STRUT, "strut.yaml:17:32"), (DRIVEN, "strut.yaml:13:3")], ids=["positions", "guide"])
-def test_a_loop_that_cannot_close_is_told_in_the_same_words_everywhere(text: str, place: str, tmp_path: Path) -> None:
+def test_a_loop_that_cannot_close_is_reported_in_the_same_words_everywhere(text: str, place: str, tmp_path: Path) -> None:
     """The circle that the strut's head reaches leaves the arm's, of radius |AB|: the gap is what is left between the two at least."""
     (tmp_path / "strut.yaml").write_text(text, encoding="utf-8")
     told = set()

@@ -42,7 +42,7 @@ forces:
 outputs: [block.x, block.vx]
 scenes: {stop: {end: 1, output_step: 0.1, rates: {slide.displacement_rate: 1}}}
 """
-STANDS_STILL = "the run stands still: its steps have become too short for it to reach its end"
+STEP_SIZE_TOO_SMALL = "the run stands still: its steps have become too short for it to reach its end"
 #: In a step of 10 ms no iteration converges with it.
 STIFF = {"friction": 0.0, "stiffness": 1e12}
 
@@ -103,8 +103,8 @@ def test_what_nobody_chose_gives_way_to_what_can() -> None:
     for check in (True, False):
         run = simulate(block(), check=check)
         assert run["block.x"][-1] == pytest.approx(0.25, abs=2e-3)
-        assert run.instead.startswith("events crossed, since dormand-prince stopped: 'contact' (block.yaml:9)")
-        assert "; make its law continuous there, or let steps go over it" in run.instead
+        assert run.fallback.startswith("events crossed, since dormand-prince stopped: 'contact' (block.yaml:9)")
+        assert "; make its law continuous there, or let steps go over it" in run.fallback
         assert np.isfinite(run.error["block.x"])
         assert any("since dormand-prince stopped" in str(cell) for cell in run_facts(block().compilation, run).columns[1].cells)
     with pytest.raises(FailedRunError, match=r"tried up to .* events crossed"):
@@ -200,12 +200,12 @@ def test_a_run_that_would_not_end_stops_and_says_why(method: str, integrator: st
     run = start(make_simulator_run(compiled, Options(integrator=integrator, events=events)), seconds=300)
     assert run.evaluations < 10**6
     assert run.failure is not None
-    assert run.failure.message in ("'dry' (stuck.yaml:11) switches to and fro without end", STANDS_STILL)
+    assert run.failure.message in ("'dry' (stuck.yaml:11) switches to and fro without end", STEP_SIZE_TOO_SMALL)
     assert run.failure.advice
-    assert ("sign(rate)" in run.failure.advice) == (run.failure.message == STANDS_STILL)
+    assert ("sign(rate)" in run.failure.advice) == (run.failure.message == STEP_SIZE_TOO_SMALL)
 
 
-def test_a_run_that_stands_still_is_told_what_was_tried() -> None:
+def test_a_run_that_stands_still_is_reported_what_was_tried() -> None:
     model = read_model_text(STUCK, "stuck.yaml")
     (scene,) = model.scenes.values()
     for method, other in (("recursive", "recursive-newton"), ("recursive-newton", "recursive")):

@@ -94,7 +94,7 @@ def test_the_command_draws_them_when_compiled_and_from_the_cache(tmp_path: Path)
     first = call("--scene", "again", "--out", tmp_path / "again.csv", "--plots", folder)
     assert {path.name for path in folder.iterdir()} == {"position.png", "velocity.png"}
     for name in ("one", "two"):
-        said = call("--scene", "fall", "--out", tmp_path / "run.csv", "--plots", tmp_path / name, "--beside", tmp_path / "again.csv")
+        said = call("--scene", "fall", "--out", tmp_path / "run.csv", "--plots", tmp_path / name, "--compare", tmp_path / "again.csv")
         assert {path.name for path in (tmp_path / name).iterdir()} == {"path.png", "both.png"}
         assert f"plots: {tmp_path / name / 'path.png'}, {tmp_path / name / 'both.png'}" in said
     assert "plots: " in first
@@ -119,7 +119,7 @@ def test_a_file_that_is_no_table_is_named(tmp_path: Path) -> None:
     file = tmp_path / "swing.yaml"
     for content in (TEXT.encode(), b"\xff\xfe", b"t,a\n1\n", b"t,a\n1,x\n", b"stiffness\n1000\n", b""):
         file.write_bytes(content)
-        with pytest.raises(RunError, match=r"--beside .*swing\.yaml: this is no table of a run"):
+        with pytest.raises(RunError, match=r"--compare .*swing\.yaml: this is no table of a run"):
             read_others([file])
-    words = ["simulate", str(file), "--out", "run.csv", "--beside", str(file)]
-    assert "--beside: its runs are drawn in plots; add --plots FOLDER" in CliRunner().invoke(main, words).output
+    words = ["simulate", str(file), "--out", "run.csv", "--compare", str(file)]
+    assert "--compare: its runs are drawn in plots; add --plots FOLDER" in CliRunner().invoke(main, words).output

@@ -96,7 +96,7 @@ def test_numbers_follow() -> None:
         ("rolled", {"k": 0.0}, "strut.yaml:10:3: tyre 'tyre': radius has no finite value with a = 2, k = 0"),
     ],
 )
-def test_what_has_no_value_is_told_with_its_place(scene: str, changes: dict[str, float], message: str) -> None:
+def test_what_has_no_value_is_reported_with_its_place(scene: str, changes: dict[str, float], message: str) -> None:
     with pytest.raises(RunError) as error:
         follow(scene, **changes)
     assert message in str(error.value)

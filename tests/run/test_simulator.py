@@ -57,7 +57,7 @@ def test_many_complaints_hold_nobody_up(script: Script) -> None:
         ("print('{\"status\": \"done\"}'); sys.exit(2)", "the simulator ended with status 2"),
     ],
 )
-def test_what_is_no_summary_is_told(text: str, message: str, script: Script) -> None:
+def test_what_is_no_summary_is_reported(text: str, message: str, script: Script) -> None:
     with pytest.raises(SimulatorError, match=f"^{message}$"):
         call_simulator(script(text), {})
 
@@ -88,7 +88,7 @@ def test_a_simulator_that_nobody_follows_is_ended(script: Script, tmp_path: Path
         (b"#!/bin/sh\n", 0o644, "Permission denied"),
     ],
 )
-def test_what_cannot_be_run_is_told(content: bytes, mode: int, reason: str, tmp_path: Path) -> None:
+def test_what_cannot_be_run_is_reported(content: bytes, mode: int, reason: str, tmp_path: Path) -> None:
     path = tmp_path / "simulator"
     path.write_bytes(content)
     path.chmod(mode)

@@ -81,7 +81,7 @@ def test_the_implicit_integrator_takes_over(tmp_path: Path, monkeypatch: pytest.
      ("", ("--method", "recursive"), "stability limits them, not accuracy; use --method recursive-newton"),
      (", numerics: {integrator: dormand-prince}", (), "stability limits them, not accuracy; use --method recursive-newton")],
 )  # fmt: skip
-def test_who_has_chosen_is_told(settings: str, options: tuple[str, ...], words: str, tmp_path: Path) -> None:
+def test_who_has_chosen_is_reported(settings: str, options: tuple[str, ...], words: str, tmp_path: Path) -> None:
     said, _ = run(tmp_path, settings, *options)
     assert words in said
     assert "went over" not in said

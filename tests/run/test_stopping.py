@@ -17,7 +17,7 @@ from tests.conftest import MODELS
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
-def test_signals_raise_and_are_told(number: signal.Signals) -> None:
+def test_signals_raise_and_are_reported(number: signal.Signals) -> None:
     def work() -> None:
         os.kill(os.getpid(), number)
         time.sleep(10)

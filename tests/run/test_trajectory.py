@@ -44,7 +44,7 @@ def test_a_copy_has_the_same(again) -> None:  # type: ignore[no-untyped-def]
 
 def test_a_figure_has_a_panel_for_each_unit_and_a_line_for_each_column_of_each_run() -> None:
     run, other = a_run(), replace(a_run(), columns=Columns({"tip.z": 3 * T}))
-    over_time = run.plot(beside={"stiff": other})
+    over_time = run.plot(compare={"stiff": other})
     labels = [[line.get_label() for line in panel.get_lines()] for panel in over_time.axes]
     assert labels == [["tip.z", "tip.z, stiff", "arm.<b>"], ["hinge.angle"]]
     assert [panel.get_ylabel() for panel in over_time.axes] == ["[m]", "[rad]"]
@@ -64,13 +64,13 @@ def test_a_notebook_has_a_row_for_each_column_with_the_error_where_it_is_known()
     assert "<tr><td>hinge.angle</td><td>rad</td><td>0</td><td>2</td><td>0</td><td>2</td></tr>" in html
     assert "arm.&lt;b&gt;" in html
     assert "<b>" not in html
-    known = replace(run, estimator=lambda _: ErrorEstimate(largest=dict.fromkeys(UNITS, 1e-5), units=UNITS, converged=True))
+    known = replace(run, estimator=lambda _: ErrorEstimate(max_error=dict.fromkeys(UNITS, 1e-5), units=UNITS, converged=True))
     assert known.error.converged
     assert "<td>2</td><td>0</td><td>2</td><td>1e-05</td></tr>" in known._repr_html_()
     assert "<td>" not in replace(run, t=T[:0], columns=Columns(dict.fromkeys(UNITS, T[:0])))._repr_html_()
 
 
-def test_without_xarray_its_name_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_xarray_its_name_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(MissingPackageError, match="needs the package xarray, which is not installed; pip install"):
         a_run().to_xarray()

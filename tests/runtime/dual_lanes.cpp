@@ -12,7 +12,7 @@ using cutjoint::Dual;
 
 double random_number() { return 0.2 + 0.6 * std::rand() / RAND_MAX; }
 
-double worst_value = 0.0, worst_slope = 0.0;
+double worst_value = 0.0, worst_derivative = 0.0;
 
 /// What a formula has at a number, with derivatives, and at that number moved along them.
 template <class Formula>
@@ -25,8 +25,8 @@ void compare(const Dual& found, Formula at) {
   const long double value = at(0.0L, std::size_t{0});
   record(worst_value, found.value - value, value);
   for (std::size_t d = 0; d < cutjoint::directions; ++d) {
-    const long double slope = (8 * (at(step, d) - at(-step, d)) - (at(2 * step, d) - at(-2 * step, d))) / (12 * step);
-    record(worst_slope, found.slope[d] - slope, slope);
+    const long double derivative = (8 * (at(step, d) - at(-step, d)) - (at(2 * step, d) - at(-2 * step, d))) / (12 * step);
+    record(worst_derivative, found.derivative[d] - derivative, derivative);
   }
 }
 
@@ -37,10 +37,10 @@ void try_formula(Formula formula) {
   Dual a[N], b[N];
   for (int k = 0; k < N; ++k) {
     a[k].value = random_number(), b[k].value = random_number();
-    for (std::size_t d = 0; d < cutjoint::directions; ++d) a[k].slope[d] = random_number() - 0.5, b[k].slope[d] = random_number() - 0.5;
+    for (std::size_t d = 0; d < cutjoint::directions; ++d) a[k].derivative[d] = random_number() - 0.5, b[k].derivative[d] = random_number() - 0.5;
   }
   const auto at = [&](int k, int l) {
-    return [&, k, l](long double step, std::size_t d) { return formula(a[k].value + step * a[k].slope[d], b[l].value + step * b[l].slope[d]); };
+    return [&, k, l](long double step, std::size_t d) { return formula(a[k].value + step * a[k].derivative[d], b[l].value + step * b[l].derivative[d]); };
   };
   const auto left = cutjoint::strided<cutjoint::Lanes<Dual, N>, 1>(a), right = cutjoint::strided<cutjoint::Lanes<Dual, N>, 1>(b);
   const cutjoint::Lanes<Dual, N> found = formula(left, right), with_one = formula(left, b[0]), of_one = formula(a[0], right);
@@ -102,5 +102,5 @@ int main() {
   try_all<2>();
   try_all<4>();
   try_all<8>();
-  std::printf("%.3e %.3e\n", worst_value, worst_slope);
+  std::printf("%.3e %.3e\n", worst_value, worst_derivative);
 }

@@ -52,7 +52,7 @@ def test_runs_repeat_themselves_to_the_bit(integrator: str, model: str, scene: s
     artifact = compile_model(MODELS / f"{model}.yaml", scene=scene)
     one, other = (completed(simulate(artifact, integrator=integrator, end=end)) for _ in range(2))
     assert cells(one) == cells(other)
-    assert (one.steps, one.evaluations, one.effort) == (other.steps, other.evaluations, other.effort)
+    assert (one.steps, one.evaluations, one.statistics) == (other.steps, other.evaluations, other.statistics)
 
 
 @pytest.mark.parametrize("compiled", with_heavy([partial(compile_model, method="augmented"), compile_generic_model], compile_generic_model))
@@ -85,7 +85,7 @@ def test_the_generic_twin_keeps_the_trapezoidal_rule(tmp_path: Path) -> None:
     path = tmp_path / "bounce.yaml"
     numerics = "numerics: {dt: 0.01, integrator: dormand-prince, solver_tolerance: 1e-7, absolute_tolerance: 1e-9}"
     path.write_text(bouncing_text(0, 0.5).replace("numerics: {dt: 0.01}", numerics), encoding="utf-8")
-    assert completed(simulate(compile_generic_model(path))).effort.events == 0
+    assert completed(simulate(compile_generic_model(path))).statistics.events == 0
 
 
 def test_a_tighter_absolute_tolerance_takes_more_steps(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_tighter_absolute_tolerance_takes_more_steps(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("integrator", EXPLICIT)
 @pytest.mark.parametrize("speed", [1, 0.77, -0.3])
-def test_dry_friction_that_sticks_is_told_by_name(speed: float, integrator: str, tmp_path: Path) -> None:
+def test_dry_friction_that_sticks_is_reported_by_name(speed: float, integrator: str, tmp_path: Path) -> None:
     """Both sides of rest push back to it: the law has no value that keeps it there.  2 N stop 1 kg at 1 m/s after 0.5 s."""
     text = SLIDE.replace("LAW", "where(rate > 0, -2, 2)").replace("displacement_rate: 1}", f"displacement_rate: {speed}}}")
     failure = simulate(compile_text(tmp_path, text), integrator=integrator, dt=0.01, check=False).failure
@@ -113,7 +113,7 @@ def test_dry_friction_that_sticks_is_told_by_name(speed: float, integrator: str,
     assert failure.time == pytest.approx(abs(speed) / 2, abs=50 * 1e-3 * 0.01)  # 50 times within a thousandth of a step
 
 
-def test_what_fails_within_a_step_is_told_with_its_number(tmp_path: Path) -> None:
+def test_what_fails_within_a_step_is_reported_with_its_number(tmp_path: Path) -> None:
     """The accelerations are found anew at an event, where nothing knows how many steps there were."""
     artifact = compile_text(tmp_path, SLIDE.replace("LAW", "where(position > 0.255, sqrt(0.2 - position), 0)"))
     failure = simulate(artifact, events="located", dt=0.01, check=False).failure
@@ -135,11 +135,11 @@ def test_a_force_without_bound_leaves_no_step_small_enough(tmp_path: Path) -> No
     assert np.isfinite(run["block.x"]).all()
 
 
-def test_a_stiff_model_is_told() -> None:
+def test_a_stiff_model_is_reported() -> None:
     """The governor's fastest eigenvalue is -8075 1/s: steps of 3.3/8075 s, whatever the tolerance asks."""
     artifact = compile_model(MODELS / "flyball.yaml")
     run = completed(simulate(artifact, integrator="dormand-prince", tolerance=1e-5, end=0.5))
-    assert run.effort.stiff_steps > 0.9 * run.steps
+    assert run.statistics.stiff_steps > 0.9 * run.steps
     assert run.steps == pytest.approx(0.5 * 8075 / 3.3, rel=0.5)
     facts = run_facts(artifact.compilation, run)
     assert any("stability, not accuracy, limited" in str(cell) for cell in facts.columns[1].cells)
@@ -152,7 +152,7 @@ def test_a_stiff_model_is_told() -> None:
     assert failure.message.startswith("the motion runs away: since t = 0.001 s its energy comes from no force")
 
 
-def test_events_are_told(tmp_path: Path) -> None:
+def test_events_are_reported(tmp_path: Path) -> None:
     artifact = compile_text(tmp_path, bouncing_text(0, 0.5))
     facts = run_facts(artifact.compilation, completed(simulate(artifact, integrator="dormand-prince")))
     assert "4: floor 4" in list(facts.columns[1].cells)

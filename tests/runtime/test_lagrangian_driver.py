@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cutjoint.compile.pipeline import compile_model
-from cutjoint.run.results import read_effort, read_table
+from cutjoint.run.results import read_statistics, read_table
 from cutjoint.run.run_file import make_run_file
 from cutjoint.run.simulator import SimulatorError, call_simulator
 from cutjoint.toolchain.build import build
@@ -124,17 +124,17 @@ def test_steps_of_the_recursive_method_are_measured_when_asked_for(tmp_path: Pat
         out = tmp_path / "table.csv"
         file = make_run_file(artifact.topology.model, artifact.scene, {}, task="simulate", out=str(out))
         summary = call_simulator(artifact.binary.path, {**file.entries(), **more, "end": 0.5})
-        effort = read_effort(summary)
-        assert effort.solver == ""
-        assert effort.iterations == summary["evaluations"]
-        assert np.isfinite(effort.residuals.position) == bool(more)
+        statistics = read_statistics(summary)
+        assert statistics.solver == ""
+        assert statistics.iterations == summary["evaluations"]
+        assert np.isfinite(statistics.residuals.position) == bool(more)
         tables.append(out.read_bytes())
     assert tables[0] == tables[1]
     t, steps = read_table(tmp_path / "steps.csv")
     assert set(steps) == {"iterations", "position", "velocity"}
     assert len(t) == summary["steps"]
     assert steps["iterations"].sum() == summary["evaluations"]
-    assert steps["position"].max() == effort.residuals.position < 1e-6
+    assert steps["position"].max() == statistics.residuals.position < 1e-6
 
 
 def test_the_recursive_method_has_no_solver() -> None:

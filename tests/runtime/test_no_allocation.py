@@ -119,7 +119,7 @@ def test_steps_of_the_vehicle_do_not_allocate(method: str, closure: str, how: di
 
 def test_steps_in_parts_do_not_allocate(count: Count) -> None:
     taken, run = count(vehicle("recursive-newton"), 10.0, dt=0.015)
-    assert run.effort.substeps > 0
+    assert run.statistics.substeps > 0
     assert taken == 0
 
 

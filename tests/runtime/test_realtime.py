@@ -43,7 +43,7 @@ def test_steps_of_fixed_cost_keep_loops_closed_by_projection(tmp_path: Path) -> 
     artifact = compile_scene(model, with_closure(find_scene(model, None), "proximal"))
     exact = completed(simulate(artifact, tolerance=1e-9, end=1.0))
     run = completed(simulate(artifact, iterations=4, end=1.0, steps=tmp_path / "steps.csv"))
-    assert run.effort.residuals.position < 1e-9
+    assert run.statistics.residuals.position < 1e-9
     assert np.abs(run["slider.x"] - exact["slider.x"]).max() < 1e-3
 
 
@@ -61,30 +61,30 @@ def test_steps_begin_when_they_are_due(tmp_path: Path) -> None:
     begin = perf_counter()
     times = run_in_real_time(artifact, dt=0.01, end=0.3, out=tmp_path / "times.csv")
     assert perf_counter() - begin >= 0.29  # the last step begins there
-    assert times.took.size == 30
-    assert (times.took > 0).all()
-    assert (times.late >= times.took - times.period - 1e-9).all()
-    assert times.missed == np.count_nonzero(times.late > 0)
+    assert times.durations.size == 30
+    assert (times.durations > 0).all()
+    assert (times.lateness >= times.durations - times.period - 1e-9).all()
+    assert times.missed == np.count_nonzero(times.lateness > 0)
     t, columns = read_table(tmp_path / "times.csv")
     assert t == pytest.approx(0.01 * np.arange(1, 31))
-    assert (columns["took"] == times.took).all()
+    assert (columns["duration"] == times.durations).all()
 
 
 def test_steps_that_are_too_short_miss_their_deadlines() -> None:
     times = run_in_real_time(compile_model(MODELS / "pendulum.yaml"), dt=1e-9, end=1e-6, iterations=4)
-    assert times.missed == times.took.size == 1000
-    assert times.percentile(50) <= times.percentile(99.9) <= times.took.max()
+    assert times.missed == times.durations.size == 1000
+    assert times.percentile(50) <= times.percentile(99.9) <= times.durations.max()
 
 
-def test_late_wake_ups_and_long_steps_are_told_apart() -> None:
+def test_late_wake_ups_and_long_steps_are_reported_apart() -> None:
     took = np.array([0.2, 0.3, 2.5, 0.2, 0.2, 0.2, 0.2])
     begun = np.array([0.0, 1.0, 2.1, 4.6, 4.8, 5.9, 6.0])  # due at 0 to 6; the sixth step wakes late, the third is too long
     late = begun + took - np.arange(1, 8)
-    times = StepTimes(period=1.0, took=took, late=late, failure=None)
+    times = StepTimes(period=1.0, durations=took, lateness=late, failure=None)
     assert times.missed == 3  # the third, the fourth and the sixth
     assert times.stalls == 2
     assert times.missed_by_steps == 2
-    assert times.woke == pytest.approx([0, 0, 0.1, 0, 0, 0.9, 0], abs=1e-12)
+    assert times.wakeup_latency == pytest.approx([0, 0, 0.1, 0, 0, 0.9, 0], abs=1e-12)
 
 
 @pytest.mark.parametrize(("how", "words"), [({"processor": 5000}, "there is no such processor"), ({"priority": 100}, "no right to it")])
@@ -98,7 +98,7 @@ def test_what_the_operating_system_refuses(how: dict[str, int], words: str) -> N
 def test_steps_run_on_the_processor_that_is_asked_for() -> None:
     affinity = os.sched_getaffinity(0)
     times = run_in_real_time(compile_model(MODELS / "pendulum.yaml"), end=0.05, processor=min(affinity))
-    assert times.took.size == 50
+    assert times.durations.size == 50
     assert os.sched_getaffinity(0) == affinity
 
 
@@ -109,7 +109,7 @@ def test_the_command(tmp_path: Path) -> None:
         assert word in result.output
 
 
-def test_steps_up_to_a_failure_are_told(tmp_path: Path) -> None:
+def test_steps_up_to_a_failure_are_reported(tmp_path: Path) -> None:
     """The fixed point ends soon on springs of 8e5 N/m with steps of 50 ms."""
     out = tmp_path / "times.csv"
     result = CliRunner().invoke(main, ["realtime", str(MODELS / "flyball.yaml"), "--dt", "0.05", "--out", str(out)])

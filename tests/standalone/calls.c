@@ -16,7 +16,7 @@ static int faults = 0;
 static void wrong_calls(void) {
   double q[PRESS_COORDINATES + 1] = {0}, v[PRESS_SPEEDS + 1] = {0};
   char text[200], small[8];
-  press_effort effort;
+  press_step_statistics statistics;
   press_sim* sim = press_create(memory[0], sizeof memory[0]);
   EXPECT(press_create(NULL, PRESS_SIZE) == NULL);
   EXPECT(press_create(memory[1], 100) == NULL);
@@ -30,15 +30,15 @@ static void wrong_calls(void) {
   EXPECT(press_set_parameter(sim, PRESS_PARAMETERS, 1.0) == PRESS_NO_SUCH_INDEX);
   EXPECT(press_set_parameter(sim, -1, 1.0) == PRESS_NO_SUCH_INDEX);
   EXPECT(press_set_parameter(sim, 0, NAN) == PRESS_NOT_FINITE);
-  EXPECT(press_give_coordinate(sim, PRESS_START_COORDINATES, 0.0) == PRESS_NO_SUCH_INDEX);
-  EXPECT(press_give_speed(sim, 0, INFINITY) == PRESS_NOT_FINITE);
+  EXPECT(press_set_start_coordinate(sim, PRESS_START_COORDINATES, 0.0) == PRESS_NO_SUCH_INDEX);
+  EXPECT(press_set_start_speed(sim, 0, INFINITY) == PRESS_NOT_FINITE);
   EXPECT(press_set_step(sim, 0.0) == PRESS_NOT_FINITE);
   EXPECT(press_set_iterations(sim, -1) == PRESS_NOT_FINITE);
-  EXPECT(press_last_step(sim, &effort) == PRESS_NOT_STARTED && press_last_step(NULL, &effort) == PRESS_NO_SIMULATION);
+  EXPECT(press_last_step(sim, &statistics) == PRESS_NOT_STARTED && press_last_step(NULL, &statistics) == PRESS_NO_SIMULATION);
   EXPECT(press_set_limit(sim, -1, 1.0) == PRESS_NO_SUCH_INDEX && press_set_limit(sim, PRESS_LIMIT_EVALUATIONS + 1, 1.0) == PRESS_NO_SUCH_INDEX);
-  EXPECT(press_set_limit(sim, PRESS_LIMIT_GAP, NAN) == PRESS_NOT_FINITE && press_set_limit(sim, PRESS_LIMIT_GAP, -1.0) == PRESS_NOT_FINITE);
+  EXPECT(press_set_limit(sim, PRESS_LIMIT_VIOLATION, NAN) == PRESS_NOT_FINITE && press_set_limit(sim, PRESS_LIMIT_VIOLATION, -1.0) == PRESS_NOT_FINITE);
   EXPECT(press_start(sim) == PRESS_OK);
-  EXPECT(press_last_step(sim, NULL) == PRESS_NO_ARRAY && press_last_step(sim, &effort) == PRESS_OK && effort.iterations == 0);
+  EXPECT(press_last_step(sim, NULL) == PRESS_NO_ARRAY && press_last_step(sim, &statistics) == PRESS_OK && statistics.iterations == 0);
   EXPECT(press_advance(sim, NAN) == PRESS_NOT_FINITE);
   EXPECT(press_advance(sim, -1.0) == PRESS_TIME_PASSED);
   EXPECT(press_set_state(sim, 0.0, NULL, v) == PRESS_NO_ARRAY);
@@ -50,23 +50,23 @@ static void wrong_calls(void) {
   EXPECT(press_find_output(press_output_name(1)) == 1);
   EXPECT(press_find_start_coordinate(press_start_coordinate_name(1)) == 1 && press_start_coordinate_name(PRESS_START_COORDINATES) == NULL);
   EXPECT(press_find_start_speed(press_start_speed_name(1)) == 1 && press_start_speed_name(PRESS_START_SPEEDS) == NULL);
-  EXPECT(press_explain(sim, NULL, 10) == PRESS_NO_ARRAY && press_explain(NULL, NULL, 10) == PRESS_NO_SIMULATION);
-  EXPECT(press_explain(NULL, text, sizeof text) == PRESS_NO_SIMULATION && strcmp(text, press_status_text(PRESS_NO_SIMULATION)) == 0);
-  EXPECT(press_explain(sim, small, sizeof small) == PRESS_OK && strlen(small) == sizeof small - 1);
-  EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strcmp(text, "nothing failed") == 0);
+  EXPECT(press_failure_text(sim, NULL, 10) == PRESS_NO_ARRAY && press_failure_text(NULL, NULL, 10) == PRESS_NO_SIMULATION);
+  EXPECT(press_failure_text(NULL, text, sizeof text) == PRESS_NO_SIMULATION && strcmp(text, press_status_text(PRESS_NO_SIMULATION)) == 0);
+  EXPECT(press_failure_text(sim, small, sizeof small) == PRESS_OK && strlen(small) == sizeof small - 1);
+  EXPECT(press_failure_text(sim, text, sizeof text) == PRESS_OK && strcmp(text, "nothing failed") == 0);
   EXPECT(strlen(press_status_text(PRESS_NOT_STARTED)) > 0 && strlen(press_status_text(12345)) > 0);
 }
 
 /* A step beyond a limit is made, and told. */
 static void limits(void) {
-  press_effort effort;
+  press_step_statistics statistics;
   char text[200];
   press_sim* sim = press_create(memory[0], sizeof memory[0]);
   EXPECT(press_set_limit(sim, PRESS_LIMIT_ITERATIONS, 1.0) == PRESS_OK && press_set_step(sim, 1e-3) == PRESS_OK && press_start(sim) == PRESS_OK);
   EXPECT(press_step(sim) == PRESS_LIMIT_EXCEEDED && fabs(press_time(sim) - 1e-3) < 1e-12);
-  EXPECT(press_explain(sim, text, sizeof text) == PRESS_OK && strstr(text, "a step exceeds a limit: 'iterations' is ") == text);
-  EXPECT(press_last_step(sim, &effort) == PRESS_OK && effort.iterations > 1 && effort.evaluations >= effort.iterations);
-  EXPECT(effort.pivot > 0.0 && effort.equation >= 0 && effort.gap <= 1e-9 && effort.gap == press_gap(sim, NULL));
+  EXPECT(press_failure_text(sim, text, sizeof text) == PRESS_OK && strstr(text, "a step exceeds a limit: 'iterations' is ") == text);
+  EXPECT(press_last_step(sim, &statistics) == PRESS_OK && statistics.iterations > 1 && statistics.evaluations >= statistics.iterations);
+  EXPECT(statistics.pivot > 0.0 && statistics.equation >= 0 && statistics.violation <= 1e-9 && statistics.violation == press_constraint_violation(sim, NULL));
   EXPECT(press_set_limit(sim, PRESS_LIMIT_ITERATIONS, INFINITY) == PRESS_OK && press_step(sim) == PRESS_OK);
 }
 
@@ -77,7 +77,7 @@ static void independence(void) {
   press_sim* sims[2];
   for (which = 0; which < 2; ++which) {
     press_sim* sim = press_create(memory[0], sizeof memory[0]);
-    EXPECT(press_set_step(sim, which ? 1e-3 : 2e-3) == PRESS_OK && press_start(sim) == PRESS_OK && press_play(sim, 100, NULL) == PRESS_OK);
+    EXPECT(press_set_step(sim, which ? 1e-3 : 2e-3) == PRESS_OK && press_start(sim) == PRESS_OK && press_run(sim, 100, NULL) == PRESS_OK);
     alone[which] = press_outputs(sim)[0];
   }
   for (which = 0; which < 2; ++which) {
@@ -95,11 +95,11 @@ static void snapshots(void) {
   double first[PRESS_OUTPUTS];
   press_sim *sim = press_create(memory[0], sizeof memory[0]), *other = press_create((char*)memory[1] + 8, sizeof memory[1] - 8);
   EXPECT(press_snapshot_size() <= sizeof snapshot);
-  EXPECT(press_start(sim) == PRESS_OK && press_play(sim, 10, NULL) == PRESS_OK && press_save(sim, snapshot) == PRESS_OK);
-  EXPECT(press_play(sim, 50, NULL) == PRESS_OK);
+  EXPECT(press_start(sim) == PRESS_OK && press_run(sim, 10, NULL) == PRESS_OK && press_save(sim, snapshot) == PRESS_OK);
+  EXPECT(press_run(sim, 50, NULL) == PRESS_OK);
   memcpy(first, press_outputs(sim), sizeof first);
   EXPECT(other && press_restore(other, snapshot, press_snapshot_size() - 1) == PRESS_NO_ARRAY &&
-         press_restore(other, snapshot, press_snapshot_size()) == PRESS_OK && press_play(other, 50, NULL) == PRESS_OK);
+         press_restore(other, snapshot, press_snapshot_size()) == PRESS_OK && press_run(other, 50, NULL) == PRESS_OK);
   EXPECT(memcmp(first, press_outputs(other), sizeof first) == 0 && press_time(sim) == press_time(other));
 }
 

@@ -75,7 +75,7 @@ struct StepInQuad<Steps<Mechanism, Method>> {
   }
 };
 
-constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(FREEDOMS), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
+constexpr int n = COUNT(SPEEDS), m = COUNT(EQUATIONS), f = COUNT(DEGREES_OF_FREEDOM), states = COUNT(STATES), inputs = COUNT(INPUTS), outputs = COUNT(OUTPUTS);
 constexpr int joints = n - (states - 2 * f);            ///< speeds of joints; first-order states are behind them
 constexpr int given = 3 * inputs + Reference::sizes.held;  ///< numbers of inputs, and what controllers hold
 
@@ -248,11 +248,11 @@ template <class Sim>
 int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen) {
   printed = 0;
   int status = OF(start)(sim);
-  if (!status) status = OF(play)(sim, steps, nullptr);
-  if (!status) status = chosen.empty() ? OF(choose)(sim) : OF(choose_speeds)(sim, chosen.data());
+  if (!status) status = OF(run)(sim, steps, nullptr);
+  if (!status) status = chosen.empty() ? OF(choose_independent)(sim) : OF(choose_independent_speeds)(sim, chosen.data());
   std::vector<double> A(states * states), B(states * inputs), C(outputs * states), D(outputs * inputs), x(states + 1);
-  if (!status) status = OF(get_minimal)(sim, x.data());
-  if (!status) status = OF(set_minimal)(sim, OF(time)(sim), x.data());  // runs leave loops open by what their closure lets them
+  if (!status) status = OF(get_minimal_state)(sim, x.data());
+  if (!status) status = OF(set_minimal_state)(sim, OF(time)(sim), x.data());  // runs leave loops open by what their closure lets them
   if (!status) status = OF(linearise)(sim, A.data(), B.data(), C.data(), D.data());
   if (status) return std::printf("%s\n", OF(status_text)(status)), 1;
 
@@ -301,7 +301,7 @@ int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen)
   std::vector<double> dx(states + 1), du(3 * inputs + 1), dxdot(states + 1), dy(outputs + 1), exact_dxdot(states + 1), exact_dy(outputs + 1);
   for (int i = 0; i < states; ++i) dx[i] = std::cos(1.0 + i);
   for (int i = 0; i < 3 * inputs; ++i) du[i] = std::sin(2.0 + i);
-  if ((status = OF(directional)(sim, dx.data(), du.data(), dxdot.data(), dy.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
+  if ((status = OF(directional_derivative)(sim, dx.data(), du.data(), dxdot.data(), dy.data()))) return std::printf("%s\n", OF(status_text)(status)), 1;
   const Numbers u = motion.u;
   for (int side = 0; side < 2; ++side) {
     Numbers at = moved;
@@ -329,14 +329,14 @@ int compare(Sim* sim, const Quad& h, long steps, const std::vector<int>& chosen)
   sim->sim.settings().fixed_point.tolerance = 1e-11;  // as the other step: a derivative has the errors of what it is of
   const std::vector<double> q(sim->sim.state().q.begin(), sim->sim.state().q.end()), v(sim->sim.state().v.begin(), sim->sim.state().v.end());
   if (!status) status = OF(set_state)(sim, OF(time)(sim), q.data(), v.data());
-  if ((status = OF(step_derivative)(sim, X.data(), U.data(), P.data())) == COUNT(STEP_DIVIDED)) return 2;
+  if ((status = OF(step_derivatives)(sim, X.data(), U.data(), P.data())) == COUNT(STEP_SUBDIVIDED)) return 2;
   if (status) return std::printf("%s\n", OF(status_text)(status)), 1;
   differ(exact[6] = X, none, states, by_state, step);
   differ(exact[7] = U, none, inputs, by_input, step);
   differ(exact[8] = P, none, p, by_parameter, step);
   by_share(P), by_share(exact[8]);
   std::vector<double> end(states), exact_end(states);
-  OF(get_minimal)(sim, end.data());
+  OF(get_minimal_state)(sim, end.data());
   for (int i = 0; i < states; ++i) exact_end[i] = static_cast<double>(first[i]);
   print_error(X, exact[6]), print_error(U, exact[7]), print_error(P, exact[8]), print_error(end, exact_end);
   return 0;

@@ -38,7 +38,7 @@ void drive(Subject& subject) {
 int main(int, char** arguments) {
   auto* sim = OF(create)(memory, sizeof memory);
   int status = OF(start)(sim);
-  if (!status) status = OF(play)(sim, std::atol(arguments[1]), nullptr);
+  if (!status) status = OF(run)(sim, std::atol(arguments[1]), nullptr);
   if (status) return std::printf("%s\n", OF(status_text)(status)), 1;
   const auto& state = sim->sim.complete_state();
   for (int i = 0; i < given; ++i) inputs[i] = 0.3 + std::sin(1.0 + i);

@@ -13,7 +13,7 @@ import cutjoint
 from cutjoint.emit.standalone import in_c
 from tests.conftest import MODELS, needs_cpp
 
-from .folders import CXX, C, link, run, standalone_of, write
+from .c_exports import CXX, C, link, run, standalone_of, write
 
 pytestmark = needs_cpp
 
@@ -75,7 +75,7 @@ def test_flags_that_change_the_numbers_are_refused(press: Path, compiler: str, f
 
 def test_a_snapshot_in_which_a_bit_is_wrong_is_refused() -> None:
     sim = cutjoint.load(MODELS / "press.yaml", integrator="trapezoidal").reset()
-    sim.play(5)
+    sim.run(5)
     good = sim.snapshot()
     other, random = sim.copy(), np.random.default_rng(1)
     for bit in random.choice(8 * len(good), 2000, replace=False).tolist():

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.folders import linearised_methods
+from cutjoint.compile.c_export import linearised_methods
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
@@ -27,7 +27,7 @@ from tests.mechanisms.driven import pushed_text
 from tests.mechanisms.seeing import SOFT_IN_QUADS, seeing
 from tests.mechanisms.switching import MASS, RAMP, STIFFNESS, WHEEL
 
-from .folders import HERE, compile_object, folder_of, folder_of_model, foreign_symbols, in_quads, link, run, write
+from .c_exports import HERE, compile_object, folder_of, folder_of_model, foreign_symbols, in_quads, link, run, write
 
 pytestmark = needs_cpp
 
@@ -68,14 +68,14 @@ RANDOM = [
 
 
 @pytest.mark.parametrize(
-    ("name", "scene", "integrator", "opened", "states"),
+    ("name", "scene", "integrator", "tunable", "states"),
     [(*RANDOM[0], "*5"), *(pytest.param(*case, "*100/1" if case[0] == "iltis" else "*100/4", marks=pytest.mark.heavy) for case in RANDOM)],
 )
 def test_derivatives_at_random_states_and_parameters(
-    name: str, scene: str | None, integrator: str | None, opened: tuple[str, ...], states: str, tmp_path: Path
+    name: str, scene: str | None, integrator: str | None, tunable: tuple[str, ...], states: str, tmp_path: Path
 ) -> None:
     """Of accelerations, outputs and steps, by states, inputs and parameters."""
-    model = read_model_text(text_of(name), f"{name}.yaml", opened=opened)
+    model = read_model_text(text_of(name), f"{name}.yaml", tunable=tunable)
     place = write(folder_of_model(model, scene, integrator, linearise=True), tmp_path)
     errors = [float(x) for x in run(in_quads(place, name, "derivatives", ""), "1e-9", states).split()]
     assert len(errors) == ERRORS
@@ -180,7 +180,7 @@ def _where(condition: sympy.Basic, yes: sympy.Expr, no: sympy.Expr) -> sympy.Exp
 def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
     text = re.sub(r"\bv\b", "rate", re.sub(r"\bx\b", "position", law))
     start = {"coordinates": {"slide.displacement": 0.3}, "speeds": {"slide.displacement_rate": -0.8}}
-    sim = loaded(pushed_text(f"10*({text})*(1 + push)"), "pushed").reset(**start)
+    sim = loaded(pushed_text(f"10*({text})*(1 + push)"), "external_wrenches").reset(**start)
     sim.inputs["push"] = 0.4
     near = sim.linearise()
     x, v, push = symbols = sympy.symbols("x v push", real=True)
@@ -193,7 +193,7 @@ def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
 
 
 def test_where_functions_are_infinitely_steep_what_stays_has_no_derivative() -> None:
-    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "pushed").reset().linearise()
+    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "external_wrenches").reset().linearise()
     assert near.A.tolist() == [[0, 1], [-1.5, 0]]
 
 
@@ -216,7 +216,7 @@ def test_at_rest_eigenvalues_are_those_of_the_modes(method: str) -> None:
     known = [mode.eigenvalue for mode in cutjoint.find_modes(path).modes]
     pairs = [x for root in known for x in ([root, root.conjugate()] if root.imag else [root])]
     for speed in sim.speeds:
-        sim.choose([speed])
+        sim.choose_independent([speed])
         assert np.sort_complex(np.linalg.eigvals(sim.linearise().A)) == pytest.approx(np.sort_complex(np.array(pairs)), rel=1e-8)
 
 
@@ -233,7 +233,7 @@ def test_methods_have_the_same_derivatives() -> None:
     text = text_of("spinning").replace("outputs: [", "reactions: {hold: {joint: far, axes_of: ground}}\noutputs: [hold.Fx, hold.Fz, ")
     first, second = (loaded(text, "spinning", method=method).reset() for method in RELATIVE)
     for sim in (first, second):
-        sim.choose()
+        sim.choose_independent()
     first.advance(0.1)
     second.set_state(first.time, first.coordinates.array, first.speeds.array)
     a, b = first.linearise(), second.linearise()
@@ -245,26 +245,26 @@ def test_methods_have_the_same_derivatives() -> None:
 def test_hosts_choose_states() -> None:
     sim = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
     assert list(sim.states) == list(sim.linearise().states)
-    sim.choose(["pin.angle_rate"])
+    sim.choose_independent(["pin.angle_rate"])
     assert dict(sim.states) == pytest.approx({"pin.angle": sim.coordinates["pin.angle"], "pin.angle_rate": 10.0}, rel=1e-12)
     copy = sim.copy()
     assert copy.linearise().A.tolist() == sim.linearise().A.tolist()
     with pytest.raises(KeyError, match=r"did you mean 'pin\.angle_rate'"):
-        sim.choose(["pin.angle"])
+        sim.choose_independent(["pin.angle"])
     with pytest.raises(ValueError, match=r"there are 1 degrees of freedom, .*, not pin\.angle_rate, wrist\.angle_rate"):
-        sim.choose(["pin.angle_rate", "wrist.angle_rate"])
+        sim.choose_independent(["pin.angle_rate", "wrist.angle_rate"])
 
 
 def test_a_start_forgets_what_was_chosen() -> None:
     sim = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
     usual = list(sim.states)
     other = next(name for name in sim.speeds if name not in usual)
-    sim.choose([other])
+    sim.choose_independent([other])
     assert list(sim.states)[1] == other
     assert list(sim.reset().states) == usual
 
 
-def test_a_ball_that_has_turned_far_is_poor() -> None:
+def test_a_ball_that_has_turned_far_is_ill_conditioned() -> None:
     """Half a turn about one axis; at 2 tan(angle/2) = 1 another choice is better."""
     text = """
 cutjoint: 1
@@ -279,9 +279,9 @@ scenes: {turn: {end: 1, rates: {ball.wx: 1}}}
     for angle, poor in ((0.9, False), (1.0, True)):
         sim.advance(angle)
         assert sim.states["ball.turn_x"] == pytest.approx(2 * np.tan(angle / 2), rel=1e-6)
-        assert sim.is_poor is poor
-    sim.choose()
-    assert not sim.is_poor
+        assert sim.is_ill_conditioned is poor
+    sim.choose_independent()
+    assert not sim.is_ill_conditioned
 
 
 STILL = """
@@ -296,20 +296,20 @@ scenes: {rest: {end: 0.01}}
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_does_not_move_stands_still(method: str) -> None:
+def test_what_does_not_move_step_size_too_small(method: str) -> None:
     model = read_model_text(STILL, "still.yaml")
     run = cutjoint.simulate(compile_scene(model, find_scene(model, None), CompileOptions(method=method)), error=False)
     assert set(run["block.x"]) == {0.5}
 
 
 @pytest.mark.parametrize("method", [m for m in METHODS if METHODS[m].has_system])
-def test_nothing_to_solve_for_is_told(method: str) -> None:
+def test_nothing_to_solve_for_is_reported(method: str) -> None:
     model = read_model_text(STILL, "still.yaml")
     with pytest.raises(RunError, match=f"nothing in the model moves, so that '{method}' has no equation; use recursive"):
         load_scene(model, find_scene(model, None), method=method)
 
 
-def test_what_cannot_be_linearised_is_told() -> None:
+def test_what_cannot_be_linearised_is_reported() -> None:
     with pytest.raises(cutjoint.SimulationError, match=r"not been started; call reset"):
         cutjoint.load(CART_POLE, linearise=True).linearise()
     plain = cutjoint.load(CART_POLE).reset()
@@ -318,7 +318,7 @@ def test_what_cannot_be_linearised_is_told() -> None:
             call()
     spinning = loaded(text_of("spinning"), "spinning").reset()
     with pytest.raises(cutjoint.SimulationError, match="the pose is singular"):  # the turn of the rod about itself follows from nothing
-        spinning.choose(["pin.angle_rate", "pivot.wx", "pivot.wy", "pivot.wz"])
+        spinning.choose_independent(["pin.angle_rate", "pivot.wx", "pivot.wy", "pivot.wz"])
 
 
 def test_the_command_adds_derivatives(tmp_path: Path) -> None:

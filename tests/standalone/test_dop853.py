@@ -35,7 +35,7 @@ def test_hosts_have_one_table(tmp_path: Path) -> None:
     interpreted = table_of(PRESS, tmp_path / "interpreted.csv", "--implementation", "interpreted")
     assert cells_of(interpreted) == pytest.approx(cells_of(known), abs=1e-9)
     sim = cutjoint.load(PRESS, integrator=INTEGRATOR).reset(tolerance=TOLERANCE)
-    rows = [list(sim.outputs.array), *(list(row) for row in sim.play(len(known["t"]) - 1))]
+    rows = [list(sim.outputs.array), *(list(row) for row in sim.run(len(known["t"]) - 1))]
     assert np.array(rows) == pytest.approx(np.array([known[name] for name in sim.outputs]).T, abs=1e-7)
     slave = Slave(fmu_of("press", 3, integrator=INTEGRATOR))
     assert slave.set(integrator__relative_tolerance=TOLERANCE, integrator__absolute_tolerance=TOLERANCE) == slave.initialise() == OK

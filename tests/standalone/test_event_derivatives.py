@@ -75,22 +75,23 @@ def along(known: Callable[..., tuple[complex, ...]], t: float) -> np.ndarray:
     (SPRING, sprung, "rk4", {}, 1e-7), (SPRING, sprung, "dormand-prince", {"tolerance": 1e-11}, 1e-7),
     (SPRING, sprung, "dop853", {"tolerance": 1e-12}, 1e-7),
 ])  # fmt: skip
-def test_a_ball_that_bounces(text: str, known: Callable, integrator: str, settings: dict[str, float], share: float) -> None:  # type: ignore[type-arg]
+def test_a_ball_that_bounces(text: str, known: Callable, integrator: str, settings: dict[str, float],
+    share: float) -> None:  # type: ignore[type-arg]
     """Behind the bounce, with the times of contact and of leaving, and the speeds there, which are those of the fall."""
     sim = loaded(text, "ball", integrator=integrator).reset(dt=1e-3, **settings)
-    run = sim.play_derivative(700, ["mass.z", "mass.vz"], [*BY, *BY, *BY], every=10, events=3)
-    wanted, slopes = along(known, 0.7), run.end[1]
-    assert slopes[:, :4] == pytest.approx(slopes[:, 8:], rel=1e-13)  # the last row of directions side by side is not full
-    assert np.abs(slopes[:, :4] - wanted[:2]).max() < share * np.abs(wanted[:2]).max()
+    run = sim.forward_sensitivities(700, ["mass.z", "mass.vz"], [*BY, *BY, *BY], every=10, events=3)
+    wanted, derivatives = along(known, 0.7), run.end[1]
+    assert derivatives[:, :4] == pytest.approx(derivatives[:, 8:], rel=1e-13)  # the last row of directions side by side is not full
+    assert np.abs(derivatives[:, :4] - wanted[:2]).max() < share * np.abs(wanted[:2]).max()
     events = run.events
     assert events is not None
     assert events.names == ("stop", "stop")
     assert events.times == pytest.approx([x.real for x in known(0.7, *numbers)[2:]], rel=1e-8)
-    assert events.time_slopes[:, :4] == pytest.approx(wanted[2:], rel=share, abs=share)
+    assert events.derivatives_of_times[:, :4] == pytest.approx(wanted[2:], rel=share, abs=share)
     speed = np.sqrt(2 * GRAVITY * HEIGHT)
     by = [GRAVITY / speed, HEIGHT / speed, 0.0, -GRAVITY / speed]
-    assert events.slopes[:, 1, :4] == pytest.approx(np.array([[-x for x in by], by]), rel=1e-7, abs=1e-7)
-    assert events.slopes[:, 0, :4] == pytest.approx(np.array([[0, 0, 0, 1]] * 2), abs=1e-9)
+    assert events.derivatives[:, 1, :4] == pytest.approx(np.array([[-x for x in by], by]), rel=1e-7, abs=1e-7)
+    assert events.derivatives[:, 0, :4] == pytest.approx(np.array([[0, 0, 0, 1]] * 2), abs=1e-9)
 
 
 #: A push that ends at a time.
@@ -110,11 +111,12 @@ scenes: {run: {end: 1, output_step: 0.01}}
 @pytest.mark.parametrize("integrator", ["rk4", "dormand-prince"])
 def test_a_force_that_ends_at_a_time(integrator: str) -> None:
     """z = F T (t - T/2) / m."""
-    run = loaded(PUSHED, "pushed", integrator=integrator).reset(dt=0.01).play_derivative(80, ["mass.z"], ["until", "push"], events=9)
+    run = loaded(PUSHED, "external_wrenches", integrator=integrator).reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"],
+        events=9)
     assert run.end[1][0] == pytest.approx([2 * (0.8 - 0.3137) / 4, 0.3137 * (0.8 - 0.3137 / 2) / 4], rel=1e-12)
     assert run.events is not None
-    assert run.events.time_slopes == pytest.approx(np.array([[1, 0]]), abs=1e-12)
-    assert run.events.slopes[0, 0] == pytest.approx([2 * 0.3137 / 4, 0.3137**2 / 8], rel=1e-12)
+    assert run.events.derivatives_of_times == pytest.approx(np.array([[1, 0]]), abs=1e-12)
+    assert run.events.derivatives[0, 0] == pytest.approx([2 * 0.3137 / 4, 0.3137**2 / 8], rel=1e-12)
 
 
 #: A mass that a plate throws, which a guide moves.
@@ -169,40 +171,41 @@ def test_guides_and_loops_at_forces_that_jump(text: str, name: str, by: dict[str
     """Behind a contact, by each number: beside differences of runs with steps so short that the lengths before an event, which a
     derivative takes for given, do not matter."""
     sim = loaded(text, name, integrator=integrator).reset(dt=5e-4, **({} if integrator == "rk4" else {"tolerance": 1e-11}))
-    sim.choose([independent])
-    run = sim.play_derivative(900, list(sim.outputs), list(by), events=9)
+    sim.choose_independent([independent])
+    run = sim.forward_sensitivities(900, list(sim.outputs), list(by), events=9)
     assert run.events is not None
     assert len(run.events.names) > 1
-    for slopes, (number, h) in zip(run.end[1].T, by.items(), strict=True):
+    for derivatives, (number, h) in zip(run.end[1].T, by.items(), strict=True):
         course = from_start(sim, number, [independent], 900, list(sim.outputs))
         wanted = fourth_order(lambda change, course=course: course(change)[-1], h)  # type: ignore[misc]
-        assert np.abs(slopes - wanted).max() < 3e-8 * np.abs(wanted).max(), number
+        assert np.abs(derivatives - wanted).max() < 3e-8 * np.abs(wanted).max(), number
 
 
 @pytest.mark.parametrize(("text", "name", "independent", "dt"), [
     (THRUST, "ball", "slide.displacement_rate", 1e-3),
     pytest.param(STOPPED, "stopped", "crank.angle_rate", 5e-4, marks=pytest.mark.heavy),
 ])  # fmt: skip
-def test_slopes_from_the_end_on_go_back_over_events(text: str, name: str, independent: str, dt: float) -> None:
+def test_adjoints_go_back_over_events(text: str, name: str, independent: str, dt: float) -> None:
     sim = backwards(text, name, integrator="rk4").reset(dt=dt)
-    sim.choose([independent])
+    sim.choose_independent([independent])
     compare_backwards(sim, 1e-12 if text == THRUST else 5e-9, steps=900)  # loops: what closes them ends at 1e-9
 
 
 def test_a_table_has_kinks_that_make_no_jump() -> None:
     """Forces and their slopes go on over knots: time and place of an event move, the motion has no jump of its derivative."""
     sim = loaded(TABLE, "knots", integrator="rk4").reset(dt=1e-3)
-    run = sim.play_derivative(600, ["mass.x", "mass.vx"], list(sim.states), events=9)
+    run = sim.forward_sensitivities(600, ["mass.x", "mass.vx"], list(sim.states), events=9)
     assert run.events is not None
     assert len(run.events.names) > 2
 
     def course(change: float) -> np.ndarray:
         sim.reset()
         sim.set_states([0.9 + change, 0.0])
-        return sim.play(600)
+        return sim.run(600)
 
     differences = fourth_order(course, 2e-5)
-    assert np.abs(run.slopes[1:, :, 0] - differences).max() < 1e-7 * np.abs(differences).max()  # the length of the step before an event
+    # the length of the step before an event
+    assert np.abs(run.derivatives[1:, :, 0] - differences).max() < 1e-7 * np.abs(differences).max()
 
 
 #: Two masses that fall side by side.
@@ -239,28 +242,29 @@ scenes: {run: {end: 1}}
 """
 
 
-def test_what_has_no_derivative_is_told_by_name() -> None:
+def test_what_has_no_derivative_is_reported_by_name() -> None:
     sim = loaded(PAIR, "pair", integrator="rk4").reset(dt=0.01)
-    together = sim.copy().play_derivative(40, ["left.z", "right.z"], ["drop"]).end[1][:, 0]
+    together = sim.copy().forward_sensitivities(40, ["left.z", "right.z"], ["drop"]).end[1][:, 0]
     assert together[0] == pytest.approx(together[1], rel=1e-12)
     with pytest.raises(cutjoint.SimulationError, match=r"would not with other numbers.*: 'first' \(pair.yaml:11\).*one-sided") as told:
-        sim.play_derivative(40, ["left.z"], ["one"])
+        sim.forward_sensitivities(40, ["left.z"], ["one"])
     assert told.value.status == 34
     sim = loaded(JERKED, "jerked", integrator="rk4").reset(dt=0.01)
     with pytest.raises(cutjoint.SimulationError, match=r"speeds jump where a guide changes its formula: 'rail' \(jerked.yaml:10\)") as told:
-        sim.play_derivative(40, ["pin.angle"], ["begin"])
+        sim.forward_sensitivities(40, ["pin.angle"], ["begin"])
     assert told.value.status == 35
-    sim = loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137)
+    sim = loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.3137)
     with pytest.raises(cutjoint.SimulationError, match=r"just where a step ends.*: 'thrust'") as told:
-        sim.play_derivative(2, ["mass.z"], ["until"])
+        sim.forward_sensitivities(2, ["mass.z"], ["until"])
     assert told.value.status == 36
-    assert loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137).play_derivative(2, ["mass.z"], ["push"]).end[1][0, 0] > 0.0
+    assert loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.3137).forward_sensitivities(2, ["mass.z"], ["push"]).end[1][0,
+        0] > 0.0
     with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*'thrust'.*or differentiate a run"):
-        loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.5).step_derivative()
+        loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.5).step_derivatives()
     with pytest.raises(ValueError, match="name numbers by which they change"):
-        sim.play_derivative(1, [], [], events=1)
+        sim.forward_sensitivities(1, [], [], events=1)
     with pytest.raises(TypeError, match="trapezoidal rule go over events"):
-        loaded(THRUST, "ball").reset().play_derivative(1, ["mass.z"], ["g"], events=1)
+        loaded(THRUST, "ball").reset().forward_sensitivities(1, ["mass.z"], ["g"], events=1)
 
 
 def test_the_command_has_the_first_event(tmp_path: Path) -> None:

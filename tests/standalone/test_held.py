@@ -59,7 +59,7 @@ sys.stdout.buffer.write(pickle.dumps((sim.time, sim.coordinates.array.copy(), si
 def test_a_pickled_simulation_goes_on_in_another_process(press: cutjoint.Simulation) -> None:
     press.parameters["stiffness"] = 2500.0
     press.set_limits(evaluations=1000)
-    press.play(20)
+    press.run(20)
     done = subprocess.run([sys.executable, "-c", NEXT], input=pickle.dumps(press), capture_output=True, check=True)
     time, q, v, back = pickle.loads(done.stdout)
     press.step()
@@ -73,7 +73,7 @@ def test_a_pickled_simulation_goes_on_in_another_process(press: cutjoint.Simulat
 
 
 def test_copies_of_all_kinds_are_apart(press: cutjoint.Simulation) -> None:
-    press.play(10)
+    press.run(10)
     for made in (press.copy(), copy.copy(press), copy.deepcopy({"sim": press})["sim"], pickle.loads(pickle.dumps(press))):
         assert made.snapshot() == press.snapshot()
         made.step()
@@ -86,7 +86,7 @@ def test_copies_of_all_kinds_are_apart(press: cutjoint.Simulation) -> None:
         _ = other.outputs
 
 
-def test_a_library_that_is_gone_is_told(press: cutjoint.Simulation, tmp_path: Path) -> None:
+def test_a_library_that_is_gone_is_reported(press: cutjoint.Simulation, tmp_path: Path) -> None:
     data = pickle.dumps(press).replace(b"libpress.so", b"libgones.so")
     with pytest.raises(OSError, match=r"libgones\.so"):
         pickle.loads(data)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.classes import MOST_LANES
 from cutjoint.export.fmu.archive import Fmu, make_fmu
@@ -28,7 +28,7 @@ from tests.fmu.slaves import OK, started
 from tests.oracles.dense import DenseMechanism
 from tests.physics.test_impacts import struck_at_rest
 
-from .folders import compile_object, folder_of, foreign_symbols, write
+from .c_exports import compile_object, folder_of, foreign_symbols, write
 
 pytestmark = needs_cpp
 
@@ -124,7 +124,7 @@ def _run(
 def test_steps_are_those_of_the_command_line(text: str, begin: float, method: str, integrator: str, events: str) -> None:
     """Bit by bit, but for steps as long as a tolerance allows, which hosts end at rows."""
     run, sim = _run(text, begin, method, integrator, events), _loaded(text, begin, method, integrator).reset()
-    assert len(run.effort.impacts) == 1
+    assert len(run.statistics.impacts) == 1
     for i, t in enumerate(run.t):
         sim.advance(float(t))
         row = [run[name][i] for name in run.columns]
@@ -236,7 +236,7 @@ def test_a_sweep_has_the_rows_of_single_runs(integrator: str, events: str, tmp_p
     assert done.manifest["integrator"] == {"run": integrator}
     for i, begin in enumerate(BEGINS):
         run = _run(FOUR_BAR, BETWEEN, "recursive", integrator, events, {"begin": begin})
-        assert [impact.time for impact in run.effort.impacts] == [pytest.approx(begin, abs=1e-9)]
+        assert [impact.time for impact in run.statistics.impacts] == [pytest.approx(begin, abs=1e-9)]
         for name in outputs:
             np.testing.assert_allclose(done[f"{name}(t)"][i], run[name], rtol=1e-6, atol=1e-6)
 

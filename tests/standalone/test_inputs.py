@@ -12,7 +12,7 @@ from cutjoint.compile import folders as standalone
 from tests.conftest import needs_cpp
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, pushed_text
 
-from .folders import ALONE
+from .c_exports import ALONE
 
 pytestmark = needs_cpp
 
@@ -93,13 +93,13 @@ def test_a_value_that_is_written_is_held_whatever_was_given_before(driven: Path,
     sim.advance(0.1)
     sim.inputs["lift"] = 0.3
     sim.advance(0.2)
-    assert sim.present_input("lift") == 0.3
+    assert sim.get_input("lift") == 0.3
     for name, value in guided((np.float64(0.3), np.float64(0), np.float64(0)), np.float64(0.2)).items():
         assert sim.outputs[name] == pytest.approx(value, rel=1e-12, abs=LEFT[method])
     rows = cutjoint.rollout(sim, 5, inputs={"push": [1.0, 4.0]})
     other = sim.copy()
     other.set_input("push", 4.0)
-    assert np.array_equal(other.play(5), rows[1])
+    assert np.array_equal(other.run(5), rows[1])
     assert not np.array_equal(rows[0], rows[1])
 
 
@@ -117,7 +117,7 @@ def test_simulations_in_lanes_have_inputs_of_their_own(driven: Path, method: str
             one = sim.copy()
             for name, value in {"push": push, **more}.items():
                 one.inputs[name] = value
-            np.testing.assert_allclose(found[k], one.play(20), rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(found[k], one.run(20), rtol=1e-9, atol=1e-9)
 
 
 def test_values_written_into_the_array_are_held(driven: Path, method: str) -> None:

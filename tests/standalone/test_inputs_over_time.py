@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import cutjoint
 from cutjoint.package.errors import RunError
 from tests.conftest import needs_cpp, with_heavy
-from tests.standalone.folders import HERE, compile_object, folder_of, link, run, write
+from tests.standalone.c_exports import HERE, compile_object, folder_of, link, run, write
 from tests.standalone.test_derivatives import SANITIZE
 from tests.standalone.test_radau_derivatives import by_radau
 from tests.standalone.test_run_adjoints import backwards
@@ -70,12 +70,12 @@ def values_of(given: Any, key: str = "value") -> NDArray[np.float64]:
 
 
 def compare(sim: cutjoint.Simulation, inputs: Given, by: list[str], share: float, h: float, dot: float | None, steps: int = 100) -> None:
-    """Slopes along some knots beside differences of runs, and two objectives with weights at random from the end on."""
+    """Slopes along some knots beside differences of runs, and two objectives with weights at random by the adjoint method."""
     outputs, start = list(sim.outputs), sim.snapshot()
 
-    def run(by: list[str], inputs: Given = inputs) -> cutjoint.RunDerivative:
+    def run(by: list[str], inputs: Given = inputs) -> cutjoint.ForwardSensitivities:
         sim.restore(start)
-        return sim.play_derivative(steps, outputs, by, every=5, inputs=inputs)
+        return sim.forward_sensitivities(steps, outputs, by, every=5, inputs=inputs)
 
     along, column = run(by), 0
     for name in by:
@@ -92,7 +92,7 @@ def compare(sim: cutjoint.Simulation, inputs: Given, by: list[str], share: float
                 return run([], {**inputs, of: {**inputs[of], key: moved} if isinstance(inputs[of], Mapping) else moved}).values
 
             found = fourth_order(course, 10 * h if key == "rate" else h)  # which moves less
-            error = np.abs(along.slopes[..., column + k] - found).max(axis=0) / np.abs(found).max(axis=0).clip(1e-6)
+            error = np.abs(along.derivatives[..., column + k] - found).max(axis=0) / np.abs(found).max(axis=0).clip(1e-6)
             assert error.max() < share, (name, k, error)
         column += len(values)
     assert len(along.by) == column
@@ -101,11 +101,11 @@ def compare(sim: cutjoint.Simulation, inputs: Given, by: list[str], share: float
     sizes = np.maximum(np.abs(along.values).max(axis=0), 1e-3)
     weights = np.random.default_rng(1).normal(size=(2, *along.values.shape)) / sizes
     sim.restore(start)
-    back = sim.play_adjoint(steps, outputs, by, weights, every=5, inputs=inputs)
+    back = sim.adjoint_sensitivities(steps, outputs, by, weights, every=5, inputs=inputs)
     assert back.by == along.by
     assert (back.values == along.values).all()
-    wanted = np.tensordot(weights, along.slopes, 2)
-    assert np.abs(back.slopes - wanted).max() / np.abs(wanted).max() < dot
+    wanted = np.tensordot(weights, along.derivatives, 2)
+    assert np.abs(back.derivatives - wanted).max() / np.abs(wanted).max() < dot
 
 
 def test_a_mass_that_a_piecewise_linear_force_pushes() -> None:
@@ -115,7 +115,7 @@ def test_a_mass_that_a_piecewise_linear_force_pushes() -> None:
     values = np.array([1.0, -3.0, 2.0, 0.5, -1.0])
     table = {"t": t, "value": values, "interpolation": "linear"}
     outputs = ["rail.displacement", "rail.displacement_rate"]
-    run = sim.play_adjoint(100, outputs, ["push", "load"], "end", every=100, inputs={"push": table})
+    run = sim.adjoint_sensitivities(100, outputs, ["push", "load"], "end", every=100, inputs={"push": table})
     nodes, weights = np.polynomial.legendre.leggauss(4)
     hats = np.eye(len(t))
 
@@ -125,9 +125,9 @@ def test_a_mass_that_a_piecewise_linear_force_pushes() -> None:
 
     known = np.array([integrate(lambda at: 1 - at), integrate(np.ones_like)]) / 2
     assert run.by == (*(f"push[{k}]" for k in range(5)), "load")
-    assert run.slopes[:, :5] == pytest.approx(known, abs=1e-14)
+    assert run.derivatives[:, :5] == pytest.approx(known, abs=1e-14)
     assert run.objectives == pytest.approx(known @ values, abs=1e-13)
-    assert run.slopes[:, 5] == pytest.approx(-known @ values / 2, abs=1e-13)
+    assert run.derivatives[:, 5] == pytest.approx(-known @ values / 2, abs=1e-13)
 
 
 @pytest.mark.parametrize("integrator", ["trapezoidal", "rk4"])
@@ -136,16 +136,16 @@ def test_held_values_are_those_of_a_host(integrator: str) -> None:
     settings: dict[str, float] = {"iterations": 40} if integrator == "trapezoidal" else {}
     sim = loaded(OSCILLATOR, "oscillator", "recursive", integrator).reset(dt=0.01, **settings)
     values, start = np.random.default_rng(0).normal(size=20), sim.snapshot()
-    run = sim.play_derivative(60, ["mass.x"], ["push"], every=60, inputs={"push": values})
+    run = sim.forward_sensitivities(60, ["mass.x"], ["push"], every=60, inputs={"push": values})
     assert np.isnan(sim.inputs["push"])
     sim.restore(start)
     for value in values:
         sim.inputs["push"] = value
-        sim.play(3)
+        sim.run(3)
     assert run.values[-1, 0] == pytest.approx(sim.outputs["mass.x"], rel=1e-13)
     sim.restore(start)
-    shifted = sim.play_derivative(60, ["mass.x"], ["push"], every=60)  # a linear motion
-    assert run.slopes[-1, 0].sum() == pytest.approx(shifted.slopes[-1, 0, 0], rel=1e-12)
+    shifted = sim.forward_sensitivities(60, ["mass.x"], ["push"], every=60)  # a linear motion
+    assert run.derivatives[-1, 0].sum() == pytest.approx(shifted.derivatives[-1, 0, 0], rel=1e-12)
 
 
 @pytest.mark.parametrize("integrator", with_heavy(["trapezoidal", "rk4", "dormand-prince"], "dormand-prince"))
@@ -154,7 +154,7 @@ def test_states_and_controllers(integrator: str, kind: str) -> None:
     """Values that are the same one behind the other may change apart all the same."""
     settings: dict[str, dict[str, float]] = {"trapezoidal": {"iterations": 40}, "dormand-prince": {"tolerance": 1e-10}}
     sim = backwards(CART, "cart", integrator=integrator).reset(dt=5e-3, **settings.get(integrator, {}))
-    sim.choose()
+    sim.choose_independent()
     rng = np.random.default_rng(2)
     if kind in ("held", "at rest"):
         given: Any = rng.normal(size=20) * (kind == "held")
@@ -170,7 +170,7 @@ def test_a_motor_and_a_guide_of_a_loop(integrator: str) -> None:
     """A guide's values move the start, too: independent states stay, and the loop closes where it has the guide."""
     method = "recursive-newton" if integrator == "radau5-fixed" else "recursive"
     sim = backwards(BAR, "bar", method, integrator).reset(dt=5e-3)
-    sim.choose(["crank.angle_rate"])
+    sim.choose_independent(["crank.angle_rate"])
     t = np.linspace(0, 0.5, 11)
     guide = {"t": t, "value": 0.02 * np.sin(6 * t), "rate": 0.12 * np.cos(6 * t)}
     torque = np.random.default_rng(1).normal(size=20)
@@ -178,16 +178,16 @@ def test_a_motor_and_a_guide_of_a_loop(integrator: str) -> None:
 
 
 def test_a_guide_by_a_law_of_a_loop() -> None:
-    """By the trapezoidal rule, along directions and from the end on."""
+    """By the trapezoidal rule, along directions and by the adjoint method."""
     sim = backwards(BAR.replace("{end: 1,", "{end: 1, inputs: {place: 0.02*sin(6*t)},"), "bar").reset(dt=5e-3)
-    sim.choose(["crank.angle_rate"])
+    sim.choose_independent(["crank.angle_rate"])
     compare(sim, {}, ["torque", "place", "k", "crank.angle"], 1e-9, 1e-3, 1e-10)
 
 
 @pytest.mark.heavy
 def test_loops_of_newtons_iteration() -> None:
     sim = loaded(BAR, "bar", "recursive-newton", "trapezoidal").reset(dt=1e-3)
-    sim.choose(["crank.angle_rate"])
+    sim.choose_independent(["crank.angle_rate"])
     compare(sim, {"torque": np.random.default_rng(1).normal(size=20)}, ["torque"], 1e-5, 1e-2, None)
 
 
@@ -196,7 +196,7 @@ def test_loops_of_newtons_iteration() -> None:
 def test_coupled_stages(integrator: str, kind: str) -> None:
     """Each stage has the input at its own time."""
     sim = by_radau(CART, "cart", integrator).reset(dt=5e-3)
-    sim.choose()
+    sim.choose_independent()
     values, rates = np.random.default_rng(2).normal(size=(2, 20))
     given: Any = values if kind == "held" else {"t": np.linspace(0, 0.5, 20), "value": values, "rate": rates}
     by = ["k", "push", *(["push.rate"] if kind == "with rates" else [])]
@@ -217,10 +217,10 @@ def test_events_that_move(integrator: str) -> None:
     given = {"t": t, "value": 4 + np.random.default_rng(4).normal(size=21)}
     compare(sim, {"push": given}, ["load", "push"], 1e-6, 1e-3, 1e-11, steps=500)
     sim.reset()
-    run = sim.play_derivative(500, ["rail.displacement"], ["push"], events=1, inputs={"push": given})
+    run = sim.forward_sensitivities(500, ["rail.displacement"], ["push"], events=1, inputs={"push": given})
     assert run.events is not None
     before = t < run.events.times[0] - 0.1
-    assert (run.events.time_slopes[0, :21][before] < 0).all()  # a push brings it there sooner
+    assert (run.events.derivatives_of_times[0, :21][before] < 0).all()  # a push brings it there sooner
 
 
 @pytest.mark.parametrize("flags", [(), pytest.param(SANITIZE, marks=pytest.mark.heavy)], ids=["plain", "sanitized"])
@@ -228,21 +228,21 @@ def test_calls_right_and_wrong(flags: tuple[str, ...], tmp_path: Path) -> None:
     place = write(folder_of(MASS, "mass.yaml", integrator="rk4", adjoint=True), tmp_path)
     compile_object(place, "mass", flags=flags)
     linked = flags if flags == SANITIZE else ()
-    assert run(link(place, "calls", ["-I.", HERE / "course_calls.c", "mass.o"], flags=linked)) == ""
+    assert run(link(place, "calls", ["-I.", HERE / "trajectory_calls.c", "mass.o"], flags=linked)) == ""
 
 
 def test_what_cannot_be() -> None:
     sim = backwards(MASS, "mass", integrator="rk4").reset(dt=0.01)
     call = {"steps": 10, "outputs": ["rail.displacement"], "by": ["push"]}
     with pytest.raises(KeyError, match="no 'pus'; did you mean 'push'"):
-        sim.play_derivative(**call, inputs={"pus": [1.0]})  # type: ignore[arg-type]
+        sim.forward_sensitivities(**call, inputs={"pus": [1.0]})  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=re.escape("input 'push': (3,) values are not held for equal numbers of 10 steps")):
-        sim.play_derivative(**call, inputs={"push": [1.0, 2.0, 3.0]})  # type: ignore[arg-type]
+        sim.forward_sensitivities(**call, inputs={"push": [1.0, 2.0, 3.0]})  # type: ignore[arg-type]
     with pytest.raises(RunError, match=re.escape("the table goes from 0 s to 0.05 s, the run from 0 to 0.1 s")):
-        sim.play_derivative(**call, inputs={"push": {"t": [0, 0.05], "value": [0, 1]}})  # type: ignore[arg-type]
+        sim.forward_sensitivities(**call, inputs={"push": {"t": [0, 0.05], "value": [0, 1]}})  # type: ignore[arg-type]
     with pytest.raises(KeyError, match=re.escape("no 'push.rate'")):
-        sim.play_derivative(10, ["rail.displacement"], ["push.rate"], inputs={"push": {"t": [0, 1], "value": [0, 1]}})
+        sim.forward_sensitivities(10, ["rail.displacement"], ["push.rate"], inputs={"push": {"t": [0, 1], "value": [0, 1]}})
     start = sim.snapshot()
-    sim.play_derivative(10, ["rail.displacement"], [], inputs={"push": [1.0]})
+    sim.forward_sensitivities(10, ["rail.displacement"], [], inputs={"push": [1.0]})
     sim.restore(start)
-    assert sim.play(10)[-1, 0] == 0.0  # a course is of its run alone
+    assert sim.run(10)[-1, 0] == 0.0  # a course is of its run alone

@@ -14,7 +14,7 @@ from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.bouncing import bouncing_text, exact_bounces
 from tests.mechanisms.driven import pushed_text
 
-from .folders import DEFINITIONS, HERE, RANDOM_CALLS, compile_object, foreign_symbols, link, run, standalone_of, write
+from .c_exports import DEFINITIONS, HERE, RANDOM_CALLS, compile_object, foreign_symbols, link, run, standalone_of, write
 
 pytestmark = needs_cpp
 
@@ -83,9 +83,9 @@ def test_restored_moments_go_on_the_same(method: str, integrator: str, tmp_path:
     path.write_text(bouncing_text(2.0, 0.5), encoding="utf-8")
     sim = cutjoint.load(path, method=method, integrator=integrator).reset()
     for _ in range(5):
-        sim.play(13)
+        sim.run(13)
         other = sim.copy()
-        assert np.array_equal(sim.play(20), other.play(20))
+        assert np.array_equal(sim.run(20), other.run(20))
 
 
 @pytest.mark.parametrize(("method", "integrator"), RULES)
@@ -114,18 +114,18 @@ def test_inputs_and_parameters_count_from_the_next_step_on(method: str, integrat
         assert sim.outputs["mass.ax"] == push / 2
         assert (sim.outputs["mass.x"], sim.outputs["mass.vx"]) == pytest.approx((x, v), abs=1e-13)
     sim.inputs["push"] = 6.0  # from the next step on, whether anybody has looked before or not
-    assert (sim.outputs["mass.ax"], sim.accelerations["slide.displacement_rate"], sim.present_input("push")) == (0.0, 0.0, 6.0)
+    assert (sim.outputs["mass.ax"], sim.accelerations["slide.displacement_rate"], sim.get_input("push")) == (0.0, 0.0, 6.0)
     sim.step()
     sim.inputs["push"] = 2.0
-    assert (sim.outputs["mass.ax"], sim.accelerations["slide.displacement_rate"], sim.present_input("push")) == (3.0, 3.0, 2.0)
+    assert (sim.outputs["mass.ax"], sim.accelerations["slide.displacement_rate"], sim.get_input("push")) == (3.0, 3.0, 2.0)
     press = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=1e-3)
-    press.play(10)
+    press.run(10)
     press.parameters["stiffness"] = 2000.0
     other = cutjoint.load(PRESS, method=method, integrator=integrator).reset(dt=1e-3)
     other.parameters["stiffness"] = 2000.0
     other.set_state(press.time, press.coordinates.array.copy(), press.speeds.array.copy())
-    press.play(10)
-    other.play(10)
+    press.run(10)
+    other.run(10)
     assert press.outputs["slider.x"] == pytest.approx(other.outputs["slider.x"], abs=1e-7)
 
 
@@ -136,7 +136,7 @@ def test_what_an_integrator_has_not_is_refused() -> None:
         cutjoint.load(PRESS, integrator="trapezoidal").reset(tolerance=1e-6)
     with pytest.raises(TypeError, match="go over events"):
         cutjoint.load(PRESS, integrator="trapezoidal").reset().advance_to_event(1.0)
-    with pytest.raises(cutjoint.RunError, match="'radau5' is not one of folders that stand alone, trapezoidal, rk4, dormand-prince"):
+    with pytest.raises(cutjoint.RunError, match="'radau5' is not one of C exports, trapezoidal, rk4, dormand-prince"):
         cutjoint.load(PRESS, integrator="radau5")
 
 

@@ -1,4 +1,4 @@
-"""Derivatives of runs by Newton's iteration with loops: beside differences of runs, and from the end of a run on."""
+"""Derivatives of runs by Newton's iteration with loops: beside differences of runs, and by the adjoint method."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 import cutjoint
-from cutjoint.run.scenes import take_model
+from cutjoint.run.scenes import load_model
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.standalone.test_radau_derivatives import by_radau
@@ -57,7 +57,7 @@ def test_a_slider_crank() -> None:
     sim = by_newton(PUSHER, "pusher").reset(dt=0.01)
     compare(sim, None, ["cart.x"], {"drag": 0.01, "torque": 0.001}, 1e-8, steps=20)
     sim.reset()
-    sim.choose()
+    sim.choose_independent()
     compare_backwards(sim, 1e-12)
 
 
@@ -65,9 +65,9 @@ def test_the_press_and_its_hardpoint() -> None:
     text = (MODELS / "press.yaml").read_text(encoding="utf-8").replace("rates: {", f"numerics: {{{SHARP}}}, rates: {{")
     sim = by_newton(text, "press").reset(dt=2e-3)
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0}, 1e-8)
-    model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    model, scene = load_model(MODELS / "press.yaml", None, ["A.z"])
     sim = load_scene(model, scene, method="recursive-newton", integrator="trapezoidal", adjoint=True).reset(dt=1e-3)
-    sim.choose(["pin.angle_rate"])
+    sim.choose_independent(["pin.angle_rate"])
     compare_backwards(sim, 1e-12)
 
 
@@ -79,5 +79,5 @@ def test_balls_in_a_loop(integrator: str) -> None:
     independent = ["pin.angle_rate", "knee.wx"]
     compare(sim, independent, ["pin.angle", "foot.angle", "coupler.z"], {"heavy": 1e-3, "push": 1e-3}, 1e-7, steps=40)
     sim.reset()
-    sim.choose(independent)
+    sim.choose_independent(independent)
     compare_backwards(sim, 1e-11, steps=40)

@@ -15,7 +15,7 @@ import pytest
 from cutjoint.toolchain.compiler import find_compiler, find_zig
 from tests.conftest import needs_cpp
 from tests.fmu.slaves import fmu_of
-from tests.standalone.folders import standalone_of
+from tests.standalone.c_exports import standalone_of
 
 pytestmark = [
     needs_cpp,

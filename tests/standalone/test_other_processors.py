@@ -11,7 +11,7 @@ from shutil import which
 
 import pytest
 
-from .folders import CXX, LIBRARIES, C, standalone_of, write
+from .c_exports import CXX, LIBRARIES, C, standalone_of, write
 
 #: A host of WebAssembly with the calls of WASI that the C library makes: it opens files beside it, and prints.
 WASI = """

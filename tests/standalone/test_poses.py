@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cutjoint
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import RunError
@@ -17,7 +17,7 @@ from cutjoint.run.scenes import find_scene
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.hung import HUNG
 
-from .folders import compile_object, link, run, write
+from .c_exports import compile_object, link, run, write
 
 pytestmark = needs_cpp
 
@@ -126,7 +126,7 @@ scenes: {roll: {rates: {free.vx: 3, free.wz: 2, free.wx: 1.5, hub.angle_rate: 12
 def test_contacts_are_where_planes_of_wheels_meet_the_ground(tmp_path: Path) -> None:
     """By three planes: the ground under the centre, the wheel's own, and the one across the rolling direction."""
     (tmp_path / "wheels.yaml").write_text(WHEELS)
-    sim = cutjoint.load(tmp_path / "wheels.yaml", poses=True, linearise=True, grounded=["*"]).reset()
+    sim = cutjoint.load(tmp_path / "wheels.yaml", poses=True, linearise=True, terrain=["*"]).reset()
     ground = {"wheel": (0.02, 0.1, -0.2), "tyre": (-0.01, -0.05, 0.15)}
     for name, values in ground.items():
         for end, value in zip(("height", "slope", "bank"), values, strict=True):
@@ -150,7 +150,7 @@ def test_contacts_are_where_planes_of_wheels_meet_the_ground(tmp_path: Path) -> 
         assert np.array_equal(poses.angular_velocity[at], poses.angular_velocity[on])
         assert poses.point[at].tolist() == [0, 0, 0]
         rates = sim.states.array[len(sim.states.array) // 2 :]
-        assert sim.find_point_jacobian(name) @ rates == pytest.approx([*v, *poses.angular_velocity[at]], abs=1e-11)
+        assert sim.point_jacobian(name) @ rates == pytest.approx([*v, *poses.angular_velocity[at]], abs=1e-11)
         if name == "wheel":
             out = sim.outputs
             assert np.linalg.norm(p - c) == pytest.approx(out["wheel.loaded_radius"], abs=1e-13)
@@ -216,5 +216,5 @@ def test_who_does_not_ask_has_the_same_code() -> None:
 def test_natural_coordinates_have_none(path: Path) -> None:
     with pytest.raises(RunError, match=r"poses: the state of method 'augmented' has natural coordinates.*use recursive"):
         cutjoint.load(path, method="augmented", poses=True)
-    with pytest.raises(RunError, match="poses: only folders that stand alone have them"):
+    with pytest.raises(RunError, match="poses: only C exports have them"):
         cutjoint.compile_model(path, poses=True)

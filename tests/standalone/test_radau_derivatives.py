@@ -1,4 +1,4 @@
-"""Derivatives of steps and runs by Radau IIA: closed forms of linear motions, differences of runs, and from the end of a run on."""
+"""Derivatives of steps and runs by Radau IIA: closed forms of linear motions, differences of runs, and by the adjoint method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.run.scenes import take_model
+from cutjoint.run.scenes import load_model
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.standalone.test_event_derivatives import BY, PUSHED, SPRING, STOPPED, THRUST, along, numbers, sprung, thrown
@@ -48,14 +48,14 @@ def test_a_step_of_a_linear_motion() -> None:
     sim.inputs["push"] = 0.7
     sim.step()
     other, start = sim.copy(), sim.states.array.copy()
-    found = sim.step_derivative()
+    found = sim.step_derivatives()
     R, by_push = known_step(STIFFNESS, H)
     shifted = known_step(STIFFNESS + 1e-30j, H)
     by_stiffness = (shifted[0] @ start + 0.7 * shifted[1][:, 0]).imag / 1e-30
     assert found.by_state == pytest.approx(R.real, rel=1e-13)
     assert found.by_input == pytest.approx(by_push.real, rel=1e-12)
     assert found.by_parameter[:, 0] == pytest.approx(by_stiffness, rel=1e-12)
-    assert other.play(5)[1:].tolist() == sim.play(4).tolist()
+    assert other.run(5)[1:].tolist() == sim.run(4).tolist()
 
 
 @pytest.mark.parametrize(("stiffness", "steps"), [(STIFFNESS, 40), (1e9, 20)])
@@ -67,7 +67,7 @@ def test_a_run_of_a_linear_motion_however_stiff(stiffness: float, steps: int) ->
     sim = by_radau(OSCILLATOR, "oscillator")
     sim.inputs["push"], sim.parameters["stiffness"] = 0.0, stiffness
     sim.reset(dt=H)
-    run = sim.play_derivative(steps, ["mass.x"], ["stiffness", *sim.states], every=steps)
+    run = sim.forward_sensitivities(steps, ["mass.x"], ["stiffness", *sim.states], every=steps)
     sim.parameters["stiffness"] = STIFFNESS
     R, along_stiffness = known_step(stiffness + 1e-30j, H)[0], np.array([0.3, 0.0], dtype=complex)
     for _ in range(steps):
@@ -82,8 +82,8 @@ def test_a_run_of_a_linear_motion_however_stiff(stiffness: float, steps: int) ->
 def test_a_pendulum_by_gravity_in_steps_that_follow_errors() -> None:
     """An angle that starts at rest is a function of t sqrt(g), so that its derivative by g is t angle'/(2 g)."""
     sim = by_radau(PENDULUM, "pendulum", "radau5").reset(dt=0.1, tolerance=1e-11)
-    run = sim.play_derivative(20, ["pin.angle", "pin.angle_rate"], ["g"])
-    assert run.slopes[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-8)
+    run = sim.forward_sensitivities(20, ["pin.angle", "pin.angle_rate"], ["g"])
+    assert run.derivatives[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-8)
 
 
 @pytest.mark.parametrize(("text", "name", "outputs", "by", "dt"), [
@@ -94,13 +94,13 @@ def test_chains_balls_states_and_controllers(text: str, name: str, outputs: int,
     sim = by_radau(text, name).reset(dt=dt)
     compare(sim, None, list(sim.outputs)[:outputs], by, 2e-9)
     sim.reset()
-    sim.choose()
+    sim.choose_independent()
     compare_backwards(sim, 1e-12)
 
 
 @cache
 def press() -> cutjoint.Simulation:
-    model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    model, scene = load_model(MODELS / "press.yaml", None, ["A.z"])
     return load_scene(model, scene, method="recursive-newton", integrator="radau5-fixed", adjoint=True)
 
 
@@ -109,7 +109,7 @@ def test_a_loop_and_its_hardpoint() -> None:
     sim = press().reset(dt=2e-3)
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0, "A.z": 1e-5}, 1e-7)
     sim.reset()
-    sim.choose(["pin.angle_rate"])
+    sim.choose_independent(["pin.angle_rate"])
     compare_backwards(sim, 1e-12)
 
 
@@ -117,11 +117,11 @@ def test_loops_near_a_dead_centre_come_nearer_with_shorter_steps() -> None:
     """The run closes its loops in the norm of a tangent that may be that of an earlier step; derivatives do in that of the masses.  The
     difference is below the error of the rule itself."""
     sim = by_radau(PUSHER.replace(", numerics: {NUMERICS}", ""), "pusher")
-    slopes = {}
+    derivatives = {}
     for dt in (1e-2, 5e-3, 2.5e-3, 6.25e-4):
         sim.reset(dt=dt)
-        slopes[dt] = sim.play_derivative(round(1 / dt), ["cart.x"], ["drag", "torque"], every=round(0.1 / dt)).slopes
-    *errors, _ = (np.abs(found - slopes[6.25e-4]).max() / np.abs(slopes[6.25e-4]).max() for found in slopes.values())
+        derivatives[dt] = sim.forward_sensitivities(round(1 / dt), ["cart.x"], ["drag", "torque"], every=round(0.1 / dt)).derivatives
+    *errors, _ = (np.abs(found - derivatives[6.25e-4]).max() / np.abs(derivatives[6.25e-4]).max() for found in derivatives.values())
     assert errors[0] < 2e-2
     assert errors[2] < 1e-5
     sim.reset(dt=1e-2)
@@ -130,54 +130,55 @@ def test_loops_near_a_dead_centre_come_nearer_with_shorter_steps() -> None:
 
 @pytest.mark.parametrize(("text", "known"), [(THRUST, thrown), (SPRING, sprung)])
 @pytest.mark.parametrize(("integrator", "dt", "tolerance"), [("radau5-fixed", 1e-3, None), ("radau5", 1e-2, 1e-9)])
-def test_a_ball_that_bounces(text: str, known: Callable, integrator: str, dt: float, tolerance: float | None) -> None:  # type: ignore[type-arg]
+def test_a_ball_that_bounces(text: str, known: Callable, integrator: str, dt: float,
+    tolerance: float | None) -> None:  # type: ignore[type-arg]
     """Behind the bounce, with the times of contact and of leaving."""
     sim = by_radau(text, "ball", integrator).reset(dt=dt, tolerance=tolerance)
-    run = sim.play_derivative(round(0.7 / dt), ["mass.z", "mass.vz"], BY, every=10, events=3)
+    run = sim.forward_sensitivities(round(0.7 / dt), ["mass.z", "mass.vz"], BY, every=10, events=3)
     wanted, events = along(known, 0.7), run.events
     assert np.abs(run.end[1] - wanted[:2]).max() < 1e-9 * np.abs(wanted[:2]).max()
     assert events is not None
     assert events.names == ("stop", "stop")
     assert events.times == pytest.approx([x.real for x in known(0.7, *numbers)[2:]], rel=1e-9)
-    assert events.time_slopes == pytest.approx(wanted[2:], rel=1e-9, abs=1e-9)
-    assert events.slopes[:, 0] == pytest.approx(np.array([[0, 0, 0, 1]] * 2), abs=1e-9)
+    assert events.derivatives_of_times == pytest.approx(wanted[2:], rel=1e-9, abs=1e-9)
+    assert events.derivatives[:, 0] == pytest.approx(np.array([[0, 0, 0, 1]] * 2), abs=1e-9)
 
 
 def test_a_force_that_ends_at_a_time() -> None:
     """z = F T (t - T/2) / m."""
-    run = by_radau(PUSHED, "pushed").reset(dt=0.01).play_derivative(80, ["mass.z"], ["until", "push"], events=9)
+    run = by_radau(PUSHED, "external_wrenches").reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"], events=9)
     assert run.end[1][0] == pytest.approx([2 * (0.8 - 0.3137) / 4, 0.3137 * (0.8 - 0.3137 / 2) / 4], rel=1e-12)
     assert run.events is not None
-    assert run.events.time_slopes == pytest.approx(np.array([[1, 0]]), abs=1e-12)
+    assert run.events.derivatives_of_times == pytest.approx(np.array([[1, 0]]), abs=1e-12)
 
 
 @pytest.mark.parametrize("integrator", with_heavy(["radau5-fixed", "radau5"], "radau5"))
 def test_loops_at_a_force_that_jumps(integrator: str) -> None:
-    """By each number behind a contact, and from the end on; steps that follow errors are chosen anew for each difference."""
+    """By each number behind a contact, and by the adjoint method; steps that follow errors are chosen anew for each difference."""
     sim = by_radau(STOPPED, "stopped", integrator).reset(dt=5e-4, tolerance=None if integrator == "radau5-fixed" else 1e-11)
-    sim.choose(["crank.angle_rate"])
+    sim.choose_independent(["crank.angle_rate"])
     by, start = {"heavy": 1e-3, "stop": 1e-4, "damping": 1e-3, "tip": 1e-5}, sim.snapshot()
-    run = sim.play_derivative(900, list(sim.outputs), list(by), events=9)
+    run = sim.forward_sensitivities(900, list(sim.outputs), list(by), events=9)
     assert run.events is not None
     assert len(run.events.names) > 1
-    for slopes, (number, h) in zip(run.end[1].T, by.items(), strict=True):
+    for derivatives, (number, h) in zip(run.end[1].T, by.items(), strict=True):
         course = from_start(sim, number, ["crank.angle_rate"], 900, list(sim.outputs))
         wanted = fourth_order(lambda change, course=course: course(change)[-1], h)  # type: ignore[misc]
-        assert np.abs(slopes - wanted).max() < (1e-9 if integrator == "radau5-fixed" else 3e-8) * np.abs(wanted).max(), number
+        assert np.abs(derivatives - wanted).max() < (1e-9 if integrator == "radau5-fixed" else 3e-8) * np.abs(wanted).max(), number
     sim.restore(start)
     compare_backwards(sim, 1e-12, steps=900)
 
 
 def test_a_step_that_ends_at_an_event_has_none() -> None:
-    sim = by_radau(PUSHED, "pushed").reset(dt=0.5)
+    sim = by_radau(PUSHED, "external_wrenches").reset(dt=0.5)
     with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*'thrust'.*or differentiate a run"):
-        sim.step_derivative()
+        sim.step_derivatives()
     assert sim.time == 0.0
 
 
 def test_the_command_has_the_method() -> None:
     steps = ["--method", "recursive-newton", "--integrator", "radau5-fixed", "--dt", "2e-3", "--end", "0.1"]
-    asked = ["--open", "A.z", "--by", "stiffness", "--by", "A.z", "--output", "slider.x", "--check"]
+    asked = ["--tunable", "A.z", "--by", "stiffness", "--by", "A.z", "--output", "slider.x", "--check"]
     call = ["gradient", str(MODELS / "press.yaml"), *steps, *asked]
     done = CliRunner().invoke(main, call)
     assert done.exit_code == 0, done.output

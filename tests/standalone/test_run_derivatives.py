@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import cutjoint
 from cutjoint.cli import main
 from cutjoint.methods import Loops
-from cutjoint.run.scenes import take_model, with_loops
+from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.standalone.test_step_derivatives import MASS, OSCILLATOR, PUSHER, SHARP, STIFFNESS, H, by_rk4, by_trapezoids, loaded, oscillator
@@ -82,18 +82,19 @@ def fourth_order(course: Callable[[float], NDArray[np.float64]], h: float) -> ND
     return (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
 
 
-def from_start(sim: cutjoint.Simulation, name: str, independent: list[str] | None, steps: int, outputs: list[str]) -> Callable:  # type: ignore[type-arg]
+def from_start(sim: cutjoint.Simulation, name: str, independent: list[str] | None, steps: int,
+    outputs: list[str]) -> Callable:  # type: ignore[type-arg]
     """The course of outputs from the scene's start by a change of a number."""
     places = [sim.outputs.place(output) for output in outputs]
     numbers = sim.parameters if name in sim.parameters else sim.inputs
-    value = numbers[name] if name in sim.parameters else sim.present_input(name)
+    value = numbers[name] if name in sim.parameters else sim.get_input(name)
 
     def course(change: float) -> NDArray[np.float64]:
         numbers[name] = value + change
         sim.reset()
         if independent:
-            sim.choose(independent)
-        rows = sim.play(steps)[:, places]
+            sim.choose_independent(independent)
+        rows = sim.run(steps)[:, places]
         numbers[name] = value
         return rows
 
@@ -105,11 +106,11 @@ def compare(
 ) -> None:  # fmt: skip
     sim.reset()
     if independent:
-        sim.choose(independent)
-    run = sim.play_derivative(steps, outputs, list(by))
+        sim.choose_independent(independent)
+    run = sim.forward_sensitivities(steps, outputs, list(by))
     for i, (name, h) in enumerate(by.items()):
         differences = fourth_order(from_start(sim, name, independent, steps, outputs), h)
-        error = np.abs(run.slopes[1:, :, i] - differences).max(axis=0) / np.abs(differences).max(axis=0)
+        error = np.abs(run.derivatives[1:, :, i] - differences).max(axis=0) / np.abs(differences).max(axis=0)
         assert error.max() < share, (name, error)
 
 
@@ -120,7 +121,7 @@ def test_a_linear_motion(integrator: str, known: Callable) -> None:  # type: ign
     sim.inputs["push"] = 0.7
     sim.step()
     start = sim.states.array.copy()
-    run = sim.play_derivative(50, ["mass.x"], ["stiffness", "push", *sim.states], every=25)
+    run = sim.forward_sensitivities(50, ["mass.x"], ["stiffness", "push", *sim.states], every=25)
     A, B = known(STIFFNESS)
     state, by_state, by_input = start, np.eye(2), np.zeros((2, 1))
     complex_A, complex_B = known_complex(known, STIFFNESS + 1e-30j)
@@ -129,7 +130,7 @@ def test_a_linear_motion(integrator: str, known: Callable) -> None:  # type: ign
         state, by_state, by_input = A @ state + B[:, 0] * 0.7, A @ by_state, A @ by_input + B
         along = complex_A @ along + complex_B[:, 0] * 0.7
     assert run.times == pytest.approx([H, 26 * H, 51 * H], rel=1e-12)
-    assert run.slopes[0].tolist() == [[0.0, 0.0, 1.0, 0.0]]
+    assert run.derivatives[0].tolist() == [[0.0, 0.0, 1.0, 0.0]]
     assert run.end[0][0] == pytest.approx(state[0], rel=1e-11)
     assert run.end[1][0] == pytest.approx([along[0].imag / 1e-30, by_input[0, 0], *by_state[0]], rel=1e-11)
 
@@ -167,16 +168,16 @@ def test_a_slope_that_is_no_number_beside_others(integrator: str) -> None:
         "joints: {", "joints: {rest: {kind: prismatic, bodies: [ground, block], at: [0, 1, 0], axis: [1, 0, 0]}, "
     ).replace("forces: {", "forces: {rub: {kind: joint_force, joint: rest, law: -sqrt(rate*rate)}, ")
     sims = [loaded(text, "oscillator", integrator=integrator).reset(dt=H, **_TO_THE_END[integrator]) for text in (OSCILLATOR, still)]
-    runs = [sim.play_derivative(50, ["mass.x"], ["stiffness"]) for sim in sims]
-    assert np.abs(runs[0].slopes).max() > 0
-    assert runs[1].slopes == pytest.approx(runs[0].slopes, rel=1e-12, abs=1e-15)
+    runs = [sim.forward_sensitivities(50, ["mass.x"], ["stiffness"]) for sim in sims]
+    assert np.abs(runs[0].derivatives).max() > 0
+    assert runs[1].derivatives == pytest.approx(runs[0].derivatives, rel=1e-12, abs=1e-15)
 
 
 def test_a_pendulum_by_gravity() -> None:
     """An angle that starts at rest is a function of t sqrt(g), so that its derivative by g is t angle'/(2 g)."""
     sim = loaded(PENDULUM, "pendulum", integrator="rk4").reset(dt=1e-3)
-    run = sim.play_derivative(2000, ["pin.angle", "pin.angle_rate"], ["g"], every=100)
-    assert run.slopes[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-9)
+    run = sim.forward_sensitivities(2000, ["pin.angle", "pin.angle_rate"], ["g"], every=100)
+    assert run.derivatives[1:, 0, 0] == pytest.approx(run.times[1:] * run.values[1:, 1] / (2 * 9.81), rel=1e-9)
 
 
 def test_the_command_prints_them_and_checks(tmp_path: Path) -> None:
@@ -193,25 +194,25 @@ def test_the_command_prints_them_and_checks(tmp_path: Path) -> None:
     assert (wrong.exit_code, "no 'h'" in wrong.output) == (1, True)
 
 
-@pytest.mark.parametrize("loops", [Loops.EXACT, Loops.COMPILED])
+@pytest.mark.parametrize("loops", [Loops.EXACT, Loops.EMBEDDED])
 def test_a_loop_by_a_hardpoint(loops: Loops) -> None:
-    model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    model, scene = load_model(MODELS / "press.yaml", None, ["A.z"])
     chosen = with_loops(scene, loops)
     sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=2e-3)
     compare(sim, ["pin.angle_rate"], ["slider.x", "spring.force"], {"stiffness": 3.0, "A.z": 1e-5}, 1e-7)
 
 
 @pytest.mark.heavy
-def test_functions_of_loops_have_the_slopes_of_exact_loops() -> None:
+def test_embedded_loops_have_the_derivatives_of_exact_loops() -> None:
     """By a hardpoint, a spring and the start; rk4 follows both motions to some 1e-11."""
     found = []
-    for loops in (Loops.EXACT, Loops.COMPILED):
-        model, scene = take_model(MODELS / "press.yaml", None, ["A.z"])
+    for loops in (Loops.EXACT, Loops.EMBEDDED):
+        model, scene = load_model(MODELS / "press.yaml", None, ["A.z"])
         chosen = with_loops(scene, loops)
         sim = load_scene(replace(model, scenes={scene.name: chosen}), chosen, integrator="rk4", linearise=True).reset(dt=5e-4)
-        sim.choose(["pin.angle_rate"])
-        run = sim.play_derivative(400, ["slider.x", "spring.force"], ["stiffness", "A.z", "pin.angle"], every=40)
-        found.append(run.slopes)
+        sim.choose_independent(["pin.angle_rate"])
+        run = sim.forward_sensitivities(400, ["slider.x", "spring.force"], ["stiffness", "A.z", "pin.angle"], every=40)
+        found.append(run.derivatives)
     assert (np.abs(found[1] - found[0]).max(axis=0) < 3e-10 * np.abs(found[0]).max(axis=0)).all()
 
 
@@ -253,15 +254,15 @@ def test_loops_by_explicit_steps_near_a_dead_centre(integrator: str) -> None:
     compare(sim, None, ["pin.angle", "crank.angle"], {"heavy": 1e-3}, 1e-7, steps=39)
 
 
-def test_coordinates_are_chosen_again_where_they_become_poor() -> None:
+def test_coordinates_are_chosen_again_where_they_become_ill_conditioned() -> None:
     """The slider stands still at the dead centres, where it is no coordinate; the course does not depend on the choice."""
     sim = cutjoint.load(MODELS / "press.yaml", integrator="rk4", linearise=True)
     found, chosen = [], []
     for first in ("pin.angle_rate", "rail.displacement_rate"):
-        sim.reset(dt=2e-3, speeds={"pin.angle_rate": 30.0}).choose([first])
+        sim.reset(dt=2e-3, speeds={"pin.angle_rate": 30.0}).choose_independent([first])
         begun = list(sim.states)
-        run = sim.play_derivative(93, ["slider.x"], ["stiffness"])  # to the second dead centre
-        found.append(run.slopes)
+        run = sim.forward_sensitivities(93, ["slider.x"], ["stiffness"])  # to the second dead centre
+        found.append(run.derivatives)
         chosen.append(list(sim.states) != begun)
     assert chosen == [False, True]
     assert found[0] == pytest.approx(found[1], rel=1e-8, abs=1e-8 * np.abs(found[0]).max())
@@ -269,8 +270,8 @@ def test_coordinates_are_chosen_again_where_they_become_poor() -> None:
 
 def test_objectives_have_the_derivatives_of_their_values() -> None:
     sim = loaded(CART, "cart", integrator="rk4").reset(dt=0.005)
-    by, objectives = ["k"], ("end", "integral", "mean", "rms", "largest", "smallest")
-    run = sim.play_derivative(150, ["pin.angle", "loop.u"], by)
+    by, objectives = ["k"], ("end", "integral", "mean", "rms", "maximum", "minimum")
+    run = sim.forward_sensitivities(150, ["pin.angle", "loop.u"], by)
     course = from_start(sim, "k", None, 150, list(run.outputs))
     for objective in objectives:
 
@@ -286,32 +287,32 @@ def test_objectives_have_the_derivatives_of_their_values() -> None:
 
 def test_the_run_is_the_same_and_goes_on() -> None:
     sim = cutjoint.load(MODELS / "press.yaml", integrator="rk4", linearise=True).reset(dt=2e-3)
-    sim.choose(["pin.angle_rate"])
+    sim.choose_independent(["pin.angle_rate"])
     other = sim.copy()
-    run = sim.play_derivative(40, list(sim.outputs), ["stiffness"], every=4)
-    assert run.values[1:].tolist() == other.play(40)[3::4].tolist()
+    run = sim.forward_sensitivities(40, list(sim.outputs), ["stiffness"], every=4)
+    assert run.values[1:].tolist() == other.run(40)[3::4].tolist()
     assert sim.snapshot() == other.snapshot()
 
 
-def test_what_has_none_is_told() -> None:
+def test_what_has_none_is_reported() -> None:
     with pytest.raises(TypeError, match="load the model with linearise=True"):
-        cutjoint.load(MODELS / "press.yaml").reset().play_derivative(1, [], [])
+        cutjoint.load(MODELS / "press.yaml").reset().forward_sensitivities(1, [], [])
     sim = loaded(OSCILLATOR, "oscillator").reset()
     with pytest.raises(KeyError, match="did you mean 'stiffness'"):
-        sim.play_derivative(1, ["mass.x"], ["stifness"])
+        sim.forward_sensitivities(1, ["mass.x"], ["stifness"])
     with pytest.raises(KeyError, match=r"no 'mass\.y'"):
-        sim.play_derivative(1, ["mass.y"], ["stiffness"])
+        sim.forward_sensitivities(1, ["mass.y"], ["stiffness"])
     with pytest.raises(ValueError, match="7 steps are no multiple of 2"):
-        sim.play_derivative(7, ["mass.x"], ["stiffness"], every=2)
+        sim.forward_sensitivities(7, ["mass.x"], ["stiffness"], every=2)
     with pytest.raises(ValueError, match="a run of no step has no mean"):
-        _ = sim.play_derivative(0, ["mass.x"], ["stiffness"]).mean
-    run = cutjoint.RunDerivative(
+        _ = sim.forward_sensitivities(0, ["mass.x"], ["stiffness"]).mean
+    run = cutjoint.ForwardSensitivities(
         times=np.array([0.0, 1.0, 2.0]), values=np.array([[1.0, 0.0], [0.5, 0.0], [1.0, 0.0]]),
-        slopes=np.array([[[1.0], [0.0]], [[3.0], [0.0]], [[2.0], [0.0]]]),
+        derivatives=np.array([[[1.0], [0.0]], [[3.0], [0.0]], [[2.0], [0.0]]]),
         outputs=("a", "b"), by=("p",),
     )  # fmt: skip
     with pytest.raises(ValueError, match="'a' is the same 1 at 0 s and 2 s, with other derivatives"):
-        _ = run.largest
+        _ = run.maximum
     with pytest.raises(ValueError, match="'b' is 0 all the time"):
         _ = run.rms
-    assert run.smallest[1].tolist() == [[3.0], [0.0]]
+    assert run.minimum[1].tolist() == [[3.0], [0.0]]

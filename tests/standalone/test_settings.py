@@ -1,4 +1,4 @@
-"""Settings of a folder that stands alone follow its steps as those of a run do."""
+"""Settings of a C export follow its steps as those of a run do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import cutjoint
 from tests.conftest import MODELS, needs_cpp
 
-from .folders import ALONE
+from .c_exports import ALONE
 
 pytestmark = needs_cpp
 
@@ -25,8 +25,8 @@ def test_expressions_of_the_step_follow_it(method: str) -> None:
 @pytest.mark.parametrize("method", ALONE)
 def test_a_moment_after_steps_changed_goes_on_the_same(method: str) -> None:
     sim = cutjoint.load(MODELS / "four_bar.yaml", method=method).reset(dt=0.002)
-    sim.play(10)
+    sim.run(10)
     sim.library.set_step(sim.address, 0.001)
     sim.step()
     other = sim.copy()
-    assert (sim.play(50) == other.play(50)).all()
+    assert (sim.run(50) == other.run(50)).all()

@@ -18,7 +18,7 @@ from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp
 from tests.mechanisms.driven import pushed_text
 
-from .folders import ALONE
+from .c_exports import ALONE
 
 pytestmark = needs_cpp
 
@@ -66,7 +66,7 @@ def test_given_states_count_once_a_pose_at_rest_is_found(tmp_path: Path) -> None
 def test_step_advance_and_play_are_the_same(press: cutjoint.Simulation) -> None:
     press.reset(dt=1e-3)
     start = press.snapshot()
-    played = press.play(20)
+    played = press.run(20)
     press.restore(start)
     for _ in range(20):
         press.step()
@@ -79,7 +79,7 @@ def test_step_advance_and_play_are_the_same(press: cutjoint.Simulation) -> None:
 
 
 def test_steps_may_change_their_length(press: cutjoint.Simulation) -> None:
-    press.reset(dt=1e-3).play(3)
+    press.reset(dt=1e-3).run(3)
     press.library.set_step(press.address, 5e-4)
     press.step()
     press.step()
@@ -142,7 +142,7 @@ def test_copies_are_apart(press: cutjoint.Simulation) -> None:
         press.restore(b"nothing")
 
 
-def test_what_cannot_go_on_is_told(press: cutjoint.Simulation) -> None:
+def test_what_cannot_go_on_is_reported(press: cutjoint.Simulation) -> None:
     with pytest.raises(cutjoint.SimulationError, match=r"the simulation has not been started; call reset\(\)"):
         press.step()
     with pytest.raises(cutjoint.SimulationError, match="has not been started"):
@@ -158,7 +158,7 @@ def test_what_cannot_go_on_is_told(press: cutjoint.Simulation) -> None:
     assert press.reset().coordinates["pin.angle"] == 0.0  # what did not close is forgotten
 
 
-def test_a_host_is_told_what_a_stiff_model_takes() -> None:
+def test_a_host_is_reported_what_a_stiff_model_takes() -> None:
     """And the method that the advice names goes on with the same steps."""
     explicit, implicit = (
         cutjoint.load(PRESS, method=method, integrator="trapezoidal") for method in ("recursive", "recursive-newton")
@@ -166,8 +166,8 @@ def test_a_host_is_told_what_a_stiff_model_takes() -> None:
     for sim in (explicit, implicit):
         sim.reset(dt=1e-3).parameters["stiffness"] = 1e8
     with pytest.raises(cutjoint.SimulationError, match="try: a smaller dt, or compiling with the method recursive-newton"):
-        explicit.play(20)
-    assert implicit.play(20).shape[0] == 20
+        explicit.run(20)
+    assert implicit.run(20).shape[0] == 20
 
 
 def test_coordinates_and_speeds_hold_for_one_start(press: cutjoint.Simulation) -> None:
@@ -196,8 +196,8 @@ def test_natural_coordinates_satisfy_the_equations_again() -> None:
     sim.displace(np.full(len(sim.speeds), 1e-3))
     elbow, wrist = (np.array([sim.coordinates[f"{name}.{axis}"] for axis in "xyz"]) for name in ("elbow", "wrist"))
     assert (np.linalg.norm(elbow), np.linalg.norm(wrist - elbow)) == pytest.approx((0.1, np.hypot(0.1, 0.3)), abs=1e-12)
-    assert sim.jacobian @ sim.speeds.array == pytest.approx(np.zeros(13), abs=1e-10)
-    assert np.linalg.matrix_rank(sim.jacobian) == 12
+    assert sim.constraint_jacobian @ sim.speeds.array == pytest.approx(np.zeros(13), abs=1e-10)
+    assert np.linalg.matrix_rank(sim.constraint_jacobian) == 12
 
 
 def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None:
@@ -209,7 +209,7 @@ def test_rollout_is_what_each_would_do_alone(press: cutjoint.Simulation) -> None
     for value, own in zip(values, rows, strict=True):
         one = press.copy()
         one.parameters["stiffness"] = value
-        assert np.array_equal(one.play(30), own)
+        assert np.array_equal(one.run(30), own)
     with pytest.raises(ValueError, match="same number of simulations"):
         cutjoint.rollout(press, 3, parameters={"stiffness": values}, snapshots=[press.snapshot()])
     with pytest.raises(ValueError, match="how many simulations"):
@@ -240,7 +240,7 @@ def test_rollout_in_lanes_of_what_is_linearised_too(monkeypatch: pytest.MonkeyPa
     press = cutjoint.load(MODELS / "press.yaml", linearise=True).reset()
     rows = cutjoint.rollout(press, 5, parameters={"stiffness": [1000.0, 2000.0]})
     press.parameters["stiffness"] = 2000.0
-    np.testing.assert_allclose(press.play(5), rows[1], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(press.run(5), rows[1], rtol=1e-9, atol=1e-9)
 
 
 def test_rollout_in_lanes_is_what_each_would_do_alone(press: cutjoint.Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,7 +261,7 @@ def test_rollout_in_lanes_is_what_each_would_do_alone(press: cutjoint.Simulation
         alone = cutjoint.rollout(press, 30, parameters={"stiffness": [values[k]]}, snapshots=[snapshots[k]], threads=1)
         assert np.array_equal(alone[0], rows[k], equal_nan=True)
         if k != 4:
-            np.testing.assert_allclose(one.play(30), rows[k], rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(one.run(30), rows[k], rtol=1e-9, atol=1e-9)
     for wrong in (bytes(len(snapshots[0])), snapshots[1][:-8]):
         with pytest.raises(ValueError, match="these bytes are no snapshot of 'press'"):
             cutjoint.rollout(press, 30, snapshots=[snapshots[0], wrong])

@@ -17,7 +17,7 @@ from cutjoint.toolchain.compiler import find_compiler
 from tests.conftest import with_heavy
 from tests.mechanisms.random_models import CUT_KINDS, TREE_KINDS, loop_with, scene
 from tests.mechanisms.rods import rods_text
-from tests.standalone.folders import folder_of_model
+from tests.standalone.c_exports import folder_of_model
 
 #: Methods, integrators, and what a folder has besides.
 KINDS = (

@@ -47,15 +47,15 @@ def slider(angle: float, rate: float, a: complex, b: complex) -> tuple[complex, 
 def test_a_loop_closes_by_the_numbers_of_its_points(tmp_path: Path) -> None:
     sim = loaded(CRANK, "crank", integrator="rk4").reset()
     wanted = np.transpose([[x.imag / 1e-30 for x in slider(0.4, 3.0, 0.2 + 1e-30j * (1 - i), 0.5 + 1e-30j * i)] for i in range(2)])
-    start = sim.start_derivative(["slider.x", "slider.vx"], ["a", "b"])
+    start = sim.initial_state_sensitivities(["slider.x", "slider.vx"], ["a", "b"])
     assert start.values == pytest.approx(slider(0.4, 3.0, 0.2, 0.5), rel=1e-12)
-    assert start.slopes == pytest.approx(wanted, rel=1e-8)
-    sim.choose(["pin.angle_rate"])  # which the scene gives, so that it stays
-    assert sim.play_derivative(0, ["slider.x", "slider.vx"], ["a", "b"]).end[1] == pytest.approx(wanted, rel=1e-11)
-    assert sim.start_derivative([], ["a", "b"]).states == pytest.approx(np.zeros((2, 2)), abs=1e-9)
+    assert start.derivatives == pytest.approx(wanted, rel=1e-8)
+    sim.choose_independent(["pin.angle_rate"])  # which the scene gives, so that it stays
+    assert sim.forward_sensitivities(0, ["slider.x", "slider.vx"], ["a", "b"]).end[1] == pytest.approx(wanted, rel=1e-11)
+    assert sim.initial_state_sensitivities([], ["a", "b"]).states == pytest.approx(np.zeros((2, 2)), abs=1e-9)
     sim.step()
     with pytest.raises(ValueError, match="the present state is not the scene's start"):
-        sim.start_derivative(["slider.x"], ["a"])
+        sim.initial_state_sensitivities(["slider.x"], ["a"])
     (tmp_path / "crank.yaml").write_text(CRANK, encoding="utf-8")
     done = CliRunner().invoke(main, ["gradient", str(tmp_path / "crank.yaml"), "--objective", "start", "--check", "--integrator", "rk4"])
     assert done.exit_code == 0, done.output
@@ -66,9 +66,9 @@ def test_a_start_that_is_found_changes_with_what_it_is_found_by() -> None:
     """The slider is to be at 0.6 m: the angle changes so that it stays there."""
     text = CRANK.replace("positions: {pin.angle: 0.4}, rates: {pin.angle_rate: 3}", "positions: {rail.displacement: 0.1}")
     sim = loaded(text, "crank", integrator="rk4").reset()
-    sim.choose(["pin.angle_rate"])
-    start = sim.start_derivative(["slider.x"], ["a"])
-    assert start.slopes == pytest.approx(np.zeros((1, 1)), abs=1e-9)
+    sim.choose_independent(["pin.angle_rate"])
+    start = sim.initial_state_sensitivities(["slider.x"], ["a"])
+    assert start.derivatives == pytest.approx(np.zeros((1, 1)), abs=1e-9)
     angle, h = sim.coordinates["pin.angle"], 1e-30j
     by_angle = slider(angle, 1.0, 0.2, 0.5)[1]
     by_a = slider(angle, 0.0, 0.2 + h, 0.5)[0].imag / 1e-30
@@ -111,7 +111,7 @@ def eigenvalues(g: complex, length: complex, c: complex, k: complex, hard: compl
 def test_a_pendulum_and_a_spring_that_sags(tmp_path: Path) -> None:
     sim = loaded(SWING, "swing", integrator="rk4").reset()
     by, numbers = ["g", "length", "c", "k", "hard", "load"], np.array([9.81, 0.7, 0.3, 400, 3000, 2.5])
-    found = sim.mode_derivative(by)
+    found = sim.eigenvalue_sensitivities(by)
     assert found.values == pytest.approx(np.array(eigenvalues(*numbers)), rel=1e-9, abs=1e-9)
     for i, x in enumerate(numbers):
 
@@ -121,7 +121,7 @@ def test_a_pendulum_and_a_spring_that_sags(tmp_path: Path) -> None:
             return np.array(eigenvalues(*given))
 
         wanted = fourth_order(course, 1e-3 * x)
-        assert np.abs(found.slopes[:, i] - wanted).max() < 1e-8 * np.abs(wanted).max(), by[i]
+        assert np.abs(found.derivatives[:, i] - wanted).max() < 1e-8 * np.abs(wanted).max(), by[i]
     length, rate = 0.7, found.values[0].imag
     d, by_d = 0.3 / (3 * length**2), -2 * 0.3 / (3 * length**3)
     assert found.frequencies[1][0, 1] == pytest.approx((-9.81 / length**2 - 2 * d * by_d) / (2 * rate) / (2 * np.pi), rel=1e-8)
@@ -135,9 +135,9 @@ def test_a_pendulum_and_a_spring_that_sags(tmp_path: Path) -> None:
 def test_a_loop_and_a_motion() -> None:
     """About the motion of a crank: the matrices of the same states with another number."""
     sim = loaded(CRANK, "crank", integrator="rk4").reset()
-    sim.choose(["pin.angle_rate"])
+    sim.choose_independent(["pin.angle_rate"])
     here, x = sim.snapshot(), sim.states.array.copy()
-    found = sim.mode_derivative(["a"])
+    found = sim.eigenvalue_sensitivities(["a"])
 
     def course(change: float) -> np.ndarray:
         sim.restore(here)
@@ -148,7 +148,7 @@ def test_a_loop_and_a_motion() -> None:
         return values[values.imag >= 0][np.argsort(np.abs(values[values.imag >= 0]))]
 
     wanted = fourth_order(course, 3e-4)
-    assert np.abs(found.slopes[:, 0] - wanted).max() < 1e-7 * np.abs(wanted).max()
+    assert np.abs(found.derivatives[:, 0] - wanted).max() < 1e-7 * np.abs(wanted).max()
 
 
 #: Masses on springs, two of which are equal; the last is damped as much as it just does not turn.
@@ -174,12 +174,12 @@ scenes: {rest: {end: 1}}
 def test_an_eigenvalue_that_repeats_has_none() -> None:
     sim = loaded(EQUAL.replace("DAMPING", ""), "equal", integrator="rk4").reset()
     with pytest.raises(ValueError, match=re.escape("the eigenvalue 0+10j 1/s repeats: it has no derivative; name other modes")):
-        sim.mode_derivative(["k"])
-    assert sim.mode_derivative(["k"], [0]).slopes == pytest.approx(np.array([[1j / (2 * np.sqrt(400))]]), rel=1e-9)
+        sim.eigenvalue_sensitivities(["k"])
+    assert sim.eigenvalue_sensitivities(["k"], [0]).derivatives == pytest.approx(np.array([[1j / (2 * np.sqrt(400))]]), rel=1e-9)
     with pytest.raises(KeyError, match="no mode 7: there are 3"):
-        sim.mode_derivative(["k"], [7])
+        sim.eigenvalue_sensitivities(["k"], [7])
     with pytest.raises(ValueError, match=r"the eigenvalue -5\S* 1/s repeats"):
-        loaded(EQUAL.replace("DAMPING", "- 40*rate"), "equal", integrator="rk4").reset().mode_derivative(["k"], [0])
+        loaded(EQUAL.replace("DAMPING", "- 40*rate"), "equal", integrator="rk4").reset().eigenvalue_sensitivities(["k"], [0])
 
 
 def test_a_kink_at_the_pose_has_none() -> None:
@@ -187,8 +187,8 @@ def test_a_kink_at_the_pose_has_none() -> None:
     law = "-k*position - hard*position**3"
     sim = loaded(SWING.replace(law, f'"where(rate < 0, -30, -90)*rate {law}"'), "swing", integrator="rk4").reset()
     with pytest.raises(ValueError, match="by 'load' there is no derivative: what changes with it jumps or has a kink at this state"):
-        sim.mode_derivative(["load"])
+        sim.eigenvalue_sensitivities(["load"])
     with pytest.raises(TypeError, match="by: 'k' is one name; give a list"):
-        sim.mode_derivative("k")
+        sim.eigenvalue_sensitivities("k")
     with pytest.raises(KeyError, match="no 'lenght'; did you mean 'length'"):
-        sim.start_derivative(["mass.z"], ["lenght"])
+        sim.initial_state_sensitivities(["mass.z"], ["lenght"])

@@ -13,7 +13,7 @@ from cutjoint.stepping.simulation import Simulation
 from tests.conftest import needs_cpp
 from tests.mechanisms.steered import law, steered_text
 
-from .folders import ALONE
+from .c_exports import ALONE
 
 pytestmark = needs_cpp
 
@@ -53,7 +53,7 @@ def test_a_law_that_is_held_step_by_step_is_followed(tmp_path: Path, method: str
     assert abs(lawful.outputs["cart.y"]) > 1e-3
     for name, left in LEFT.items():
         assert sim.outputs[name] == pytest.approx(lawful.outputs[name], abs=left), name
-    assert sim.gap[0] < 1e-6
+    assert sim.constraint_violation[0] < 1e-6
 
 
 @pytest.mark.parametrize("interval", [0.002, 0.005, 0.0025])
@@ -66,7 +66,7 @@ def test_a_law_that_is_held_over_several_steps_is_followed(tmp_path: Path, inter
     lawful.advance(1.0)
     for name in ("rail.displacement", "pivot.angle", "cart.y"):
         assert sim.outputs[name] == pytest.approx(lawful.outputs[name], abs=LEFT[name]), name
-    assert sim.gap[0] < 1e-6
+    assert sim.constraint_violation[0] < 1e-6
 
 
 def test_rates_without_accelerations_are_followed(tmp_path: Path) -> None:
@@ -78,13 +78,13 @@ def test_rates_without_accelerations_are_followed(tmp_path: Path) -> None:
     lawful.advance(1.0)
     for name, left in LEFT.items():
         assert sim.outputs[name] == pytest.approx(lawful.outputs[name], abs=2 * left), name
-    assert sim.gap[0] < 1e-6
+    assert sim.constraint_violation[0] < 1e-6
 
 
 @ways
 def test_a_jump_is_made_in_two_steps_without_going_beyond(tmp_path: Path, method: str, integrator: str, more: str) -> None:
     sim, other = begin(load(tmp_path, "free", method, integrator, more)), begin(load(tmp_path, "free", method, integrator, more), 0.03)
-    sim.play(10)
+    sim.run(10)
     sim.inputs["rack"] = 0.03
     places = []
     for _ in range(3):
@@ -93,15 +93,15 @@ def test_a_jump_is_made_in_two_steps_without_going_beyond(tmp_path: Path, method
     np.testing.assert_allclose(places, [0.015, 0.03, 0.03], atol=1e-9)
     assert sim.outputs["rail.displacement_rate"] == pytest.approx(0, abs=1e-9)
     assert sim.outputs["pivot.angle"] == pytest.approx(other.outputs["pivot.angle"], abs=2e-6)
-    sim.play(100)
+    sim.run(100)
     assert sim.outputs["pivot.angle"] == pytest.approx(other.outputs["pivot.angle"], abs=2e-6)
-    assert sim.gap[0] < 1e-6
+    assert sim.constraint_violation[0] < 1e-6
 
 
 def test_a_rack_that_the_rod_cannot_reach_is_a_fault_that_names_the_loop(tmp_path: Path) -> None:
     """At once it leaves the state as it was; creeping there tears the loop at last."""
     sim = begin(load(tmp_path))
-    sim.play(10)
+    sim.run(10)
     before = sim.snapshot()
     sim.inputs["rack"] = 0.7
     with pytest.raises(cutjoint.SimulationError, match=r"'outer.*steered\.yaml:18") as caught:
@@ -127,7 +127,7 @@ def test_a_loop_that_tears_slowly_is_a_fault_that_names_it(tmp_path: Path) -> No
     with pytest.raises(cutjoint.SimulationError, match=r"torn.*'outer") as caught:
         creep()
     assert caught.value.status == 29
-    gap, equation = sim.gap
+    gap, equation = sim.constraint_violation
     assert gap > 0.005
     assert equation is not None
     assert equation.startswith("outer.")
@@ -164,7 +164,7 @@ def test_another_fault_blames_no_loop(tmp_path: Path, method: str) -> None:
     sim.inputs["rack"] = 0.001
     sim.inputs["push"] = 1e308
     with pytest.raises(cutjoint.SimulationError) as caught:
-        sim.play(20)
+        sim.run(20)
     assert caught.value.status not in {0, 29}
 
 
@@ -197,13 +197,13 @@ def test_a_reset_forgets_derivatives(tmp_path: Path, method: str) -> None:
     sim, fresh = begin(load(tmp_path, method=method)), load(tmp_path, method=method)
     sim.set_input("rack", 0.004, 0.1, -0.5)
     sim.set_input("push", 3.0, 1.0)
-    sim.play(30)
+    sim.run(30)
     sim.reset()
     fresh.set_input("rack", 0.004)
     fresh.set_input("push", 3.0)
     fresh.reset(dt=DT)
     assert np.array_equal(sim.outputs.array, fresh.outputs.array)
-    assert np.array_equal(sim.play(20), fresh.play(20))
+    assert np.array_equal(sim.run(20), fresh.run(20))
     sim.set_input("rack", 0.004, 0.1)  # given now, they hold from the new start on
     sim.reset()
     assert sim.outputs["rail.displacement_rate"] == pytest.approx(0.1)
@@ -211,12 +211,12 @@ def test_a_reset_forgets_derivatives(tmp_path: Path, method: str) -> None:
 
 def test_an_input_that_is_released_goes_back_to_the_scene(tmp_path: Path) -> None:
     sim, lawful = load(tmp_path, "lawful").reset(dt=DT), load(tmp_path, "lawful").reset(dt=DT)
-    lawful.play(100)
-    sim.play(50)
+    lawful.run(100)
+    sim.run(50)
     sim.inputs["rack"] = law(0.05) + 1e-4
-    sim.play(25)
+    sim.run(25)
     sim.inputs["rack"] = np.nan
-    sim.play(25)
+    sim.run(25)
     assert sim.outputs["rail.displacement"] == pytest.approx(law(0.1), abs=1e-15)
     assert sim.outputs["pivot.angle"] == pytest.approx(lawful.outputs["pivot.angle"], abs=1e-6)
 
@@ -235,13 +235,13 @@ def test_simulations_in_lanes_follow_as_one_alone(tmp_path: Path, monkeypatch: p
         if rack == 0.7:
             assert np.isnan(found).all()
         else:
-            np.testing.assert_allclose(found, one.play(15), rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(found, one.run(15), rtol=1e-8, atol=1e-9)
 
 
 def test_lanes_that_go_alone_change_no_bit_of_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standalone, "_COMPILING", -1e9)
     sim = begin(load(tmp_path))
-    sim.play(5)
+    sim.run(5)
     alone = cutjoint.rollout(sim, 15, inputs={"rack": [0.02, 0.12]})
     beside = cutjoint.rollout(sim, 15, inputs={"rack": [0.7, 0.12, 0.02, -0.11]})
     assert np.array_equal(alone[0], beside[2])

@@ -32,15 +32,15 @@ OUTPUTS = ["mass.x", "mass.vx"]
 
 
 def simulation(scene: str, pattern: str) -> cutjoint.Simulation:
-    model = read_model_text(MASS, "mass.yaml", opened=[pattern])
+    model = read_model_text(MASS, "mass.yaml", tunable=[pattern])
     sim = load_scene(model, find_scene(model, scene), integrator="rk4", linearise=True, adjoint=True).reset(dt=5e-3)
-    sim.choose()
+    sim.choose_independent()
     return sim
 
 
 def test_a_force_of_straight_lines_has_its_closed_form() -> None:
     """A value moves the force by a hat: v by its area over the mass, x by that times the time that is left, 0.4 s - t."""
-    sim = simulation("pushed", "push.law.table.value.*")
+    sim = simulation("external_wrenches", "push.law.table.value.*")
     by = [f"push.law.table.value.{i}" for i in range(4)]
     assert list(sim.parameters) == by
     knots = np.array([0, 0.1, 0.2, 0.4])
@@ -48,10 +48,10 @@ def test_a_force_of_straight_lines_has_its_closed_form() -> None:
     hats = [np.interp(time, knots, row) for row in np.eye(4)]
     wanted = np.array([[np.trapezoid((0.4 - time) * hat, time) / 2 for hat in hats], [np.trapezoid(hat, time) / 2 for hat in hats]])
     start = sim.snapshot()
-    run = sim.play_derivative(80, OUTPUTS, by, every=80)
+    run = sim.forward_sensitivities(80, OUTPUTS, by, every=80)
     assert run.end[1] == pytest.approx(wanted, abs=1e-10)  # of the trapezoids
     sim.restore(start)
-    back = sim.play_adjoint(80, OUTPUTS, by, "end", every=80)
+    back = sim.adjoint_sensitivities(80, OUTPUTS, by, "end", every=80)
     assert back.slopes == pytest.approx(run.end[1], abs=1e-14)
 
 
@@ -60,9 +60,9 @@ def test_a_monotone_curve_beside_differences() -> None:
     sim = simulation("held", "hold.law.table.value.*").reset(dt=5e-4)
     by = [f"hold.law.table.value.{i}" for i in (0, 3)]
     start = sim.snapshot()
-    run = sim.play_derivative(1200, OUTPUTS, by, every=1200)
+    run = sim.forward_sensitivities(1200, OUTPUTS, by, every=1200)
     sim.restore(start)
-    back = sim.play_adjoint(1200, OUTPUTS, by, "end", every=1200)
+    back = sim.adjoint_sensitivities(1200, OUTPUTS, by, "end", every=1200)
     assert np.isfinite(back.slopes).all()
     assert back.slopes == pytest.approx(run.end[1], rel=1e-11, abs=1e-14)
     for i, name in enumerate(by):

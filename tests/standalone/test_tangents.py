@@ -11,7 +11,7 @@ from cutjoint.methods import METHODS
 from tests.conftest import needs_cpp, with_heavy
 from tests.mechanisms.seeing import SOFT_IN_QUADS, seeing
 
-from .folders import folder_of_model, in_quads, run, write
+from .c_exports import folder_of_model, in_quads, run, write
 
 pytestmark = needs_cpp
 

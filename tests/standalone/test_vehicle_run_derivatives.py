@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cutjoint.methods import Loops
-from cutjoint.run.scenes import take_model, with_loops
+from cutjoint.run.scenes import load_model, with_loops
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS
 
@@ -33,10 +33,10 @@ def differences(course: Callable[[float], NDArray[np.float64]], h: float) -> tup
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("loops", "share"), [(Loops.COMPILED, 1e-7), (Loops.EXACT, 5e-6)])
+@pytest.mark.parametrize(("loops", "share"), [(Loops.EMBEDDED, 1e-7), (Loops.EXACT, 5e-6)])
 def test_ten_seconds(loops: Loops, share: float) -> None:
     """Equations of loops know masses to 1e-16 of their penalty: differences of runs tell 1e-6 at 1e6, and 1e-4 at the scene's 1e9."""
-    model, scene = take_model(MODELS / "iltis.yaml", "simul1", [name for name in BY if name.startswith("front_left")])
+    model, scene = load_model(MODELS / "iltis.yaml", "simul1", [name for name in BY if name.startswith("front_left")])
     chosen = with_loops(scene, loops)
     if loops is Loops.EXACT:
         chosen = replace(chosen, numerics=replace(chosen.numerics, penalty=1e6, multiplier_updates=40))
@@ -50,15 +50,15 @@ def test_ten_seconds(loops: Loops, share: float) -> None:
         value = numbers[name]
         numbers[name] = value + change
         sim.set_states(np.array([*states.values()]))
-        rows = sim.play(STEPS)[:, places]
+        rows = sim.run(STEPS)[:, places]
         if name not in states:
             sim.parameters[name] = value
         return rows
 
     sim.set_states(np.array([*begun.values()]))
-    run = sim.play_derivative(STEPS, OUTPUTS, list(BY))
+    run = sim.forward_sensitivities(STEPS, OUTPUTS, list(BY))
     for i, (name, h) in enumerate(BY.items()):
         found, off = differences(lambda change, name=name: course(name, change), h)  # type: ignore[misc]
-        error = np.abs(run.slopes[1:, :, i] - found).max(axis=0) / np.abs(found).max(axis=0)
+        error = np.abs(run.derivatives[1:, :, i] - found).max(axis=0) / np.abs(found).max(axis=0)
         assert off.max() < share, (name, off)
         assert error.max() < share, (name, error, off)

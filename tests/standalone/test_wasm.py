@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cutjoint.compile.folders import Standalone
+from cutjoint.compile.c_export import Standalone
 from cutjoint.model.functions import leave_to_host
 from cutjoint.model.read import read_model_text
 from cutjoint.package.errors import MissingToolsError, RunError
@@ -23,7 +23,7 @@ from cutjoint.toolchain import wasm
 from tests.conftest import MODELS
 from tests.view.conftest import call
 
-from .folders import folder_of_model, standalone_of
+from .c_exports import folder_of_model, standalone_of
 
 NODE = which("node")
 needs_wasm = pytest.mark.skipif(NODE is None or find_spec("ziglang") is None, reason="needs Node.js, and ziglang of PyPI")
@@ -110,7 +110,7 @@ def test_only_reproducible_folders_have_mathematics() -> None:
 def test_two_engines_have_the_same_bits(tmp_path: Path) -> None:
     wasmtime = pytest.importorskip("wasmtime")
     alone = standalone_of("press")
-    script = "const sim = model.create(); sim.start(); console.log(Buffer.from(sim.play(300).buffer).toString('hex'));"
+    script = "const sim = model.create(); sim.start(); console.log(Buffer.from(sim.run(300).buffer).toString('hex'));"
     here = bytes.fromhex(in_node(tmp_path, alone, script))
     store = wasmtime.Store()
     module = wasmtime.Module(store.engine, alone.build_module())
@@ -122,7 +122,7 @@ def test_two_engines_have_the_same_bits(tmp_path: Path) -> None:
     memory.grow(store, 3)
     sim = of["press_create"](store, at, alone.size)
     assert of["press_start"](store, sim) == 0
-    assert of["press_play"](store, sim, 300, rows) == 0
+    assert of["press_run"](store, sim, 300, rows) == 0
     assert bytes(memory.read(store, rows, rows + 8 * 300 * columns)) == here
     assert len(set(here)) > 100
 
@@ -132,11 +132,11 @@ def test_simulations_are_independent_and_go_on_from_snapshots_bit_by_bit(tmp_pat
     script = """
     const [a, b] = [model.create(), model.create()];
     a.start(); b.start();
-    a.play(50);
-    const at = a.time, snapshot = a.save(), rows = a.play(50);
-    b.play(7);
+    a.run(50);
+    const at = a.time, snapshot = a.save(), rows = a.run(50);
+    b.run(7);
     b.restore(snapshot);
-    const same = b.time === at && Buffer.from(b.play(50).buffer).equals(Buffer.from(rows.buffer));
+    const same = b.time === at && Buffer.from(b.run(50).buffer).equals(Buffer.from(rows.buffer));
     b.free();
     const c = model.create();
     c.start();
@@ -153,7 +153,7 @@ def test_simulations_are_independent_and_go_on_from_snapshots_bit_by_bit(tmp_pat
 
 
 @needs_wasm
-def test_a_host_is_told_what_is_wrong(tmp_path: Path) -> None:
+def test_a_host_is_reported_what_is_wrong(tmp_path: Path) -> None:
     script = """
     const said = [], sim = model.create();
     const wrong = (call) => {
@@ -166,7 +166,7 @@ def test_a_host_is_told_what_is_wrong(tmp_path: Path) -> None:
     wrong(() => sim.setInput('q1', NaN));
     wrong(() => sim.setInput(77, 0));
     wrong(() => sim.restore(new Uint8Array(3)));
-    wrong(() => { sim.setInput('q1', 1e4); sim.play(50); });
+    wrong(() => { sim.setInput('q1', 1e4); sim.run(50); });
     sim.free();
     wrong(() => sim.step());
     console.log(JSON.stringify(said));

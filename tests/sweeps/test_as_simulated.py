@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import compile_scene, generate
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.export.fmu.description import write_description
@@ -100,7 +100,7 @@ def test_a_loaded_model_has_them_too(name: str, tmp_path: Path) -> None:
         sim.parameters[parameter] = value
         sim.reset()
         rows = [list(sim.outputs.array)]
-        rows += [list(row) for row in sim.play(len(run.t) - 1)]
+        rows += [list(row) for row in sim.run(len(run.t) - 1)]
         assert sim.time == pytest.approx(run.t[-1])
         for i, output in enumerate(sim.outputs):
             _require_near([row[i] for row in rows], run, output)

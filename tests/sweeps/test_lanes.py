@@ -13,7 +13,7 @@ import pytest
 
 import cutjoint
 from cutjoint.compile import folders as standalone
-from cutjoint.compile.folders import lanes_break_even
+from cutjoint.compile.c_export import lanes_break_even
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
 from cutjoint.reduce.guards import guard_forces

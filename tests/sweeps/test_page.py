@@ -112,7 +112,7 @@ def test_marked_runs_stand_beside_one_another(page: Page, done: tuple[Path, Swee
     top = next(line for line in lines if line[0].startswith("top"))
     assert [float(word) for word in top[1:]] == pytest.approx(done[1]["top"][[17, *worst]], rel=1e-3)  # four digits
     assert page.run("document.getElementById('command').textContent").splitlines()[2] == (
-        f"cutjoint sweep study.yaml --replay {worst[1]} --over study-run-17.html"
+        f"cutjoint sweep study.yaml --replay {worst[1]} --ghost study-run-17.html"
     )
     page.run("document.querySelector('#worst input').click()")
     assert page.run("sweep.marked()") == [17, worst[1]]
@@ -132,11 +132,11 @@ def test_the_command_writes_pages(done: tuple[Path, Sweep], tmp_path: Path, monk
     replayed = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "17"])
     assert replayed.exit_code == 0, replayed.output
     assert (tmp_path / "study-run-17.html").stat().st_size > 100_000
-    beside = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "18", "--over", "study-run-17.html"])
+    beside = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "18", "--ghost", "study-run-17.html"])
     assert beside.exit_code == 0, beside.output
     assert "study-run-17.html: press, turn, recursive, run 17 of a sweep" in (tmp_path / "study-run-18.html").read_text(encoding="utf-8")
-    alone = CliRunner().invoke(main, ["sweep", str(done[0]), "--over", "study-run-17.html"])
-    assert "--over study-run-17.html: it lies under the run of --replay, which is missing" in alone.output
+    alone = CliRunner().invoke(main, ["sweep", str(done[0]), "--ghost", "study-run-17.html"])
+    assert "--ghost study-run-17.html: it lies under the run of --replay, which is missing" in alone.output
     refused = CliRunner().invoke(main, ["sweep", str(done[0]), "--replay", "256"])
     assert "--replay 256: the study has no such run; its runs are 0 to 255" in refused.output
 

@@ -230,6 +230,6 @@ def test_objectives_are_converted_to_their_units(objective: dict[str, object], f
         ({"range": "(slider.x - rod.x)*1000", "unit": "mm"}, "multiplied by 1000 for it already"),
     ],
 )  # fmt: skip
-def test_units_that_do_not_fit_are_told(objective: dict[str, object], words: str, tmp_path: Path) -> None:
+def test_units_that_do_not_fit_are_reported(objective: dict[str, object], words: str, tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=re.escape(words)):
         read_study(study(tmp_path, objectives={"a": objective}))

@@ -84,7 +84,7 @@ def test_what_answers_is_no_scheduler(name: str, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("scheme", ["tls", "wss", "ucx"])
-def test_other_protocols_are_told(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_protocols_are_reported(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scheduler, "_PATIENCE", 20.0)
     with _server(_http) as port:
         _refused(f"{scheme}://127.0.0.1:{port}", "Dask has not what this kind of address needs|SSL|another protocol")

@@ -26,7 +26,7 @@ from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.model.records import Scene
 from cutjoint.run.outputs import OutputError
-from cutjoint.run.scenes import held_as_usual
+from cutjoint.run.scenes import with_default_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.sweeps.parts import missing
 from cutjoint.sweeps.reading import read_study
@@ -44,7 +44,7 @@ def _single(scene: Scene, parameters: Mapping[str, float], rates: Mapping[str, f
     """A run of the press by the simulator of the command line."""
     model = read_model(MODELS / "press.yaml")
     started = {**scene.rates, **{name: sympy.Float(value, 17) for name, value in rates.items()}}
-    held = held_as_usual(Scene(**{**scene.__dict__, "rates": started}), "recursive", how.get("integrator"), how.get("dt"))
+    held = with_default_closure(Scene(**{**scene.__dict__, "rates": started}), "recursive", how.get("integrator"), how.get("dt"))
     artifact = compile_scene(model, held)
     return simulate(artifact, parameters=parameters, error=False, **how)
 
@@ -226,7 +226,7 @@ def test_the_command_says_what_there_is(tmp_path: Path) -> None:
     assert "is the study" in clash.output
 
 
-def test_failures_are_told_by_their_reasons(tmp_path: Path) -> None:
+def test_failures_are_reported_by_their_reasons(tmp_path: Path) -> None:
     rows = [{"slider.mass": m, "pin.angle_rate": w} for m, w in ((2, 5), (-1, 5), (2, 1e9), (-3, 5), (2, 2e9), (-2, 6))]
     path = study(tmp_path, open=["slider.mass"], parameters=None, rates=None, design={"list": rows}, output_step=0.01, dt=0.01)
     told = CliRunner().invoke(main, ["sweep", str(path), "--out", str(tmp_path / "out.parquet")]).output

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.source import Source
 from cutjoint.model.read import read_model

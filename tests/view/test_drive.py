@@ -270,9 +270,9 @@ def test_keys_move_it_against_the_clock(delta: Path, browser: Page) -> None:
 @needs_cpp
 @needs_zig
 def test_a_model_without_inputs_says_what_would_move_it(browser: Page, tmp_path: Path) -> None:
-    call("drive", MODELS / "slider_crank.yaml", "--loops", "compiled", "--out", tmp_path / "page.html")
+    call("drive", MODELS / "slider_crank.yaml", "--loops", "embedded", "--out", tmp_path / "page.html")
     browser.open(tmp_path / "page.html", size=(390, 844))
-    assert "cutjoint drive --open NAME" in browser.run("document.getElementById('inputs').innerText")
+    assert "cutjoint drive --tunable NAME" in browser.run("document.getElementById('inputs').innerText")
     steps(browser, 100)
     assert browser.run("cutjoint.drive.shown().time") > 0
 
@@ -310,7 +310,7 @@ def test_a_slider_stays_where_it_is_put_and_other_inputs_follow_the_scene(delta:
 
 @needs_cpp
 @needs_zig
-def test_a_fault_is_told_and_the_drive_so_far_is_kept(delta: Path, browser: Page) -> None:
+def test_a_fault_is_reported_and_the_drive_so_far_is_kept(delta: Path, browser: Page) -> None:
     browser.open(delta)
     steps(browser, 1100)
     browser.run("cutjoint.drive.simulation().setInput('q1', 1e5)")

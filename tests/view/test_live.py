@@ -72,7 +72,7 @@ def test_a_page_shows_where_the_bodies_of_a_host_are(browser: Page) -> None:
 
 
 @needs_cpp
-def test_what_is_none_of_its_poses_is_told_once_and_ignored() -> None:
+def test_what_is_none_of_its_poses_is_reported_once_and_ignored() -> None:
     whole = cutjoint.load(PRESS, poses=True).reset().pose_datagram()
     told: list[str] = []
     poses = Poses(MODEL, told.append)

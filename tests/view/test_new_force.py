@@ -96,7 +96,7 @@ def test_a_line_is_a_spring_between_its_points(seen: dict[str, Any]) -> None:
     assert scale == pytest.approx([1, 1, 2])
 
 
-def test_a_push_is_an_arrow_on_the_follower(seen: dict[str, Any]) -> None:
+def test_an_external_wrench_is_an_arrow_on_the_follower(seen: dict[str, Any]) -> None:
     place, newton = seen["arrow"]
     assert place == pytest.approx([1, 0, 0])
     assert newton == pytest.approx(50)

@@ -32,7 +32,7 @@ def both(press: Shown, tmp_path_factory: pytest.TempPathFactory) -> Shown:
     (folder / "model.yaml").write_text(text, encoding="utf-8")
     shown = Shown(page=folder / "both.html", glb=press.glb, table=folder / "run.csv")
     options = ("--method", "augmented", "--set", "stiffness=1200", "--no-error", "--out", shown.table)
-    call("simulate", folder / "model.yaml", *options, "--view", shown.page, "--over", press.page)
+    call("simulate", folder / "model.yaml", *options, "--view", shown.page, "--ghost", press.page)
     return shown
 
 
@@ -105,7 +105,8 @@ def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
     lambda page: gltf(page, nodes_0={"children": [1, 1]}), lambda page: gltf(page, nodes_1={"mesh": 99}), lambda page: gltf(page, nodes=[]),
     lambda page: gltf(page, nodes_1={"extras": {"newton": float("nan")}}), lambda page: gltf(page, nodes_0={"rotation": [0, 0, 0, 0]}),
     lambda page: gltf(page, accessors_0={"count": 10**6}),
-    lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page, buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
+    lambda page: gltf(page, accessors_0={"byteOffset": -4}), lambda page: gltf(page,
+        buffers=[{"byteLength": 4, "uri": "https://example.org/x"}]),
     lambda page: gltf(page, animations_0={"channels": [{"sampler": 99, "target": {"node": 1, "path": "translation"}}]}),
     lambda page: gltf(page, extensionsRequired=["KHR_draco_mesh_compression"]),
 ], ids=[
@@ -115,7 +116,7 @@ def in_chunks(document: dict[str, Any], binary: bytes) -> bytes:
 def test_what_is_no_page_is_refused(spoil: Any, press: Shown, tmp_path: Path) -> None:
     earlier = tmp_path / "earlier.html"
     earlier.write_text(spoil(press.page.read_text(encoding="utf-8")), encoding="utf-8")
-    arguments = ("simulate", PRESS, "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--over", earlier)
+    arguments = ("simulate", PRESS, "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--ghost", earlier)
     result = CliRunner().invoke(main, [str(a) for a in arguments])
     assert result.exit_code == 1
     assert "earlier.html: not a page of a run; write one with simulate --view" in result.output
@@ -128,7 +129,7 @@ def test_only_what_is_drawn_of_an_earlier_page_gets_into_another(press: Shown, b
     other = {"extensions": {"KHR_lights_punctual": {"lights": 3}}, "images": [{"uri": "https://example.org/x"}], "skins": [{"joints": [9]}]}
     text = gltf(text, **other, nodes_1={"skin": 0, "camera": 5}, materials=[{"emissiveTexture": {"index": 0}}])
     (tmp_path / "earlier.html").write_text(text, encoding="utf-8")
-    call("simulate", PRESS, "--no-error", "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--over", tmp_path / "earlier.html")
+    call("simulate", PRESS, "--no-error", "--out", tmp_path / "x.csv", "--view", tmp_path / "x.html", "--ghost", tmp_path / "earlier.html")
     browser.open(tmp_path / "x.html")
     assert browser.run("cutjoint.ghost('slider', 0.3)") == pytest.approx(browser.run("cutjoint.project('slider', 0.3)"), abs=0.1)
     require_silence(browser)
@@ -153,6 +154,6 @@ def test_refusals(view: str | None, message: str, tmp_path: Path, monkeypatch: p
     show(tmp_path, PRESS.read_text(encoding="utf-8"))
     monkeypatch.chdir(tmp_path)
     options = () if view is None else ("--view", view)
-    result = CliRunner().invoke(main, ["simulate", str(PRESS), "--out", "x.csv", *options, "--over", "run.html"])
+    result = CliRunner().invoke(main, ["simulate", str(PRESS), "--out", "x.csv", *options, "--ghost", "run.html"])
     assert result.exit_code == 1
     assert message in result.output

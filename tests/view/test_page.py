@@ -203,7 +203,7 @@ def test_names_of_motions_are_text_too(browser: Page, tmp_path: Path) -> None:
 
 
 def test_names_of_an_earlier_page_are_text_too(browser: Page, tmp_path: Path) -> None:
-    earlier = read_page(hostile_page(tmp_path / "earlier.html"), "--over")
+    earlier = read_page(hostile_page(tmp_path / "earlier.html"), "--ghost")
     assert earlier.name == f"earlier.html: {HOSTILE[0]}, {HOSTILE[1]}, {HOSTILE[2]}"
     browser.open(hostile_page(tmp_path / "hostile.html", over=earlier))
     assert browser.run("document.getElementById('over').textContent") == f"over {earlier.name}"

@@ -1,7 +1,7 @@
 """Degrees of freedom: the rank of the cut joints' equations, in the design position and around it; models without a solution.
 
 Guides contradict each other where loops cannot stay closed while they move.  The penalty of a
-cut joint would let such a loop gape without a word, since a guide does not yield to forces.
+cut joint would let such a loop gape silently, since a guide does not yield to forces.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cutjoint.analysis.closing import Array
 from cutjoint.analysis.linearise import Linearisation, ReducedSystem, reduce_system
+from cutjoint.package.renamed import with_old_members
 
 Complex = NDArray[np.complex128]
 
@@ -62,22 +63,23 @@ class Mode:
         return -1 / self.eigenvalue.real if self.eigenvalue.real else None
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class Modes:
     """The modes by the size of their eigenvalues.
 
-    ``indifferent`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions and
-    coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
+    ``rigid_body_modes`` are the directions, each named by the coordinate that leads it, that can be displaced for good: rigid-body motions
+    and coordinates that no spring holds.  ``zeros`` counts the eigenvalues of zero, two for a direction that also drifts on, one where a
     damper stops it.  ``undamped`` are the modes of mass and stiffness alone, of a state at rest; with a real eigenvalue, the state is
     unstable.  ``q`` are the tree's coordinates of the state.  ``held`` names controllers, whose values are constant in small motions.
     """
 
     time: float
     at_rest: bool
-    freedoms: int
+    degrees_of_freedom: int
     modes: tuple[Mode, ...]
     undamped: tuple[Mode, ...]
-    indifferent: Mapping[str, Mapping[str, Participant]]
+    rigid_body_modes: Mapping[str, Mapping[str, Participant]]
     zeros: int
     q: Array = field(repr=False, compare=False)
     held: tuple[str, ...] = ()
@@ -85,7 +87,7 @@ class Modes:
     def __repr__(self) -> str:
         where = "at rest" if self.at_rest else f"at t = {self.time:g} s"
         values = [f"{mode.eigenvalue:.3g}" for mode in self.modes[:_NAMED]] + ["..."] * (len(self.modes) > _NAMED)
-        return f"<Modes {where}: {self.freedoms} degrees of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
+        return f"<Modes {where}: {self.degrees_of_freedom} degrees of freedom, eigenvalues {', '.join(values) or 'none'} 1/s>"
 
 
 def find_mode_shapes(of: Linearisation, time: float) -> Modes:
@@ -110,8 +112,8 @@ def find_mode_shapes(of: Linearisation, time: float) -> Modes:
         ]
     speeds = np.array([_speeds(system, z, scale) for z in null.T]).reshape(null.shape[1], len(of.M))
     return Modes(
-        time=time, at_rest=of.at_rest, freedoms=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
-        indifferent=dict(_indifferent(of, speeds.T)), q=of.q,
+        time=time, at_rest=of.at_rest, degrees_of_freedom=n, modes=_ordered(modes), undamped=_ordered(undamped), zeros=zeros,
+        rigid_body_modes=dict(_rigid_body_modes(of, speeds.T)), q=of.q,
     )  # fmt: skip
 
 
@@ -184,7 +186,7 @@ def _followed(of: Linearisation) -> NDArray[np.bool_]:
     return np.array([i < first or bool(np.delete(of.C[:, i], i).any()) for i in range(len(of.M))])
 
 
-def _indifferent(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:
+def _rigid_body_modes(of: Linearisation, x: Array) -> Iterator[tuple[str, Mapping[str, Participant]]]:
     """Combinations of the columns of x (speeds, directions) of which each has a coordinate of its own."""
     directions = x.shape[1]
     sizes, rest, leaders = np.sqrt(of.M.diagonal().clip(0.0)), x.copy(), []

@@ -74,13 +74,13 @@ def describe_misfit(equations: RecursiveEquations) -> str:
         return ""
     right = np.linalg.svd(balanced(jacobian))[2][rank - 1]
     speed = int(np.abs(right).argmax())
-    opened = np.abs(jacobian @ right / right[speed])
-    row = int(opened.argmax())
+    tunable = np.abs(jacobian @ right / right[speed])
+    row = int(tunable.argmax())
     joint = next(c.joint for c in equations.closures if c.first <= row < c.first + len(c.names))
     span = equations.topology.model.constraint_spans.get(joint, equations.scene.span)
     return (
         f"{span}: '{joint}': rounded numbers alone hold this mechanism: at a speed of 1 at '{equations.speed_names[speed]}' the loops "
-        f"open by {opened[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too little to lock it, "
+        f"open by {tunable[row]:.2g} m/s or rad/s, most at '{equations.equation_names[row]}', too little to lock it, "
         "too much to leave it free; write points and axes exactly, such as by expressions, or farther off"
     )
 

@@ -24,7 +24,7 @@ from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 @table.command("batch")
 def command(
     model: Path, cases: Path, scene: str | None, method: str | None, tolerance: float | None, integrator: str | None, events: str | None,
-    closure: str | None, dt: float | None, end: float | None, opened: tuple[str, ...], changes: tuple[str, ...], threads: int | None,
+    closure: str | None, dt: float | None, end: float | None, tunable: tuple[str, ...], changes: tuple[str, ...], threads: int | None,
     out: Path, functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL once for each row of CASES, a CSV file of parameters and constant inputs in SI units: many runs side by side.
@@ -34,7 +34,7 @@ def command(
     require_apart({"the model": model, "the table of parameters": cases}, tables={"--out": out})
     parameters = options.read_parameters(changes)
     asked = Options(dt=dt, end=end, tolerance=tolerance, integrator=integrator, events=events)
-    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, opened=opened, functions=functions))
+    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, closure=closure, tunable=tunable, functions=functions))
     if by not in (able := names_of(METHODS, lambda m: m.batch)):
         raise RunError(f"{chosen.span}: scene '{chosen.name}': batches have no method {by}; use --method {join_or(able)}")
     done = _run(asked, read, _as_asked(chosen, by, asked), parameters, _cases(cases, read, parameters), threads, out)

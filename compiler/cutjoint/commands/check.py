@@ -25,13 +25,13 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("check")
-def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path | None) -> None:
+def command(model: Path, scene: str | None, tunable: tuple[str, ...], view: Path | None) -> None:
     """Validate MODEL; print topology, loops, degrees of freedom, redundant equations, and cut joints with their alternatives."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
     with options.progress_bar(f"reading {model.name}"):
-        checked = read_model(model, opened=opened)
+        checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"topology of {model.name}"):
         topology = build_topology(checked)
@@ -46,7 +46,7 @@ def command(model: Path, scene: str | None, opened: tuple[str, ...], view: Path 
     options.out.print(tables.facts(f"model {checked.name}", facts))
     if topology.loops:
         options.out.print(tables.loop_table(topology))
-    if chosen.numerics.loops == Loops.COMPILED:
+    if chosen.numerics.loops == Loops.EMBEDDED:
         with options.progress_bar(f"closing loops of {model.name}"):
             outcome = assemble_loops(checked, chosen, measure=True)
         for note in (*outcome.done, *outcome.left):

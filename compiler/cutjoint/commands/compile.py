@@ -9,16 +9,16 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.folders import for_hosts, frozen_words, make_standalone
+from cutjoint.compile.c_export import for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.model.functions import leave_to_host
-from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model
+from cutjoint.model.tunable import with_inputs
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_files
-from cutjoint.run.scenes import find_case, held_as_usual
+from cutjoint.run.scenes import find_case, with_default_closure
 from cutjoint.toolchain.build import simulator_of
 from cutjoint.toolchain.wasm import require_zig
 from cutjoint.topology.reading import read_model
@@ -30,25 +30,26 @@ WASM = "wasm"
 @table.command("compile")
 def command(
     model: Path, scene: str | None, method: str, out: Path, integrator: str | None, linearise: bool, adjoint: bool, poses: bool,
-    pushed: tuple[str, ...], grounded: tuple[str, ...], opened: tuple[str, ...], functions: Path | None, hosted: bool, target: str,
+    external_wrenches: tuple[str, ...], terrain: tuple[str, ...], tunable: tuple[str, ...], functions: Path | None, hosted: bool,
+    target: str,
     reproducible: bool,
 ) -> None:  # fmt: skip
     """Generate and compile the C++ of MODEL for one scene."""
     if hosted and functions is not None:
         raise click.UsageError("--functions has the code that --host-functions leaves to hosts: name one of the two")
     with options.progress_bar(f"compiling {model.name}"):
-        read = read_model(model, opened=opened, functions=functions)
+        read = read_model(model, tunable=tunable, functions=functions)
         read = leave_to_host(read) if hosted else read
         if target == WASM:
-            stepped = with_inputs(read, pushed=pushed, grounded=grounded)
+            stepped = with_inputs(read, external_wrenches=external_wrenches, terrain=terrain)
             said = _write_module(stepped, scene, method, out, integrator, linearise=linearise, adjoint=adjoint, poses=poses)
             options.out.print(said, markup=False)
             return
         artifact = compile_model(
             read, scene=scene, method=method, out=out, integrator=integrator, linearise=linearise, adjoint=adjoint, poses=poses,
-            pushed=pushed, grounded=grounded, reproducible=reproducible,
+            external_wrenches=external_wrenches, terrain=terrain, reproducible=reproducible,
         )  # fmt: skip
-        price = _price(artifact, model) if opened else ""
+        price = _price(artifact, model) if tunable else ""
     operations = artifact.program.operations(artifact.iteration)
     options.out.print(f"{operations} operations an evaluation{price}; source and simulator in {out}{_sizes(artifact, out)}", markup=False)
     if frozen := frozen_words(for_hosts(artifact.topology.model, artifact.scene)):
@@ -62,7 +63,7 @@ def _write_module(
     """Write the folder with its module of WebAssembly; what was written, in words."""
     require_zig()
     case, found = find_case(model, scene)
-    chosen = held_as_usual(found, method, integrator)
+    chosen = with_default_closure(found, method, integrator)
     case = for_hosts(case, chosen)
     generated = generate(case, chosen, chosen.outputs, method=method, poses=poses)
     alone = make_standalone(generated, integrator=integrator, equal_steps=True, linearise=linearise, adjoint=adjoint)

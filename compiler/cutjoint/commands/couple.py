@@ -35,7 +35,7 @@ from cutjoint.view.views import require_view, show_run, write_shown
 def command(
     model: Path, fmus: tuple[Path, ...], scene: str | None, connections: tuple[str, ...], communication: float | None, limit: float | None,
     method: str | None, tolerance: float | None, integrator: str | None, events: str | None, dt: float | None, end: float | None,
-    iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
+    iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path, error: bool, plots: Path | None,
     view: Path | None, functions: Path | None,
 ) -> None:  # fmt: skip
     """Run one scene of MODEL beside FMUs for co-simulation, or a system of them (.ssp): their outputs drive the inputs of the same names,
@@ -46,7 +46,7 @@ def command(
         require_view(view, "--view")
     parameters = options.read_parameters(changes)
     asked = Options(dt=dt, end=end, tolerance=tolerance, iterations=iterations, integrator=integrator, events=events)
-    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, opened=opened, functions=functions))
+    read, chosen, by = read_request(Request(model=model, scene=scene, method=method, tunable=tunable, functions=functions))
     with ExitStack() as opened_fmus:
         system = opened_fmus.enter_context(open_system(fmus, _named(connections), read.name))
         seconds = CALL_LIMIT if limit is None else limit

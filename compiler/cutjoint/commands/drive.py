@@ -17,7 +17,7 @@ from cutjoint.view.views import PAGE, drive_page
 
 @table.command("drive")
 def command(
-    model: Path, scene: str | None, method: str, dt: float | None, loops: str | None, opened: tuple[str, ...], changes: tuple[str, ...],
+    model: Path, scene: str | None, method: str, dt: float | None, loops: str | None, tunable: tuple[str, ...], changes: tuple[str, ...],
     functions: Path | None, steer: str | None, throttle: str | None, brake: str | None, ranges: tuple[str, ...], replay: Path | None,
     out: Path | None,
 ) -> None:  # fmt: skip
@@ -27,7 +27,7 @@ def command(
     if out.suffix != ending:
         raise OutputError(f"--out {out}: no such kind of file; write a name that ends in {ending}")
     require_apart({"the model": model, "--replay": replay}, documents=[("--out", out)])
-    checked, taken = options.take_case(read_model(model, opened=opened, functions=functions), scene)
+    checked, taken = options.take_case(read_model(model, tunable=tunable, functions=functions), scene)
     chosen = with_loops(taken, loops)
     parameters = options.read_parameters(changes)
     roles = {
@@ -43,7 +43,7 @@ def command(
     with options.progress_bar(f"compiling {model.name}"):
         given = {"--method": None if method == DEFAULT_METHOD else method, "--loops": loops, "--functions": functions}
         more = [word for option, value in given.items() if value is not None for word in (option, str(value))]
-        more += [word for pattern in opened for word in ("--open", pattern)]
+        more += [word for pattern in tunable for word in ("--tunable", pattern)]
         ends = [_read_ends("--range", text, 2) for text in ranges]
         drive = make_drive(checked, chosen, parameters, method=method, dt=dt, roles=roles, ranges=ends, more=more)
         page = drive_page(checked, chosen, parameters, drive)

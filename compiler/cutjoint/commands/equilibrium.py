@@ -14,13 +14,13 @@ from cutjoint.view.views import require_view, write_shown
 
 
 @table.command("equilibrium")
-def command(model: Path, scene: str | None, opened: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
+def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], view: Path | None) -> None:
     """Find the static equilibrium of MODEL and print every body's pose and every element's force."""
     require_apart({"the model": model}, documents=[("--view", view)])
     if view is not None:
         require_view(view, "--view")
     parameters = options.read_parameters(changes)
-    checked = read_model(model, opened=opened)
+    checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"compiling {model.name}"):
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)

@@ -15,10 +15,10 @@ from cutjoint.topology.reading import read_model
 
 
 @table.command("explain")
-def command(model: Path, scene: str | None, method: str, reduced: bool, opened: tuple[str, ...], out: Path | None) -> None:
+def command(model: Path, scene: str | None, method: str, reduced: bool, tunable: tuple[str, ...], out: Path | None) -> None:
     """Explain in Markdown what the compiler derives from MODEL: topology, equations, operations, what open parameters cost."""
     require_apart({"the model": model}, documents=[("--out", out)])
-    checked = read_model(model, opened=opened)
+    checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)
     with options.progress_bar(f"explaining {model.name}"):
         variant = reduction_sequence(checked, chosen, method)[-1] if reduced else None

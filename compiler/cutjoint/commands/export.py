@@ -8,15 +8,15 @@ from pathlib import Path
 import click
 
 from cutjoint.commands import options, table
-from cutjoint.compile.folders import frozen_words
+from cutjoint.compile.c_export import frozen_words
 from cutjoint.export.fmu.archive import Fmu, make_fmu
 from cutjoint.export.fmu.description import KINDS
 from cutjoint.export.mjcf import write_mjcf
 from cutjoint.export.robots import write_urdf
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.link_masses import with_link_masses
-from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Output
+from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import RunError
 from cutjoint.package.extensions import EXPORTERS
 from cutjoint.run.outputs import require_apart
@@ -29,9 +29,9 @@ from cutjoint.view.graph import picture_graph
 
 @table.command("export")
 def command(
-    model: Path, scene: str | None, peer: str, opened: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
+    model: Path, scene: str | None, peer: str, tunable: tuple[str, ...], changes: tuple[str, ...], links: tuple[str, ...],
     asked: tuple[str, ...], fmi: str | None, kind: str | None, content: str | None, platforms: tuple[str, ...], target: str | None,
-    method: str | None, integrator: str | None, poses: bool, pushed: tuple[str, ...], grounded: tuple[str, ...], out: Path,
+    method: str | None, integrator: str | None, poses: bool, external_wrenches: tuple[str, ...], terrain: tuple[str, ...], out: Path,
     functions: Path | None,
 ) -> None:  # fmt: skip
     """Write MODEL as a program for another simulator, which runs one scene there, as an FMU, or as a URDF or MJCF file with loops."""
@@ -39,28 +39,29 @@ def command(
         if changes or asked:
             option = "--set" if changes else "--output"
             raise click.UsageError(f"{option} is not for --to fmu, which has all parameters, for the host to set, and the scene's outputs")
-        checked = with_link_masses(read_model(model, opened=opened, functions=functions), options.read_masses(links))
+        checked = with_link_masses(read_model(model, tunable=tunable, functions=functions), options.read_masses(links))
         export_fmu(
-            with_inputs(checked, pushed=pushed, grounded=grounded), scene, model, version=int(fmi or "2"), kind=kind or "cs",
+            with_inputs(checked, external_wrenches=external_wrenches, terrain=terrain), scene, model, version=int(fmi or "2"), kind=kind
+            or "cs",
             content=content or "both", method=method or DEFAULT_METHOD, integrator=integrator, out=out, platforms=platforms,
             target=target, poses=poses,
         )  # fmt: skip
         return
     require_fmu(
         peer, fmi=fmi, kind=kind, method=method, integrator=integrator, platform=platforms or None, target=target,
-        poses=poses or None, push=pushed or None, ground=grounded or None, functions=functions,
+        poses=poses or None, external_wrench=external_wrenches or None, terrain=terrain or None, functions=functions,
         **({} if content is None else {content: True}),
     )  # fmt: skip
     if peer in ROBOTS:
         if asked or scene:
             raise click.UsageError(f"--{'output' if asked else 'scene'} is not for --to {peer}, which has the machine alone")
-        checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
+        checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
         export_robot(checked, options.read_parameters(changes), model, peer, out)
         return
     exporter = EXPORTERS.load(peer)
     if out.exists() and not out.is_dir():
         raise click.BadParameter(f"Directory '{out}' is a file.", param_hint="'--out'")
-    checked = with_link_masses(read_model(model, opened=opened), options.read_masses(links))
+    checked = with_link_masses(read_model(model, tunable=tunable), options.read_masses(links))
     checked, chosen = find_case(checked, scene)
     outputs = [_output(checked, name) for name in asked] or exporter.known_outputs(checked, [o for o in chosen.outputs if not o.name])
     with options.progress_bar(f"exporting {model.name}"):

@@ -11,12 +11,12 @@ from rich.measure import Measurement
 from rich.table import Table
 
 from cutjoint.commands import options, table
-from cutjoint.compile.folders import choose_steps, require_differentiable
+from cutjoint.compile.c_export import choose_steps, require_differentiable
 from cutjoint.methods import DEFAULT_METHOD, METHODS, Formulation
 from cutjoint.model.records import Binding
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import parameter_values
-from cutjoint.run.scenes import take_model
+from cutjoint.run.scenes import load_model
 from cutjoint.stepping.load import load_scene
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.stepping.values import OBJECTIVES, STEPS_BESIDE, Array, difference, find_eigenvalues, weigh
@@ -31,20 +31,20 @@ _LEAST = 1e-9
 @table.command("gradient")
 def command(
     model: Path, scene: str | None, method: str | None, integrator: str | None, dt: float | None, end: float | None,
-    opened: tuple[str, ...], changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_rest: bool,
+    tunable: tuple[str, ...], changes: tuple[str, ...], asked: tuple[str, ...], by: tuple[str, ...], objective: str, from_equilibrium: bool,
     check: bool,
 ) -> None:  # fmt: skip
     """Run MODEL and print how its outputs change with parameters and inputs, for the steps as taken; where there are more of these than
-    outputs, from the end of the run on.
+    outputs, by the adjoint method.
 
     The states at the beginning stay as they are, unless they are those of a pose at rest that changes too.
     """
-    read, chosen = take_model(model, scene, opened)
+    read, chosen = load_model(model, scene, tunable)
     given = options.read_parameters(changes)
     method = method or chosen.method or DEFAULT_METHOD
     if METHODS[method].formulation is Formulation.NATURAL:
         raise RunError(f"scene '{chosen.name}' has the method {method}, whose steps have no derivatives; give --method recursive")
-    if objective not in ("modes", "rest", "start"):
+    if objective not in ("modes", "equilibrium", "start"):
         require_differentiable(method, str(choose_steps(chosen, method, integrator).integrator))
     with options.progress_bar(f"compiling {model.name}"):
         many = (len(by) or sum(p.binding is not Binding.CONST for p in read.parameters)) > (len(asked) or len(chosen.outputs))
@@ -56,26 +56,26 @@ def command(
         if name in sim.inputs:
             sim.inputs[name] = float(given[name])
     sim.reset(dt=dt)
-    sim.choose()
+    sim.choose_independent()
     run = _Run(sim, objective, list(asked) or list(sim.outputs), *_count_steps(sim, chosen.end if end is None else end, chosen.output_step))
     names, start = list(by) or [*sim.parameters, *sim.inputs], sim.snapshot()
     if not names and objective == "event":
         raise RunError(f"{model.name} has no parameter and no input by which its event could change: open numbers, or name states by --by")
     try:
-        found = run.derive(names, from_rest)
+        found = run.derive(names, from_equilibrium)
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(str(error.args[0])) from None
     for part in _fitting(found, names, options.out.width):
         options.out.print(part)
-    if objective not in ("rest", "start") and (idle := [
-        name for name, row in zip(names, found.slopes.T, strict=True) if name in sim.parameters and not row.any()
+    if objective not in ("equilibrium", "start") and (idle := [
+        name for name, row in zip(names, found.derivatives.T, strict=True) if name in sim.parameters and not row.any()
     ]):  # fmt: skip
         options.out.print(f"nothing changes with {', '.join(idle)}; what moves the start alone has --objective start", markup=False)
     if check:
-        names, slopes = _checkable(sim, names, found.slopes)
+        names, derivatives = _checkable(sim, names, found.derivatives)
         sim.restore(start)
-        begins_anew = from_rest or objective in ("rest", "start") or (objective == "modes" and chosen.pose == "equilibrium")
-        share = _error(sim, lambda name, value: _course(run, None if begins_anew else start, name, value), names, slopes)
+        begins_anew = from_equilibrium or objective in ("equilibrium", "start") or (objective == "modes" and chosen.pose == "equilibrium")
+        share = _error(sim, lambda name, value: _trajectory(run, None if begins_anew else start, name, value), names, derivatives)
         options.out.print(f"off differences of runs by {share:.1e} of the largest", markup=False)
 
 
@@ -87,7 +87,7 @@ class _Found:
     columns: Sequence[str]
     units: Sequence[str]
     values: Array
-    slopes: Array
+    derivatives: Array
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class _Run:
         """The time at the end of the run from now on (s)."""
         return self.sim.time + self.steps * self.sim.settings.step
 
-    def derive(self, names: Sequence[str], from_rest: bool) -> _Found:
+    def derive(self, names: Sequence[str], from_equilibrium: bool) -> _Found:
         """The objective with its derivatives by numbers."""
         sim, outputs = self.sim, self.outputs
         for name in outputs:
@@ -113,29 +113,32 @@ class _Run:
         units = [(sim.outputs.units or {})[name] for name in outputs]
         at = f"{sim.time:g}"
         if self.objective == "modes":
-            modes = sim.mode_derivative(names)
+            modes = sim.eigenvalue_sensitivities(names)
             columns = [f"mode {i}" for i in range(len(modes.values))]
-            return _Found(f"eigenvalues at {at} s", columns, ["1/s"] * len(columns), modes.values, modes.slopes)  # type: ignore[arg-type]
-        if self.objective in ("rest", "start"):
-            found = (sim.rest_derivative if self.objective == "rest" else sim.start_derivative)(outputs, names)
-            return _Found(f"outputs at {self.objective}", outputs, units, found.values, found.slopes)
-        begin = sim.rest_derivative(outputs, names).states if from_rest else None
+            units = ["1/s"] * len(columns)
+            return _Found(f"eigenvalues at {at} s", columns, units, modes.values, modes.derivatives)  # type: ignore[arg-type]
+        if self.objective in ("equilibrium", "start"):
+            found = (sim.equilibrium_sensitivities if self.objective == "equilibrium" else sim.initial_state_sensitivities)(outputs, names)
+            return _Found(f"outputs at {self.objective}", outputs, units, found.values, found.derivatives)
+        initial_sensitivities = sim.equilibrium_sensitivities(outputs, names).states if from_equilibrium else None
         if self.objective == "event":
-            events = sim.play_derivative(self.steps, outputs, names, every=self.every, begin=begin, events=1).events
+            events = sim.forward_sensitivities(self.steps, outputs, names, every=self.every, initial_sensitivities=initial_sensitivities,
+                events=1).events
             if events is None or not events.names:
                 raise ValueError(f"no force, guide or drive changes its formula until {sim.time:g} s")
-            values, slopes = np.append(events.times, events.values[0]), np.vstack([events.time_slopes, events.slopes[0]])
-            return _Found(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, slopes)
-        values, slopes = self._objective(names, begin)
-        return _Found(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, slopes)
+            values, derivatives = np.append(events.times, events.values[0]), np.vstack([events.derivatives_of_times, events.derivatives[0]])
+            return _Found(f"the first event, of '{events.names[0]}'", ["time", *outputs], ["s", *units], values, derivatives)
+        values, derivatives = self._objective(names, initial_sensitivities)
+        return _Found(f"{self.objective} of outputs, {at} to {sim.time:g} s", outputs, units, values, derivatives)
 
-    def _objective(self, names: Sequence[str], begin: Array | None) -> tuple[Array, Array]:
+    def _objective(self, names: Sequence[str], initial_sensitivities: Array | None) -> tuple[Array, Array]:
         if self.sim.library.record:
-            back = self.sim.play_adjoint(self.steps, self.outputs, names, self.objective, every=self.every, begin=begin)
-            return back.objectives, back.slopes
-        run = self.sim.play_derivative(self.steps, self.outputs, names, every=self.every, begin=begin)
-        values, slopes = getattr(run, self.objective)
-        return values, slopes
+            back = self.sim.adjoint_sensitivities(self.steps, self.outputs, names, self.objective, every=self.every,
+                initial_sensitivities=initial_sensitivities)
+            return back.objectives, back.derivatives
+        run = self.sim.forward_sensitivities(self.steps, self.outputs, names, every=self.every, initial_sensitivities=initial_sensitivities)
+        values, derivatives = getattr(run, self.objective)
+        return values, derivatives
 
     def values(self) -> Array:
         """The objective alone, from the present state on."""
@@ -145,10 +148,10 @@ class _Run:
         if self.objective == "event":
             sim.advance_to_event(self.end)
             return np.append(sim.time, sim.outputs.array[places])
-        if self.objective in ("rest", "start"):
+        if self.objective in ("equilibrium", "start"):
             return sim.outputs.array[places]
         times = np.linspace(sim.time, self.end, self.steps // self.every + 1)
-        rows = np.vstack([sim.outputs.array, sim.play(self.steps)[self.every - 1 :: self.every]])[:, places]
+        rows = np.vstack([sim.outputs.array, sim.run(self.steps)[self.every - 1 :: self.every]])[:, places]
         return weigh(self.objective, times, rows, self.outputs)[0]
 
 
@@ -158,13 +161,13 @@ def _count_steps(sim: Simulation, end: float, output_step: float) -> tuple[int, 
     return every * max(1, round((end - sim.time) / sim.settings.step / every)), every
 
 
-def _checkable(sim: Simulation, names: Sequence[str], slopes: Array) -> tuple[list[str], Array]:
+def _checkable(sim: Simulation, names: Sequence[str], derivatives: Array) -> tuple[list[str], Array]:
     """Names, and their slopes, without inputs that follow the scene over time: differences of runs would hold them."""
     driven = [name for name in names if name in sim.inputs and np.isnan(sim.inputs[name])]
     if driven:
         options.out.print(f"not beside differences: {', '.join(driven)}, which the scene moves", markup=False)
     kept = [i for i, name in enumerate(names) if name not in driven]
-    return [names[i] for i in kept], slopes[:, kept]
+    return [names[i] for i in kept], derivatives[:, kept]
 
 
 def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]:
@@ -174,7 +177,8 @@ def _fitting(found: _Found, names: Sequence[str], width: int) -> Iterator[Table]
         for number in range(len(columns), 0, -1):
             now = columns[:number]
             headings, units = ([each[i] for i in now] for each in (found.columns, found.units))
-            made = _tabled(replace(found, columns=headings, units=units, values=found.values[now], slopes=found.slopes[now]), names)
+            made = _tabled(replace(found, columns=headings, units=units, values=found.values[now], derivatives=found.derivatives[now]),
+                names)
             if number == 1 or Measurement.get(options.out, options.out.options.update(width=10_000), made).maximum <= width:
                 break
         yield made
@@ -186,27 +190,27 @@ def _tabled(found: _Found, names: Sequence[str]) -> Table:
     for heading in ("by", *found.columns):
         made.add_column(heading, justify="left" if heading == "by" else "right", no_wrap=True, overflow="ignore")
     made.add_row("", *(f"{x + 0.0:.6g} {unit}" for x, unit in zip(found.values, found.units, strict=True)))
-    for name, row in zip(names, found.slopes.T, strict=True):
+    for name, row in zip(names, found.derivatives.T, strict=True):
         made.add_row(name, *(f"{x + 0.0:.6g}" for x in row))
     return made
 
 
-def _error(sim: Simulation, course: Callable[[str, float], Array], names: Sequence[str], slopes: Array) -> float:
+def _error(sim: Simulation, trajectory: Callable[[str, float], Array], names: Sequence[str], derivatives: Array) -> float:
     """The largest error of slopes beside central differences of fourth order, as a share of the largest slope by the same number."""
     errors, start = [], sim.snapshot()
-    for name, row in zip(names, slopes.T, strict=True):
+    for name, row in zip(names, derivatives.T, strict=True):
         sim.restore(start)
         numbers = next((numbers for numbers in (sim.states, sim.parameters) if name in numbers), None)
-        value = sim.present_input(name) if numbers is None else numbers[name]
+        value = sim.get_input(name) if numbers is None else numbers[name]
         h = _SHARE * max(abs(value), 1.0 if value == 0.0 else 1e-3)
-        ends = [course(name, value + steps * h) for steps in STEPS_BESIDE]
+        ends = [trajectory(name, value + steps * h) for steps in STEPS_BESIDE]
         found = difference(ends, h)
         size = max(np.abs(found).max(), _LEAST * np.abs(ends).max() / h)
         errors.append(np.abs(row - found).max() / size if size > 0.0 else np.abs(row).max())
     return float(max(errors, default=0.0))
 
 
-def _course(run: _Run, start: bytes | None, name: str, value: float) -> Array:
+def _trajectory(run: _Run, start: bytes | None, name: str, value: float) -> Array:
     """The objective with another number from the same states, a snapshot, or from the scene's start."""
     sim = run.sim
     if start is not None:

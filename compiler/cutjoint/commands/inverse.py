@@ -7,7 +7,7 @@ from pathlib import Path
 from cutjoint.commands import options, table
 from cutjoint.report.tasks import drive_table, write_drives
 from cutjoint.run.outputs import require_apart
-from cutjoint.tasks.inverse import find_drives
+from cutjoint.tasks.inverse import inverse_dynamics
 from cutjoint.topology.reading import read_model
 
 
@@ -17,7 +17,7 @@ def command(model: Path, scene: str | None, drives: str | None, end: float | Non
     require_apart({"the model": model}, tables={"--out": out})
     checked = read_model(model)
     with options.progress_bar(f"driving {model.name}"):
-        found = find_drives(
+        found = inverse_dynamics(
             checked, scene=scene, drives=(drives or "").split(",") if drives else (), parameters=options.read_parameters(changes), end=end
         )
     console = options.console_beside(out)

@@ -13,7 +13,8 @@ from cutjoint.tasks.kinematics.sweep import find_compliance, find_kinematics
 
 @table.command("kinematics")
 def command(
-    model: Path, axle: str | None, travel: float, turn: float | None, points: int, steer: str | None, radius: float | None, share: float,
+    model: Path, axle: str | None, travel: float, steer_travel: float | None, points: int, steer: str | None, radius: float | None,
+    share: float,
     compliance: str | None, changes: tuple[str, ...], out: Path | None, plots: Path | None,
 ) -> None:  # fmt: skip
     """Move the wheels of an axle of MODEL up and down and steer them; print camber, toe, steering axis, roll centre and ratios."""
@@ -35,7 +36,7 @@ def command(
         require_folder(plots)
     with options.progress_bar(f"moving the axle of {model.name}"):
         found = find_kinematics(
-            model, axle=axle, travel=travel, turn=turn, points=points, steer=steer, radius=radius, share=share,
+            model, axle=axle, travel=travel, steer_travel=steer_travel, points=points, steer=steer, radius=radius, share=share,
             parameters=options.read_parameters(changes),
         )  # fmt: skip
     console = options.console_beside(out)

@@ -17,14 +17,14 @@ from cutjoint.view.views import require_view, write_shown
 
 @table.command("modes")
 def command(
-    model: Path, scene: str | None, at: float | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path | None,
+    model: Path, scene: str | None, at: float | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None,
     view: Path | None,
 ) -> None:  # fmt: skip
     """Linearise MODEL and print eigenvalues, frequencies, damping and mode shapes."""
     require_apart({"the model": model}, documents=[("--out", out), ("--view", view)])
     if view is not None:
         require_view(view, "--view")
-    checked = read_model(model, opened=opened)
+    checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene) if at is None else find_case(checked, scene)
     parameters = options.read_parameters(changes)
     with options.progress_bar(f"linearising {model.name}") as progress:

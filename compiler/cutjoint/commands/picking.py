@@ -21,8 +21,8 @@ from cutjoint.run.scenes import with_loops
 from cutjoint.run.settings import Options, accuracy_of
 
 
-def pick_and_play(
-    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], play: Play
+def pick_and_run(
+    request: Request, model: Model, scene: Scene, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Let method auto pick model, scene and method; nothing is cached, since what it picks was measured."""
     asked = request.options
@@ -32,20 +32,20 @@ def pick_and_play(
         precision=request.precision, dt=asked.dt, end=asked.end, iterations=asked.iterations,
     )  # fmt: skip
     variant = _pick(model, scene, _accuracy(asked), parameters)
-    played = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
-    prepared, run = _play(request, played, play)
+    ran = FinishedRun(variant.model, variant.scene, variant.method, parameters, variant.name)
+    prepared, run = _execute(request, ran, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation == "restart":
         options.err.print(f"{run.failure}; again with the full model", markup=False)
         full = with_loops(replace(scene, numerics=variant.scene.numerics), Loops.EXACT)
-        played = FinishedRun(model, full, variant.method, parameters, "full")
-        prepared, run = _play(request, played, play)
-    return prepared, run, played
+        ran = FinishedRun(model, full, variant.method, parameters, "full")
+        prepared, run = _execute(request, ran, execute)
+    return prepared, run, ran
 
 
-def _play(request: Request, played: FinishedRun, play: Play) -> tuple[PreparedRun, Trajectory]:
+def _execute(request: Request, ran: FinishedRun, execute: Play) -> tuple[PreparedRun, Trajectory]:
     """Compile what was picked, and play it."""
-    prepared = prepare(compile_request(request, played.model, played.scene, played.method), Options(), played.parameters)
-    return prepared, play(prepared)
+    prepared = prepare(compile_request(request, ran.model, ran.scene, ran.method), Options(), ran.parameters)
+    return prepared, execute(prepared)
 
 
 def _accuracy(asked: Options) -> float | None:

@@ -38,10 +38,10 @@ from cutjoint.report.tables import topology_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import changing
-from cutjoint.run.scenes import find_case, held_as_usual, with_closure, with_loops
+from cutjoint.run.scenes import find_case, with_closure, with_default_closure, with_loops
 from cutjoint.run.settings import Options
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
-from cutjoint.toolchain.later import TakesLong
+from cutjoint.toolchain.later import BuildPending
 from cutjoint.topology.reading import read_model
 
 #: Plays a run; a function that it calls now and then may raise, which ends it.
@@ -69,24 +69,24 @@ def read_request(request: Request) -> tuple[Model, Scene, str]:
         ModelError: the file is wrong.
         RunError: there is no such scene, or the method has no closure.
     """
-    model, scene = find_case(read_model(request.model, opened=request.opened, functions=request.functions), request.scene)
+    model, scene = find_case(read_model(request.model, tunable=request.tunable, functions=request.functions), request.scene)
     method = request.method or scene.method or DEFAULT_METHOD
     able = names_of(METHODS, lambda m: m.functions)
-    if request.loops == Loops.COMPILED and (method not in (*able, AUTO) or request.implementation == Implementation.GENERIC):
+    if request.loops == Loops.EMBEDDED and (method not in (*able, AUTO) or request.implementation == Implementation.GENERIC):
         words = f"only generated and interpreted programs of the methods {join_and(able)} have it"
-        raise RunError(f"--loops compiled: {words}; use --loops exact")
+        raise RunError(f"--loops embedded: {words}; use --loops exact")
     scene = with_loops(scene, request.loops)
     if request.closure is None:
         if request.implementation == Implementation.GENERIC:
             return model, scene, method
-        return model, held_as_usual(scene, method, request.options.integrator, request.options.dt), method
+        return model, with_default_closure(scene, method, request.options.integrator, request.options.dt), method
     if method not in (able := names_of(METHODS, lambda m: request.closure in m.closures)):
         raise RunError(f"--closure {request.closure}: only the {join_or(able)} method has one; use --method {join_or(able)}")
     return model, with_closure(scene, request.closure), method
 
 
-def prepare_and_play(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
+def prepare_and_run(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Compile a model as `read_request` found it, with ``parameters`` (SI units) changed, and play the run; keep what it needed.
 
@@ -99,15 +99,15 @@ def prepare_and_play(
     try:
         patience = PATIENCE if request.implementation == AUTO and _is_interactive() else inf
         artifact = compile_request(request, model, scene, method, patience=patience)
-    except TakesLong as compiling:
+    except BuildPending as compiling:
         with suppress(_CompiledFirst):
-            return _play_meanwhile(request, model, scene, method, parameters, play, compiling)
+            return _run_meanwhile(request, model, scene, method, parameters, execute, compiling)
         artifact = compiling.wait()
     prepared = prepare(artifact, request.options)
     cache_run(request, model.text, prepared)
     if parameters:
         prepared = replace(prepared, run=make_simulator_run(artifact, request.options, parameters))
-    return prepared, play(prepared)
+    return prepared, execute(prepared)
 
 
 def _is_interactive() -> bool:
@@ -122,9 +122,9 @@ class _CompiledFirst(Exception):  # noqa: N818 -- no error
     """Compiled code is there before the interpreted run has ended."""
 
 
-def _play_meanwhile(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play,
-    compiling: TakesLong,
+def _run_meanwhile(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play,
+    compiling: BuildPending,
 ) -> tuple[PreparedRun, Trajectory]:  # fmt: skip
     """Interpret the program while it is compiled; nothing of that is kept for the next run, which finds compiled code.
 
@@ -139,7 +139,7 @@ def _play_meanwhile(
     artifact = _compile_interpreted(request, model, scene, method, compiling.generated[:2])
     artifact = replace(artifact, generate_seconds=compiling.seconds + artifact.generate_seconds)
     prepared = prepare(artifact, request.options, parameters)
-    run = play(prepared, watch)
+    run = execute(prepared, watch)
     options.err.print(f"interpreted, since {compiling}; that goes on, and later runs have compiled code")
     return prepared, run
 
@@ -148,8 +148,8 @@ def compile_request(request: Request, model: Model, scene: Scene, method: str, *
     """The model compiled for what is asked for.
 
     Raises:
-        TakesLong: as `compile_scene`, if there is a ``patience``.
-        ModelError, EquationsError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_play`.
+        BuildPending: as `compile_scene`, if there is a ``patience``.
+        ModelError, EquationsError, RunError, MissingLibraryError, ToolchainError: as `prepare_and_run`.
     """
     solver = request.options.solver
     if solver is not None and not METHODS[method].has_system:
@@ -201,8 +201,8 @@ def prepare(artifact: Artifact, asked: Options, parameters: Mapping[str, float] 
     )  # fmt: skip
 
 
-def assemble_and_play(
-    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], play: Play
+def assemble_and_run(
+    request: Request, model: Model, scene: Scene, method: str, parameters: Mapping[str, float], execute: Play
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile a model with its loops as functions, and play the run; where it leaves their range and cannot go on, again with the loops'
     equations unless the scene has ``on_violation: stop``."""
@@ -212,9 +212,9 @@ def assemble_and_play(
         outcome = assemble_loops(model, scene)
     for note in (*outcome.done, *outcome.left):
         options.err.print(str(note), markup=False)
-    prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
+    prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     if run.failure is not None and run.failure.guards and scene.on_violation != "stop":
         options.err.print(f"{run.failure}; again with the loops' equations", markup=False)
         scene = with_loops(scene, Loops.EXACT)
-        prepared, run = prepare_and_play(request, model, scene, method, parameters, play)
+        prepared, run = prepare_and_run(request, model, scene, method, parameters, execute)
     return prepared, run, FinishedRun(model, scene, method, parameters)

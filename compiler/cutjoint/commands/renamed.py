@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Mapping
 from itertools import pairwise
 
 from cutjoint.commands import options
@@ -16,10 +17,23 @@ _COMMANDS = {("simulate", "--batch"): "batch", ("simulate", "--with"): "couple"}
 _OPTIONS = {command: {"--tolerance": "--solver-tolerance"} for command in ("simulate", "batch", "couple")}
 _OF_AUTO = {"--tolerance": "--accuracy"}
 
+#: Options of all commands.
+_OF_ALL = {
+    "--open": "--tunable", "--push": "--external-wrench", "--ground": "--terrain", "--turn": "--steer-travel", "--beside": "--compare",
+    "--over": "--ghost", "--from-rest": "--from-equilibrium",
+}  # fmt: skip
+
+#: Values of options.
+_VALUES: Mapping[str, Mapping[str, str]] = {
+    "--integrator": FORMER_INTEGRATORS,
+    "--loops": {"compiled": "embedded"},
+    "--objective": {"largest": "maximum", "smallest": "minimum", "rest": "equilibrium"},
+}
+
 
 def in_new_words(words: list[str]) -> list[str]:
     """The words of a call in those of this version; where they differ, a message has them."""
-    words = _with_integrator(_with_options(words))
+    words = _with_values(_with_options(words))
     for (command, option), new in _COMMANDS.items():
         files = []
         while words[:1] == [command] and (file := _value_of(option, words)) is not None:
@@ -33,7 +47,7 @@ def in_new_words(words: list[str]) -> list[str]:
 def _with_options(words: list[str]) -> list[str]:
     """The words with options by their names of this version; a message has those that differ."""
     command = words[0] if words else ""
-    for old, new in _OPTIONS.get(command, {}).items():
+    for old, new in {**_OPTIONS.get(command, {}), **_OF_ALL}.items():
         new = _OF_AUTO.get(old, new) if _asks_for_auto(words) else new
         for i, word in enumerate(words):
             if word == old or word.startswith(f"{old}="):
@@ -42,14 +56,14 @@ def _with_options(words: list[str]) -> list[str]:
     return words
 
 
-def _with_integrator(words: list[str]) -> list[str]:
-    """The words with integrators by their names of this version; a message has those that differ."""
-    option = "--integrator"
-    for i, word in enumerate(words):
-        name = word.removeprefix(f"{option}=")
-        if (new := FORMER_INTEGRATORS.get(name)) is not None and (word != name or words[i - 1] == option):
-            words = [*words[:i], word.removesuffix(name) + new, *words[i + 1 :]]
-            options.err.print(f"{words[0]} {option} {name} is now {new}", markup=False)
+def _with_values(words: list[str]) -> list[str]:
+    """The words with values of options by their names of this version; a message has those that differ."""
+    for option, names in _VALUES.items():
+        for i, word in enumerate(words):
+            name = word.removeprefix(f"{option}=")
+            if (new := names.get(name)) is not None and (word != name or words[i - 1] == option):
+                words = [*words[:i], word.removesuffix(name) + new, *words[i + 1 :]]
+                options.err.print(f"{words[0]} {option} {name} is now {new}", markup=False)
     return words
 
 

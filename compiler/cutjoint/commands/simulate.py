@@ -36,33 +36,33 @@ IMPLICIT_METHOD = METHODS[DEFAULT_METHOD].instead[0]
 def command(
     model: Path, scene: str | None, method: str | None, accuracy: float | None, tolerance: float | None, implementation: str,
     solver: str | None, integrator: str | None, events: str | None, precision: str, closure: str | None, loops: str, dt: float | None,
-    end: float | None, iterations: int | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
-    error: bool, verbose: bool, plots: Path | None, beside: tuple[Path, ...], view: Path | None, over: Path | None,
+    end: float | None, iterations: int | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path, steps: Path | None,
+    error: bool, verbose: bool, plots: Path | None, compare: tuple[Path, ...], view: Path | None, ghost_page: Path | None,
     functions: Path | None,
 ) -> None:  # fmt: skip
     """Compile MODEL when needed, run one scene, and write its outputs."""
     require_apart(
-        {"the model": model, "the page of another run": over, **{f"the table {path}": path for path in beside}},
+        {"the model": model, "the page of another run": ghost_page, **{f"the table {path}": path for path in compare}},
         tables={"--out": out, "--steps": steps}, plots=plots, documents=[("--view", view)],
     )  # fmt: skip
-    others = _read_others(beside, plots)
+    others = _read_others(compare, plots)
     parameters = options.read_parameters(changes)
     asked = Options(
         dt=dt, end=end, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator, events=events,
         accuracy=accuracy,
     )  # fmt: skip
     request = Request(
-        model=model, scene=scene, method=method, closure=closure, opened=opened, implementation=implementation, precision=precision,
+        model=model, scene=scene, method=method, closure=closure, tunable=tunable, implementation=implementation, precision=precision,
         loops=loops, functions=functions, options=asked,
     )  # fmt: skip
-    if view is not None or over is not None:
-        from cutjoint.commands.replaying import require_replay
+    if view is not None or ghost_page is not None:
+        from cutjoint.commands.replay import require_replay
 
-        require_replay(request, parameters, view, over)
+        require_replay(request, parameters, view, ghost_page)
 
     gone_over = method is not None or closure is not None
 
-    def play(prepared: PreparedRun, watch: Callable[[], None] = lambda: None) -> Trajectory:
+    def execute(prepared: PreparedRun, watch: Callable[[], None] = lambda: None) -> Trajectory:
         def follow(share: float) -> None:
             watch()
             progress(share)
@@ -73,10 +73,10 @@ def command(
             return run_accurately(plan, out=out, steps=steps, progress=follow, estimate=error, go_over=method is None, advise=True)
 
     try:
-        prepared, run, played = _find_and_play(request, parameters, play)
+        prepared, run, ran = _find_and_play(request, parameters, execute)
     except _StiffRun as slow:
         gone_over = True
-        prepared, run, played = _go_over(request, parameters, play, str(slow))
+        prepared, run, ran = _go_over(request, parameters, execute, str(slow))
         request = replace(request, method=prepared.run.method)
     console = options.console_beside(out, steps)
     if run.failure is None:
@@ -91,15 +91,15 @@ def command(
         console.print(tables.facts(f"model {prepared.model}", prepared.counts))
         console.print(tables.run_facts(prepared.compilation, run))
     else:
-        for name, value in tables.told_facts(prepared.counts, prepared.compilation, run):
+        for name, value in tables.reported_facts(prepared.counts, prepared.compilation, run):
             console.print(f"{name}: {value}", markup=False)
         console.print(tables.summary_line(prepared.compilation, run), markup=False)
     if plots is not None and run.t.size:
         console.print(f"plots: {', '.join(str(p) for p in _plot(prepared, run, plots, others))}", markup=False)
     if view is not None and run.t.size:
-        from cutjoint.commands.replaying import write_replay
+        from cutjoint.commands.replay import write_replay
 
-        console.print(f"view: {write_replay(request, played, view, over, parameters, prepared.run, run)}", markup=False)
+        console.print(f"view: {write_replay(request, ran, view, ghost_page, parameters, prepared.run, run)}", markup=False)
     if run.failure is not None:
         where = describe_failure(run.failure, prepared.compilation.scene, prepared.places, model, parameters)
         options.err.print(f"{where}; {describe_rest(run.table)}", markup=False)
@@ -135,58 +135,58 @@ def _tell_slow(plan: SimulatorRun, slow: Mapping[str, Any], *, goes_over: bool) 
 
 
 def _go_over(
-    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory], words: str
+    request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory], words: str
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """The run by the method whose integrator is implicit; as before where that does not take the model, or fails."""
     options.err.print(f"{words}; goes over to the method {IMPLICIT_METHOD}", markup=False)
     try:
-        prepared, run, played = _find_and_play(replace(request, method=IMPLICIT_METHOD), parameters, play)
+        prepared, run, ran = _find_and_play(replace(request, method=IMPLICIT_METHOD), parameters, execute)
         reason = "" if run.failure is None else str(run.failure)
     except (EquationsError, RunError) as error:
         reason = str(error)
     if not reason:
-        return prepared, replace(run, instead=f"the method {IMPLICIT_METHOD}, {words}"), played
+        return prepared, replace(run, fallback=f"the method {IMPLICIT_METHOD}, {words}"), ran
     options.err.print(f"{IMPLICIT_METHOD}: {reason}; goes on by {DEFAULT_METHOD}", markup=False)
-    return _find_and_play(request, parameters, play)
+    return _find_and_play(request, parameters, execute)
 
 
 def _find_and_play(
-    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
+    request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun | None]:  # fmt: skip
     """The run of a cached program, else of one that is derived."""
     prepared = find_cached_run(request, parameters)
-    run = None if prepared is None else play(prepared)
+    run = None if prepared is None else execute(prepared)
     if prepared is None or run is None or (run.failure is not None and run.failure.guards):
-        return _derive_and_play(request, parameters, play)
+        return _derive_and_run(request, parameters, execute)
     return prepared, run, None
 
 
-def _derive_and_play(
-    request: Request, parameters: Mapping[str, float], play: Callable[..., Trajectory]
+def _derive_and_run(
+    request: Request, parameters: Mapping[str, float], execute: Callable[..., Trajectory]
 ) -> tuple[PreparedRun, Trajectory, FinishedRun]:  # fmt: skip
     """Compile the model, or let method auto measure what to compile."""
-    from cutjoint.commands.preparing import FinishedRun, assemble_and_play, prepare_and_play, read_request
+    from cutjoint.commands.preparing import FinishedRun, assemble_and_run, prepare_and_run, read_request
 
     model, scene, method = read_request(request)
     has_functions = method != AUTO and METHODS[method].functions and request.implementation != Implementation.GENERIC
-    if scene.numerics.loops == Loops.COMPILED and has_functions:
-        return assemble_and_play(request, model, scene, method, parameters, play)
+    if scene.numerics.loops == Loops.EMBEDDED and has_functions:
+        return assemble_and_run(request, model, scene, method, parameters, execute)
     if method != AUTO:
-        return *prepare_and_play(request, model, scene, method, parameters, play), FinishedRun(model, scene, method, parameters)
-    from cutjoint.commands.picking import pick_and_play
+        return *prepare_and_run(request, model, scene, method, parameters, execute), FinishedRun(model, scene, method, parameters)
+    from cutjoint.commands.picking import pick_and_run
 
-    return pick_and_play(request, model, scene, parameters, play)
+    return pick_and_run(request, model, scene, parameters, execute)
 
 
-def _read_others(beside: tuple[Path, ...], plots: Path | None) -> Others:
+def _read_others(compare: tuple[Path, ...], plots: Path | None) -> Others:
     """The tables of other runs, which are for plots."""
-    if not beside:
+    if not compare:
         return {}
     if plots is None:
-        raise RunError("--beside: its runs are drawn in plots; add --plots FOLDER")
+        raise RunError("--compare: its runs are drawn in plots; add --plots FOLDER")
     from cutjoint.report.plots import read_others
 
-    return read_others(beside)
+    return read_others(compare)
 
 
 def _plot(prepared: PreparedRun, run: Trajectory, folder: Path, others: Others) -> list[Path]:

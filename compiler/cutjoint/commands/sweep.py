@@ -29,7 +29,8 @@ _NUMBER = re.compile(r"[-+]?[\d.]+(?:e[-+]?\d+)?")
 
 @table.command("sweep")
 def command(
-    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None, over: Path | None,
+    study: Path, out: Path | None, scheduler: str | None, threads: int | None, view: Path | None, replay: int | None,
+    ghost_page: Path | None,
     replays: int, functions: Path | None,
 ) -> None:  # fmt: skip
     """Make all runs of STUDY, a file of variables, a design and objectives, and write a table with a row for each.
@@ -43,12 +44,13 @@ def command(
     for earlier in read.model.notes:
         options.err.print(earlier, markup=False)
     model = study.parent / read.model.span.file
-    require_apart({"the study": study, "the model": model, "the page of another run": over}, documents=[("--out", out), ("--view", view)])
+    require_apart({"the study": study, "the model": model, "the page of another run": ghost_page},
+        documents=[("--out", out), ("--view", view)])
     if replay is not None:
-        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view, over)
+        _replay(read, replay, Path(f"{study.stem}-run-{replay}.html") if view is None else view, ghost_page)
         return
-    if over is not None:
-        raise RunError(f"--over {over}: it lies under the run of --replay, which is missing")
+    if ghost_page is not None:
+        raise RunError(f"--ghost {ghost_page}: it lies under the run of --replay, which is missing")
     if view is not None and view.suffix != ".html":
         raise OutputError(f"--view {view}: no such kind of file; write a name that ends in .html")
     with _progress(read) as (advance, note):
@@ -66,17 +68,17 @@ def _write_page(study: Study, done: Sweep, view: Path, command: str, replays: in
 
     folder, runs = view.with_name(f"{view.stem}-runs"), runs_to_replay(study, done, replays)
     with _progress(study) as (advance, _):
-        played = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
-    options.out.print(f"view: {write_whole(view, make_page(study, done, command, played))}", markup=False)
-    if played:
-        options.out.print(f"replays: {len(played)} of the best and worst runs in {folder}", markup=False)
+        ran = replay_runs(study, runs, folder, lambda number: advance(number, len(runs))) if runs else {}
+    options.out.print(f"view: {write_whole(view, make_page(study, done, command, ran))}", markup=False)
+    if ran:
+        options.out.print(f"replays: {len(ran)} of the best and worst runs in {folder}", markup=False)
 
 
-def _replay(study: Study, run: int, view: Path, over: Path | None) -> None:
+def _replay(study: Study, run: int, view: Path, ghost_page: Path | None) -> None:
     from cutjoint.sweeps.page import replay
 
     require_view(view, "--view")
-    ghost = read_over(over, view)
+    ghost = read_over(ghost_page, view)
     with options.progress_bar(f"running {study.model.name}"):
         replay(study, run, view, ghost)
     options.out.print(f"view: {view}", markup=False)

@@ -14,7 +14,7 @@ from cutjoint.view.views import live_page, require_view, show_start, write_shown
 
 @table.command("view")
 def command(
-    model: Path, scene: str | None, opened: tuple[str, ...], changes: tuple[str, ...], out: Path | None, live: int | None, *,
+    model: Path, scene: str | None, tunable: tuple[str, ...], changes: tuple[str, ...], out: Path | None, live: int | None, *,
     shared: bool,
 ) -> None:  # fmt: skip
     """Draw the pose in which a scene of MODEL starts, as a page that a browser opens from the disk, or follow a running host."""
@@ -25,7 +25,7 @@ def command(
     out = Path(f"{model.stem}.html") if out is None else out
     require_view(out, "--out")
     require_apart({"the model": model}, documents=[("--out", out)])
-    checked = read_model(model, opened=opened)
+    checked = read_model(model, tunable=tunable)
     checked, chosen = options.take_case(checked, scene)
     parameters = options.read_parameters(changes)
     if live is not None:

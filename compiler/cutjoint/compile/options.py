@@ -19,8 +19,8 @@ class CompileOptions:
     PRECISIONS, the number type of the run; the start is found in double.  ``additions`` are solvers and integrators of other packages that
     the simulator has too.  ``out`` receives a folder (`folders.Delivery`), which may have steps by another ``integrator`` than the scene's,
     with ``linearise`` derivatives at a state, with ``adjoint`` also those from the end of a run, and with ``poses`` those of all bodies,
-    markers and wheels.  Bodies and markers that are ``pushed`` have inputs of a force and a torque, wheels that are ``grounded``, by
-    patterns of their names, those of a ground (`model.opening`).  A folder that is ``reproducible`` has its own mathematical library.
+    markers and wheels.  Bodies and markers that are ``external_wrenches`` have inputs of a force and a torque, wheels that are ``terrain``,
+    by patterns of their names, those of a ground (`model.tunable`).  A folder that is ``reproducible`` has its own mathematical library.
     """
 
     method: str = DEFAULT_METHOD
@@ -34,8 +34,8 @@ class CompileOptions:
     linearise: bool = False
     adjoint: bool = False
     poses: bool = False
-    pushed: Sequence[str] = ()
-    grounded: Sequence[str] = ()
+    external_wrenches: Sequence[str] = ()
+    terrain: Sequence[str] = ()
     reproducible: bool = False
 
     @property

@@ -17,7 +17,7 @@ from typing import Any
 from cutjoint.analysis.mobility import require_soundness
 from cutjoint.analysis.redundancy import require_loads
 from cutjoint.analysis.shaky import require_firmness
-from cutjoint.compile.folders import for_hosts, plan_delivery
+from cutjoint.compile.c_export import for_hosts, plan_delivery
 from cutjoint.compile.options import DEFAULT, CompileOptions
 from cutjoint.emit.interpreted import emit_interpreted
 from cutjoint.emit.simulator import emit
@@ -27,40 +27,42 @@ from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEqua
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.methods import DEFAULT_METHOD, DEFAULT_PRECISION, METHODS, PLAIN_CLOSURE, PRECISIONS, Implementation, Loops
 from cutjoint.model.functions import require_code
-from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Output, Scene
+from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import EquationsError, MissingPartialsError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.artifact import Artifact, require_choice
-from cutjoint.run.scenes import Given, held_as_usual, method_of, take_model, with_loops
+from cutjoint.run.scenes import ModelLike, load_model, method_of, with_default_closure, with_loops
 from cutjoint.run.settings import find_closure
 from cutjoint.toolchain.build import FLAGS, build, build_interpreter
 from cutjoint.toolchain.compiler import find_compiler, must_interpret
 from cutjoint.toolchain.drivers import Kind, interpreter_is_there
-from cutjoint.toolchain.later import TakesLong, build_later
+from cutjoint.toolchain.later import BuildPending, build_later
 from cutjoint.topology.build import build_topology
 
 
-def compile_model(model: Given, *, scene: str | None = None, opened: Sequence[str] = (), **choices: Any) -> Artifact:
-    """Compile a model, or its file, for a scene, the only one if none is named; numbers of a file whose names match one of the patterns
-    ``opened``, such as "*.stiffness", become parameters.  The other ``choices`` are those of `CompileOptions`, errors as of
-    `compile_scene`."""
-    read, chosen = take_model(model, scene, opened)  # model.yaml -> Model
+def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
+    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`.
+
+    Args:
+        tunable: patterns such as "*.stiffness"; constants whose names match become parameters.
+    """
+    read, chosen = load_model(model, scene, tunable)  # model.yaml -> Model
     options = CompileOptions(**choices)
-    return compile_scene(with_inputs(read, pushed=options.pushed, grounded=options.grounded), chosen, options)
+    return compile_scene(with_inputs(read, external_wrenches=options.external_wrenches, terrain=options.terrain), chosen, options)
 
 
 def take_artifact(
-    model: Given, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
+    model: ModelLike, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, integrator: str | None = None,
     dt: float | None = None,
 ) -> Artifact:  # fmt: skip
     """A compiled model as it is, and any other compiled by `compile_model` with a method, the scene's where none is named, and with the
     closure of the integrator that is asked for, or of equal steps ``dt`` (s)."""
-    if isinstance(model, Artifact) and scene is None and not opened and method in (None, model.method):
+    if isinstance(model, Artifact) and scene is None and not tunable and method in (None, model.method):
         return model
-    read, chosen = take_model(model, scene, opened)
+    read, chosen = load_model(model, scene, tunable)
     wanted = method or method_of(chosen)
-    return compile_scene(read, held_as_usual(chosen, wanted, integrator, dt), CompileOptions(method=wanted))
+    return compile_scene(read, with_default_closure(chosen, wanted, integrator, dt), CompileOptions(method=wanted))
 
 
 def compile_scene(
@@ -73,10 +75,10 @@ def compile_scene(
     Raises:
         ModelError, EquationsError, RunError: the model or the choice is wrong, or they do not go together.
         MissingLibraryError, ToolchainError: a library or a tool is not installed, or the C++ compiler failed.
-        TakesLong: compiling goes on, and meanwhile the program can be interpreted.
+        BuildPending: compiling goes on, and meanwhile the program can be interpreted.
         OutputError: a file of ``out`` is the model, or cannot be written.
     """
-    scene = held_as_usual(scene, options.method, options.integrator)
+    scene = with_default_closure(scene, options.method, options.integrator)
     require_choice(options.method, options.precision, options.additions)
     require_code(model)
     if options.can_be_interpreted and must_interpret():
@@ -102,17 +104,17 @@ def compile_scene(
             scene=scene, equations=made.equations, program=made.program, source=made.source, binary=binary, method=options.method,
             precision=options.precision, implementation=Implementation.GENERATED, generate_seconds=seconds,
             compile_seconds=perf_counter() - written, additions=tuple(options.additions),
-            exact=way_on(made.equations, lambda loops, exact: compile_scene(loops, exact, replace(options, out=None))),
+            exact=fallback(made.equations, lambda loops, exact: compile_scene(loops, exact, replace(options, out=None))),
             by_method=partial(_interpreted_by, model, scene),
         )  # fmt: skip
 
     if patience < inf and (later := build_later(made.source, flags=options.flags, patience=patience)) is not None:
-        raise TakesLong(later, made, seconds, finish)
+        raise BuildPending(later, made, seconds, finish)
     return finish()
 
 
 def _for_hosts(generated: Generated, model: Model, scene: Scene, options: CompileOptions) -> Generated:
-    """Parts of a folder that stands alone."""
+    """Parts of a C export."""
     hosted = for_hosts(model, scene) if options.out is not None and options.precision == DEFAULT_PRECISION else model
     if not hosted.frozen:
         return generated
@@ -149,7 +151,7 @@ def compile_interpreted(
         scene=scene, equations=equations, program=program, source=source, binary=binary, method=method,
         implementation=Implementation.INTERPRETED, precision=DEFAULT_PRECISION, generate_seconds=generated - begin,
         compile_seconds=perf_counter() - generated, description=description,
-        exact=way_on(equations, lambda loops, exact: compile_interpreted(loops, exact, method=method, outputs=outputs)),
+        exact=fallback(equations, lambda loops, exact: compile_interpreted(loops, exact, method=method, outputs=outputs)),
         by_method=partial(_interpreted_by, model, scene),
     )  # fmt: skip
 
@@ -159,7 +161,7 @@ def _interpreted_by(model: Model, scene: Scene, method: str) -> Artifact | None:
     driver = "lagrangian" if METHODS[method].has_system else "recursive"
     if model.functions or not (must_interpret() or interpreter_is_there(driver, find_compiler(), FLAGS)):
         return None
-    return compile_interpreted(model, held_as_usual(scene, method, None), method=method)
+    return compile_interpreted(model, with_default_closure(scene, method, None), method=method)
 
 
 def _interpret(equations: Equations, program: Program) -> tuple[Source, dict[str, Any]]:
@@ -199,8 +201,8 @@ def schedule_method(
     if METHODS[method].has_system:
         from cutjoint.compile.systems import schedule_system  # the recursive method does not wait for what this imports
 
-        opened = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
-        start = require_firmness(derive(model, opened, (), poses=poses), method)
+        tunable = scene if METHODS[method].functions else with_loops(scene, Loops.EXACT)
+        start = require_firmness(derive(model, tunable, (), poses=poses), method)
         return schedule_system(start.starting, method, tuple(outputs), lanes=lanes)
     closure = find_closure(scene.numerics, METHODS[method]).name
     recursive = require_firmness(derive(model, scene, outputs, closure=closure, poses=poses), method)
@@ -223,11 +225,11 @@ def derive(
 ) -> RecursiveEquations:  # fmt: skip
     """The recursive equations of a model, which start the runs of every method, with loops as the scene has them; errors as in
     `compile_scene`."""
-    topology = require_loads(build_topology(with_asked_loops(model, scene, DEFAULT_METHOD)), scene)
+    topology = require_loads(build_topology(with_requested_loops(model, scene, DEFAULT_METHOD)), scene)
     return require_soundness(formulate_recursive(topology, scene, tuple(outputs), closure=closure, poses=poses))
 
 
-def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
+def with_requested_loops(model: Model, scene: Scene, method: str) -> Model:
     """The model with loops closed as a scene has them for a method: by their equations, or by functions where they hold."""
     if scene.numerics.loops == Loops.EXACT or not METHODS[method].functions or model.assemblies:
         return model
@@ -236,7 +238,7 @@ def with_asked_loops(model: Model, scene: Scene, method: str) -> Model:
     return assemble_loops(model, scene).model
 
 
-def way_on(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
+def fallback(equations: Equations, compiled: Callable[[Model, Scene], Artifact]) -> Callable[[], Artifact] | None:
     """Return a function that compiles the loops' equations, for runs that leave the range of functions; None where the scene stops."""
     topology, scene = equations.mechanism.topology, equations.mechanism.scene
     if not topology.model.assemblies or scene.on_violation == "stop":

@@ -42,14 +42,14 @@ _LARGEST = 8_000_000
 class Request:
     """The options of `cutjoint simulate` but for parameters; None for values of the scene.
 
-    ``opened`` are patterns of the names of numbers that become parameters, ``functions`` is a C++ file with functions of the model.
+    ``tunable`` are patterns of the names of numbers that become parameters, ``functions`` is a C++ file with functions of the model.
     """
 
     model: Path
     scene: str | None = None
     method: str | None = None
     closure: str | None = None
-    opened: tuple[str, ...] = ()
+    tunable: tuple[str, ...] = ()
     implementation: str = Implementation.GENERATED
     precision: str = DEFAULT_PRECISION
     loops: str | None = None

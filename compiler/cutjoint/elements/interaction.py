@@ -1,7 +1,8 @@
 """The vocabulary of interactions: the places that a force has on its bodies, and how it works between them, for every method.
 
 An interaction is a file of `elements/interactions/`.  It says by the verbs of `Mechanics` what a force measures and where it acts, by those
-of `Page` how `explain` writes that, and by shapes and those of `Sight` how it looks.  Methods, `explain` and the viewer interpret it.
+of `Page` how `explain` writes that, and by shapes and those of `VisualContext` how it looks.  Methods, `explain` and the viewer interpret
+it.
 """
 
 from __future__ import annotations
@@ -151,13 +152,13 @@ class Mechanics(Protocol):
     def pull(self, start: Point, end: Point, force: Block) -> None:
         """A force on the end along the line between two points, and its reaction on the start."""
 
-    def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+    def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """A force on the end by its components along directions of the start's body, which has the reaction on the same line."""
 
-    def push_at(self, at: Point, force: Block) -> None:
+    def apply_force(self, at: Point, force: Block) -> None:
         """A force on a point."""
 
-    def push_beside(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+    def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
         """A force at ``arm`` from a point of a body, and a moment on the body."""
 
     def turn(self, carrier: Carrier, torque: Block) -> None:
@@ -166,10 +167,10 @@ class Mechanics(Protocol):
     def twist(self, frame: Frame, torque: Block) -> None:
         """A force on the small rotations in a frame."""
 
-    def push_coordinate(self, force: Block) -> None:
+    def apply_joint_force(self, force: Block) -> None:
         """A force on the joint's coordinate."""
 
-    def rub_coordinate(self, law: Block) -> None:
+    def apply_joint_friction(self, law: Block) -> None:
         """A force on the joint's coordinate, by N of the load that the joint carries."""
 
 
@@ -215,10 +216,10 @@ class Page(Protocol):
     def pull(self, start: str, end: str, force: str) -> str:
         """A force that draws the end to the start, and its reaction."""
 
-    def push_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
+    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
         """A force on the end along an axis of the start's body, and its reaction on the same line; ``way`` leads from start to end."""
 
-    def push_at(self, at: str, force: str, body: str = "") -> str:
+    def apply_force(self, at: str, force: str, body: str = "") -> str:
         """A force on a point of a body."""
 
     def turn(self, torque: str, body: str = "") -> str:
@@ -272,18 +273,18 @@ class Wheel:
     turns: bool = False
 
 
-Look: TypeAlias = Coil | Ring | Wheel
+Visual: TypeAlias = Coil | Ring | Wheel
 #: The place where a force acts, and the force, (times, 3) each; None where a run's outputs do not have it.
 Arrow: TypeAlias = tuple[Any, Any] | None
 
 
-class Sight(Protocol):
+class VisualContext(Protocol):
     """Arrows of a force's quantities over time; None where a run's outputs do not have them."""
 
     def pull(self, start: Point, end: Point, quantity: str) -> Arrow:
         """A tension on the end, towards the start."""
 
-    def push_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
+    def apply_force_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
         """A force on a point along an axis."""
 
     def components(self, at: Point, axes: Frame | Carrier | None) -> Arrow:
@@ -334,10 +335,10 @@ class Interaction(ABC):
         """The heading of the force in an explanation."""
         return str(force.element.kind.replace("_", " ").capitalize())
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """The shapes that are drawn."""
         return ()
 
-    def arrow(self, force: Any, sight: Sight) -> Arrow:
+    def arrow(self, force: Any, context: VisualContext) -> Arrow:
         """The force on the follower or body, as an arrow."""
         return None

@@ -1,4 +1,4 @@
-"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and folders that stand alone; and the begin of
+"""Programs -> C++ classes: those of a mechanism and of a system, for simulators, libraries and C exports; and the begin of
 their simulations."""
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cutjoint.emit.source import (
     FACTORISATION,
     Page,
     Piece,
-    name_of_balance,
+    name_of_residual,
     name_of_system,
     name_of_transposed,
     nominals_of,
@@ -42,7 +42,7 @@ MOST_LANES = 8
 #: Comments of the functions that store values of a stage.
 _STAGES = {
     "load": "Values that depend on parameters alone; the roads must outlive the class.",
-    "load_values": "Values that depend on parameters alone, with coefficients of the functions of loops.",
+    "load_values": "Values that depend on parameters alone, with coefficients of the loop embeddings.",
     "begin_step": "Values that depend on time.",
     "start_step": "Values that depend on time and on inputs.",
 }
@@ -65,7 +65,7 @@ _ABOUT = {
     "events": "The values of the switches, at whose changes of sign formulas change.",
     "scene_inputs": "The scene's inputs: value, rate and acceleration of each, then what its laws are watched by.",
     "domains": "The margins of the arguments of laws: negative where a law has no value.",
-    "balance_slopes": "The slopes of the balance of forces and of loops, row by row; those that are always zero are not written.",
+    "residual_jacobian": "The slopes of the balance of forces and of loops, row by row; those that are always zero are not written.",
     "loaded_values": "Values that depend on parameters alone, by which the balance has slopes.",
 }
 
@@ -93,7 +93,7 @@ class SimulationCode:
     """The code of a simulation: the mechanism, which finds its start, its program, and the system to step, None to step the mechanism
     itself.
 
-    With the mechanism's degrees of freedom, ``freedoms``, the interface has minimal coordinates and derivatives too, and of a mechanism
+    With the mechanism's degrees of freedom, ``dofs``, the interface has minimal coordinates and derivatives too, and of a mechanism
     that is stepped itself values that change their sign where its formulas change; derivatives of steps if it ``derives_steps`` and they
     have some, by ``transposed`` functions also from the end of a run, by slopes of the ``balance`` of forces in fewer operations.  With a
     program without lanes of its own, ``side_by_side``, a class of several instances side by side stands beside that of the mechanism, in a
@@ -103,7 +103,7 @@ class SimulationCode:
     mechanism: RecursiveEquations
     program: Program
     system: System | None
-    freedoms: int | None = None
+    dofs: int | None = None
     derives_steps: bool = True
     side_by_side: Program | None = None
     transposed: Derived | None = None
@@ -208,7 +208,7 @@ class CppClass:
 def is_weighed(parts: SimulationCode) -> bool:
     """Return whether a mechanism tells its kinetic energy, as for coordinates held at rest, massless bodies and mass matrices."""
     equations = parts.mechanism
-    return equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.freedoms and parts.poses)
+    return equations.scene.pose == "equilibrium" or equations.topology.ends_on_massless or bool(parts.dofs and parts.poses)
 
 
 def sized_mechanism_class(parts: SimulationCode, program: Program, conditions: str = "bool", *, header: str = "") -> CppClass:
@@ -236,7 +236,7 @@ def mechanism_class(
 def derived_classes(parts: SimulationCode, *, header: str = "{}") -> Iterator[tuple[str, CppClass]]:
     """The classes of the mechanism's derivatives, by names; ``header`` makes the names of their files of these, without the ending."""
     page = parts.page
-    for name, named, derived in (("transposed", name_of_transposed, parts.transposed), ("balance", name_of_balance, parts.balance)):
+    for name, named, derived in (("transposed", name_of_transposed, parts.transposed), ("balance", name_of_residual, parts.balance)):
         if derived is not None:
             yield name, _class(
                 replace(page, class_name=named(page.class_name)), derived.program, derived.equations, "bool", formulation="recursive",

@@ -1,4 +1,4 @@
-"""Program -> a library with the C interface of a folder that stands alone, a file a function: what is unchanged is not compiled again.
+"""Program -> a library with the C interface of a C export, a file a function: what is unchanged is not compiled again.
 
 Its classes are those of the folder.  Their layout alone stands apart, beside the interface: another column changes it and `report`, and no
 other function.
@@ -107,7 +107,7 @@ def emit_library(parts: SimulationCode, begin: Beginning, digest: str, code: str
 
 def _classes(parts: SimulationCode, steps: Steps) -> Iterator[_Placed]:
     """The classes of a library."""
-    name, has_derivatives = parts.page.header, parts.freedoms is not None
+    name, has_derivatives = parts.page.header, parts.dofs is not None
     mechanism = sized_mechanism_class(parts, parts.program, header=name)
     of_mechanism, of_system = (replace(x, functions=x.functions | {"events"}) if steps.finds_events else x
                                for x in (_OF_DERIVATIVES, _OF_SYSTEM_DERIVATIVES))  # fmt: skip

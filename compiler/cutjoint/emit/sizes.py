@@ -13,18 +13,18 @@ from cutjoint.program.records import Program
 _NUMBERS_OF_DUAL = 9
 
 
-def direction_rows(parts: SimulationCode) -> int:
+def seed_rows(parts: SimulationCode) -> int:
     """The number of rows of a matrix of directions: states, held values, and the memory of steps; 0 without derivatives."""
     q, v, mechanism = len(parts.mechanism.coordinate_names), len(parts.mechanism.speed_names), parts.mechanism
-    states = 2 * (parts.freedoms or 0) + len(mechanism.state.states)
+    states = 2 * (parts.dofs or 0) + len(mechanism.state.states)
     loops = len(mechanism.equation_names)
-    return 0 if parts.freedoms is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
+    return 0 if parts.dofs is None else states + mechanism.held + q + 2 * v + (max(loops, q) if loops else 0)
 
 
 def record_length(parts: SimulationCode, steps: Steps) -> int:
     """The numbers of a record of a run; 0 without transposed functions."""
     _, _, _, state = _lengths(parts.mechanism)
-    stages = 3 * (state - 2) if steps.by_balance else 0
+    stages = 3 * (state - 2) if steps.by_residual else 0
     return 0 if parts.transposed is None else 2 * state + stages + parts.mechanism.held
 
 
@@ -54,21 +54,21 @@ def simulation_size(parts: SimulationCode, steps: Steps) -> int:
         stored += 0 if parts.system is None else _size_of_newton(parts.system)
     if steps.stages:
         stored += (steps.stages + 14) * (q + n) + 3 * state + 8 * m + 12 * len(equations.switches) + 64
-    if parts.freedoms is not None:
+    if parts.dofs is not None:
         stored += 2 * n * m + 14 * n + 4 * m + 2 * q + len(equations.switches)
         dual = _stored(parts.program) + (0 if parts.system is None else _stored(parts.system.program))
         dual += len(equations.parameters) + len(start.closures) + len(equations.roads) + len(equations.columns)
-        dual += 2 * q + 7 * n + 4 * m + 4 * parts.freedoms + 2 * len(equations.state.states) + 15 * len(equations.inputs)
+        dual += 2 * q + 7 * n + 4 * m + 4 * parts.dofs + 2 * len(equations.state.states) + 15 * len(equations.inputs)
         stored += _NUMBERS_OF_DUAL * dual + 4 * n + 4 * m + 13 * len(equations.inputs) + (1 + _NUMBERS_OF_DUAL) * equations.held + 64
         stored += _NUMBERS_OF_DUAL * (2 * q + 3 * n) + 2 * n * n + 6 * n + 2 * state + 3 * q + 64  # of a step's derivatives
         if steps.stages and equations.switches:  # at events
             stored += 2 * len(equations.switches) + q + n + 64
         stored += 0 if parts.transposed is None else _size_of_adjoint(parts, parts.transposed)
-        stored += 0 if parts.balance is None else _size_of_balance(parts, parts.balance)
+        stored += 0 if parts.balance is None else _size_of_residual(parts, parts.balance)
         stored += 0 if parts.balance is None or parts.system is None else _size_of_ends(parts, parts.balance, steps)
     stored += 16 * len(parts.poses) + 2 + 2 * len(functions_of_host(equations.topology.model))
     fitted = sum(fit.length for fit in equations.fits) + sum(fit.length for fit in start.fits) + len(equations.parameters)
-    stored += 2 * fitted if parts.freedoms is None else (2 + _NUMBERS_OF_DUAL) * fitted
+    stored += 2 * fitted if parts.dofs is None else (2 + _NUMBERS_OF_DUAL) * fitted
     return 8 * (stored + assembly + masses + others + 512)
 
 
@@ -79,10 +79,10 @@ def _size_of_adjoint(parts: SimulationCode, transposed: Derived) -> int:
     fitted = 12 * (sum(fit.length for fit in parts.mechanism.fits) + len(parts.mechanism.parameters))
     numbers = _stored(transposed.program) + 2 * transposed.loaded + len(transposed.equations.columns) + 3 * given + fitted
     numbers += len(parts.mechanism.parameters) + (n + 10) * (n + 16)
-    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * direction_rows(parts) + transposed.equations.input_values + 64
+    return numbers + (n + m + 10) * (n + m + 16) + 7 * state + 8 * seed_rows(parts) + transposed.equations.input_values + 64
 
 
-def _size_of_balance(parts: SimulationCode, balance: Linearised) -> int:
+def _size_of_residual(parts: SimulationCode, balance: Linearised) -> int:
     """Numbers that the slopes of the balance of forces hold, over doubles and of parameters along directions."""
     n, m, q, _ = _lengths(parts.mechanism)
     given = 3 * len(parts.mechanism.inputs) + parts.mechanism.held
@@ -105,7 +105,7 @@ def _size_of_ends(parts: SimulationCode, balance: Linearised, steps: Steps) -> i
     """Numbers that the slopes of coupled stages, or of the end of a step of Newton's iteration, hold."""
     n, _, q, state = _lengths(parts.mechanism)
     balls = q - parts.mechanism.speeds
-    if not steps.by_balance:
+    if not steps.by_residual:
         return 4 * balance.length + 2 * _size_of_matrix(balance) + n + balance.loaded + 64
     return 6 * state + 3 * (balance.length + n) + balance.loaded + balls * (90 + 9 + 27 + 9 * 12) + _size_of_matrix(balance, 3) + 64
 

@@ -228,7 +228,7 @@ def name_of_transposed(name: str) -> str:
     return f"{name}Transposed"
 
 
-def name_of_balance(name: str) -> str:
+def name_of_residual(name: str) -> str:
     """The class of the slopes of a mechanism's balance of forces, by that of the mechanism."""
     return f"{name}Balance"
 

@@ -22,13 +22,13 @@ from cutjoint.emit.classes import (
     sized_system_class,
     sizes_of,
 )
-from cutjoint.emit.sizes import direction_rows, record_length, simulation_size
+from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import (
     SPACE,
     Page,
     amalgamate,
     code_file,
-    name_of_balance,
+    name_of_residual,
     name_of_system,
     name_of_transposed,
     quotable,
@@ -123,9 +123,9 @@ def emit_standalone(
 
 def prepare(parts: SimulationCode, begin: Beginning, digest: str) -> tuple[SimulationCode, dict[str, object]]:
     """The code that is compiled, without events if its steps need not find them, and the templates' view of it."""
-    if not begin.events and (parts.freedoms is None or parts.system is not None):
+    if not begin.events and (parts.dofs is None or parts.system is not None):
         parts = parts.over_events()
-    return parts, _view(parts, begin, digest if parts.freedoms is None else f"{digest} {parts.freedoms}")
+    return parts, _view(parts, begin, digest if parts.dofs is None else f"{digest} {parts.dofs}")
 
 
 def render_header(page: Page, view: Mapping[str, object]) -> str:
@@ -170,7 +170,7 @@ def _source(page: Page, parts: SimulationCode, steps: Steps, view: Mapping[str, 
 
 def headers_of(parts: SimulationCode, steps: Steps, *, has_lanes: bool) -> list[str]:
     """The headers of the runtime that a simulation needs; ``has_lanes`` is whether isomorphic parts are computed side by side."""
-    has_derivatives = parts.freedoms is not None
+    has_derivatives = parts.dofs is not None
     lanes = [_LANES, *([_DUAL_LANES] if has_derivatives else [])] if has_lanes else []
     poses = [] if not parts.poses else [_POSES, *([_DYNAMICS] if has_derivatives else [])]
     of_steps = [_STEP_DERIVATIVES, *([_ADJOINT] if parts.transposed is not None else [])] if _derives_steps(parts, steps) else []
@@ -186,7 +186,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     equations, integrator = parts.stepped, begin.integrator
     model, steps = equations.topology.model, STEPS[parts.method][integrator]
     start, tables = parts.mechanism, _tables(equations)
-    if parts.freedoms is not None:
+    if parts.dofs is not None:
         tables.append({"name": "state_names", "entries": [*_state_names(start, rates=False), *_state_names(start, rates=True)]})
     if parts.poses:
         tables.append({"name": "pose_names", "entries": list(parts.poses)})
@@ -194,11 +194,11 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
     return {
-        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "freedoms": parts.freedoms, "poses": parts.poses,
+        **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "dofs": parts.dofs, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
-        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "direction_rows": direction_rows(parts),
+        "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "seed_rows": seed_rows(parts),
         "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
-        "balance": parts.balance and _balance_view(parts.balance, name_of_balance(Page.of(equations, parts.method).class_name)),
+        "balance": parts.balance and _residual_view(parts.balance, name_of_residual(Page.of(equations, parts.method).class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
@@ -210,7 +210,7 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
         "causes": _causes(), "mark": mark_of(digest, integrator),
         "method": parts.method, "integrator": integrator, "steps": steps.name, "kind": steps,
         "settings": _settings(begin), "by_step": _by_step(equations.scene), "tables": tables,
-        "gap_limits": _gap_limits(equations, begin.parameters),
+        "violation_limits": _violation_limits(equations, begin.parameters),
         "end": repr(float(begin.end)), "output_step": repr(float(begin.output_step)),
         "frozen": model.frozen,
         "parameters": [repr(float(begin.parameters[p.name])) for p in equations.parameters],
@@ -223,12 +223,12 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     }  # fmt: skip
 
 
-def _balance_view(balance: Linearised, name: str) -> dict[str, object]:
+def _residual_view(balance: Linearised, name: str) -> dict[str, object]:
     """The places of the slopes of the balance of forces, and the ``name`` of the class that has them."""
     starts = list(accumulate(map(len, balance.columns), initial=0))
     middles = [first + sum(c < balance.unknowns for c in row) for first, row in zip(starts, balance.columns, strict=False)]
     return {
-        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles, "slopes": balance.places,
+        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles, "derivatives": balance.places,
         "columns": [c for row in balance.columns for c in row], "parts": balance.sides.parts,
         "beside": balance.sides.numbers, "groups": list(map(len, balance.sides.groups)),
     }  # fmt: skip
@@ -241,7 +241,7 @@ def mark_of(digest: str, integrator: str) -> str:
 
 def _derives_steps(parts: SimulationCode, steps: Steps) -> bool:
     """Return whether the interface has derivatives of steps."""
-    return parts.freedoms is not None and parts.derives_steps and steps.differentiable
+    return parts.dofs is not None and parts.derives_steps and steps.differentiable
 
 
 def _guiding(equations: RecursiveEquations | SystemEquations) -> list[int]:
@@ -255,7 +255,7 @@ def _steered(equations: RecursiveEquations | SystemEquations) -> int | None:
     return next((i for i in range(len(equations.inputs)) if i not in guiding), None)
 
 
-def _gap_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
+def _violation_limits(equations: RecursiveEquations | SystemEquations, given: Mapping[str, float]) -> list[str]:
     """The gap that each equation of a loop may have: that share of a radian, or of the mechanism's extent in its design position."""
     model = equations.topology.model
     known = {p.symbol: float(given.get(p.name, p.value)) for p in model.parameters}
@@ -405,7 +405,7 @@ def in_c(names: Sequence[str]) -> list[str]:
 
 def _limits() -> list[str]:
     """The numbers that hosts set limits of, in the order of the core's header."""
-    text = (runtime_folder() / "include/cutjoint/core/effort.hpp").read_text(encoding="utf-8")
+    text = (runtime_folder() / "include/cutjoint/core/step_statistics.hpp").read_text(encoding="utf-8")
     names = re.search(r"limit_names\[\] = \{(.*)\}", text)
     assert names is not None
     return re.findall(r"\w+", names[1])

@@ -12,7 +12,7 @@ class Steps:
 
     ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
     steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``differentiable`` whether steps have derivatives, ``by_balance`` whether these need the slopes of the balance of forces.
+    ``differentiable`` whether steps have derivatives, ``by_residual`` whether these need the slopes of the balance of forces.
     """
 
     header: str
@@ -22,7 +22,7 @@ class Steps:
     is_iterated: bool = False
     adaptive: bool = False
     differentiable: bool = False
-    by_balance: bool = False
+    by_residual: bool = False
 
 
 _EXPLICIT, _IMPLICIT = "cutjoint/core/explicit_steps.hpp", "cutjoint/core/implicit_steps.hpp"
@@ -58,10 +58,10 @@ STEPS: Mapping[str, Mapping[str, Steps]] = {
         "generalised-alpha": Steps(header=_NEWTON, name="RecursiveNewtonSteps<Mechanism, System>"),
         "radau5": Steps(
             header=_IMPLICIT, name="RadauSteps<Mechanism, System, true>", finds_events=True, adaptive=True, differentiable=True,
-            by_balance=True,
+            by_residual=True,
         ),
         "radau5-fixed": Steps(
-            header=_IMPLICIT, name="RadauSteps<Mechanism, System, false>", finds_events=True, differentiable=True, by_balance=True
+            header=_IMPLICIT, name="RadauSteps<Mechanism, System, false>", finds_events=True, differentiable=True, by_residual=True
         ),
     },
 }  # fmt: skip

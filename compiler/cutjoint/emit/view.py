@@ -63,7 +63,7 @@ LINE = 110
 LONG, PART = 4000, 1000
 
 #: Functions of so many results that these are stored where they are found.
-_STORED_EARLY = frozenset({"balance_slopes"})
+_STORED_EARLY = frozenset({"residual_jacobian"})
 
 #: Symbols whose elements are members of a record among the arguments.
 _MEMBERS: Mapping[str, tuple[str, tuple[str, ...]]] = {

@@ -119,7 +119,7 @@ class Equations:
     the outputs with their units, ``state`` the layout of the state, ``slots`` the places of inputs and results, ``load_arguments`` the
     arguments of the generated ``load``.
     ``inputs`` are the parameters that are read at every step, ``input_values`` the length of the array that ``scene_inputs`` fills, with
-    values of controllers.  ``left_out`` are equations that guards watch, ``fits`` find functions of loops with the parameters.
+    values of controllers.  ``left_out`` are equations that guards watch, ``fits`` find loop embeddings with the parameters.
     """
 
     topology: Topology

@@ -17,10 +17,10 @@ from cutjoint.formulate.layout import Slot
 from cutjoint.formulate.records import BALANCE, CLOSE, SAMPLE, Function, RecursiveEquations
 from cutjoint.program.blocks import BindingTime
 from cutjoint.program.borders import Sides, part, stand_side_by_side
+from cutjoint.program.elimination import adjoint, derivatives
 from cutjoint.program.records import LoweredFunction, Program, Result
 from cutjoint.program.scalars import Graph
 from cutjoint.program.schedule import with_functions
-from cutjoint.program.slopes import adjoint, slopes
 
 #: Of each function its arguments, its results, and what else the change of these depends on.
 _ARGUMENTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -65,12 +65,12 @@ def transpose(equations: RecursiveEquations, program: Program) -> Derived:
     made: list[Function] = [f for f in equations.functions if f.name.startswith(_KEPT)]
     for function in functions:
         arguments, results = _ARGUMENTS[function.name]
-        slopes = _slopes(work.graph, equations, function, loaded)
+        derivatives = _derivatives(work.graph, equations, function, loaded)
         parts = {f"{function.name}_transposed": arguments, f"{function.name}_summed": _SUMMED}
         if function.name != "evaluate":
             parts = {f"{function.name}_transposed": (*arguments, *_SUMMED)}
         for name, wanted in parts.items():
-            lowered.append((name, [r for r in slopes if _array(equations, r.target) in wanted]))
+            lowered.append((name, [r for r in derivatives if _array(equations, r.target) in wanted]))
             given = [f"const Real* {a}" for a in (*arguments, *(f"by_{r}" for r in results))]
             made.append(Function(name=name, arguments=(*given, *(f"Real* by_{a}" for a in wanted)), results={}))
     lowered.append(("load_transposed", _by_parameters(work.graph, equations, loaded)))
@@ -131,7 +131,7 @@ def _symbol(graph: Graph, n: int) -> tuple[str, int]:
     return str(name), int(index)
 
 
-def _slopes(graph: Graph, equations: RecursiveEquations, function: LoweredFunction, loaded: Mapping[int, _Places]) -> list[Result]:
+def _derivatives(graph: Graph, equations: RecursiveEquations, function: LoweredFunction, loaded: Mapping[int, _Places]) -> list[Result]:
     """The slopes of a weighed sum of a function's results by its arguments, by inputs and by values of parameters: all elements."""
     weights: dict[int, int] = {}
     for r in function.results:
@@ -168,7 +168,7 @@ def _array(equations: RecursiveEquations, target: str) -> str:
 
 
 def _by_parameters(graph: Graph, equations: RecursiveEquations, loaded: Mapping[int, _Places]) -> list[Result]:
-    """The slopes by parameters, and by coefficients of functions of loops, from those by values that follow from them."""
+    """The slopes by parameters, and by coefficients of loop embeddings, from those by values that follow from them."""
     symbols = (graph.symbol("by_loaded", i, BindingTime.ITERATION) for places in loaded.values() for i in places)
     weights = {n: graph.gather(tuple(next(symbols) for _ in places)) for n, places in loaded.items()}
     given = {n: place for n in graph.reachable(list(loaded)) if _is_given((place := _symbol(graph, n))[0])}
@@ -200,11 +200,11 @@ class Linearised(Derived):
         return sum(map(len, self.columns))
 
 
-def linearise_balance(equations: RecursiveEquations, program: Program) -> Linearised:
-    """The slopes of the balance of forces (`implicit.equations.formulate_balance`), by its program.
+def linearise_residual(equations: RecursiveEquations, program: Program) -> Linearised:
+    """The slopes of the balance of forces (`implicit.equations.formulate_residual`), by its program.
 
-    ``balance_slopes`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q, v,
-    inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
+    ``residual_jacobian`` has those of the n forces that are left, then of the m second rates of loops, row by row.  Columns are those of q,
+    v, inputs and held values, ``loaded``, vdot and lambda; entries that are always zero are left out.  ``loaded_values`` has the values of
     parameters' time in ``loaded``.
 
     Raises:
@@ -224,12 +224,12 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
     }  # fmt: skip
     columns |= {n: [firsts["loaded"] + place for place in places] for n, places in loaded.items()}
     rows: list[dict[int, int]] = [{} for _ in range(forces + loops)]
-    found = slopes(graph, [r.scalar for r in function.results], columns)
+    found = derivatives(graph, [r.scalar for r in function.results], columns)
     for result, by in zip(function.results, found, strict=True):
         slot = equations.slots[result.target]
         row = rows[slot.offset + result.index + (forces if slot.array == "curvature" else 0)]
-        for n, slope in by.items():
-            row |= {column: graph.lane(slope, k) for k, column in enumerate(columns[n])}
+        for n, derivative in by.items():
+            row |= {column: graph.lane(derivative, k) for k, column in enumerate(columns[n])}
     entries = [[column for column in sorted(row) if graph.value(row[column]) != 0.0] for row in rows]
     places = [(row, column) for row, of_row in enumerate(entries) for column in of_row]
     sides = _sides_of(equations, firsts, entries)
@@ -243,13 +243,13 @@ def linearise_balance(equations: RecursiveEquations, program: Program) -> Linear
     kept = [f for f in equations.functions if f.name.startswith(_KEPT)]
     lowered = [(f.name, program.function(f.name).results) for f in kept]
     made = (
-        *kept, Function(name="balance_slopes", arguments=(*equations.function(BALANCE).arguments[:4], "Real* slope"), results={}),
+        *kept, Function(name="residual_jacobian", arguments=(*equations.function(BALANCE).arguments[:4], "Real* slope"), results={}),
         Function(name="loaded_values", arguments=("Real* loaded",), results={}),
     )  # fmt: skip
     slots = {name: Slot(array=name, offset=0, names=("",) * size) for name, size in (("slope", len(places)), ("loaded", length))}
     return Linearised(
         equations=replace(equations, functions=made, slots={**equations.slots, **slots}), loaded=length, columns=entries,
-        program=with_functions(work, [*lowered, ("balance_slopes", results), ("loaded_values", values)]),
+        program=with_functions(work, [*lowered, ("residual_jacobian", results), ("loaded_values", values)]),
         unknowns=firsts["vdot"], places=[order[place] for place in places], sides=sides,
     )  # fmt: skip
 

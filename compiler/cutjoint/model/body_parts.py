@@ -8,7 +8,7 @@ from typing import Annotated, TypeAlias
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, StrictStr, Tag, model_validator
 
 from cutjoint.model.text import printable
-from cutjoint.model.values import Direction, Inertia, Number, Part, Point, Triple, shape_error, told_by
+from cutjoint.model.values import Direction, Inertia, Number, Part, Point, Triple, discriminated_by, shape_error
 
 MAX_SHAPES = 1000
 
@@ -84,7 +84,7 @@ Shape: TypeAlias = Annotated[
     | Annotated[Sphere, Tag("<sphere>")]
     | Annotated[Rod, Tag("<rod>")]
     | Annotated[PointMass, Tag("<point>")],
-    told_by(
+    discriminated_by(
         {key: f"<{key}>" for key in ("box", "cylinder", "sphere", "rod", "point")},
         "needs one of box, cylinder, sphere, rod, point",
     ),

@@ -21,7 +21,7 @@ from cutjoint.model.values import MAX_FIELD, MAX_GRID, MAX_TABLE
 #: Rows of a table below its names.
 MAX_ROWS = 50_000
 #: Problems of one table that are told.
-_MAX_TOLD = 20
+_MAX_REPORTED = 20
 
 _HEADER = re.compile(r"([^\[\]]+?)\s*(?:\[\s*([^\[\]]*?)\s*\])?")
 
@@ -91,7 +91,7 @@ class _Reading:
         columns = tuple(self._column(cell, tuple(row[i] for row in rows)) for i, cell in enumerate(header))
         self._check_names(columns)
         if self.problems:
-            raise ModelError(self.problems[:_MAX_TOLD])
+            raise ModelError(self.problems[:_MAX_REPORTED])
         return Csv(self.file, columns)
 
     def _fail(self, span: Span, message: str, hint: str) -> None:
@@ -116,7 +116,7 @@ class _Reading:
             self._fail(header[0].span, "commas separate the cells of a table, and decimals have a point", "replace semicolons by commas")
             return
         for row in rows:
-            if len(row) != len(header) and len(self.problems) < _MAX_TOLD:
+            if len(row) != len(header) and len(self.problems) < _MAX_REPORTED:
                 message = f"the row has {len(row)} cells, the line of names {len(header)}"
                 self._fail(row[min(len(row), len(header)) - 1].span, message, "write as many")
 

@@ -31,9 +31,9 @@ from cutjoint.model.values import (
     TermName,
     Triple,
     Unit,
+    discriminated_by,
     shape_error,
     table_schema,
-    told_by,
 )
 
 #: The most joints of a gear.
@@ -48,7 +48,8 @@ def _joints(value: Any) -> Any:
 
 _Ratio: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[tuple[Number, ...], Tag("<list>")],
-    told_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"}, "needs a number, or one for each joint but the first"),
+    discriminated_by({**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>"},
+        "needs a number, or one for each joint but the first"),
 ]
 
 
@@ -90,7 +91,7 @@ class Marker(Part):
 #: An expression, or a table over quantities.
 Lookup: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Table, Tag("<table>")],
-    told_by(
+    discriminated_by(
         {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("table", "interpolation"), "<table>")},
         "needs an expression, or {table: {...}}",
     ),
@@ -128,7 +129,7 @@ class FunctionMemory(Part):
 
 MemoryEntry: TypeAlias = Annotated[
     Annotated[Memory, Tag("<number>")] | Annotated[FunctionMemory, Tag("<function>")],
-    told_by(
+    discriminated_by(
         {**dict.fromkeys(("function", "arguments"), "<function>"), dict: "<number>"},
         "needs {start: ..., next: ...}, or {function: ..., arguments: [...]}",
     ),
@@ -137,7 +138,7 @@ MemoryEntry: TypeAlias = Annotated[
 
 SampledSignalEntry: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[SampledSignal, Tag("<mapping>")],
-    told_by(
+    discriminated_by(
         {**dict.fromkeys((int, float, str), "<number>"), **dict.fromkeys(("value", "start"), "<mapping>")},
         "needs an expression or {value: ..., start: ...}",
     ),
@@ -177,7 +178,7 @@ def _one_name(output: dict[str, OutputExpression]) -> dict[str, OutputExpression
 
 OutputEntry: TypeAlias = Annotated[
     Annotated[StrictStr, Tag("<text>")] | Annotated[dict[Name, Expressed], AfterValidator(_one_name), Tag("<mapping>")],
-    told_by({str: "<text>", dict: "<mapping>"}, "needs element.quantity, or name: {value: expression, unit: ...}"),
+    discriminated_by({str: "<text>", dict: "<mapping>"}, "needs element.quantity, or name: {value: expression, unit: ...}"),
 ]
 
 
@@ -241,7 +242,7 @@ class Parameter(Part):
 
 ParameterEntry: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Parameter, Tag("<mapping>")],
-    told_by(
+    discriminated_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
             **dict.fromkeys(("value", "unit", "binding"), "<mapping>"),
@@ -285,7 +286,7 @@ Segment: TypeAlias = Annotated[
     | Annotated[Ramp, Tag("<ramp>")]
     | Annotated[Step, Tag("<step>")]
     | Annotated[Cosine, Tag("<cosine>")],
-    told_by(
+    discriminated_by(
         {key: f"<{key}>" for key in ("flat", "ramp", "step", "cosine")},
         "needs {flat: length}, {ramp: length, rise: height}, {step: height} or {cosine: length, amplitude: height}",
     ),
@@ -329,7 +330,7 @@ class Sections(Part):
 
 RoadSurface: TypeAlias = Annotated[
     Annotated[Heights, Tag("<heights>")] | Annotated[Rough, Tag("<rough>")] | Annotated[Sections, Tag("<sections>")],
-    told_by(
+    discriminated_by(
         {"table": "<heights>", "iso8608": "<rough>", "sections": "<sections>"},
         "needs {table: {file: road.csv}} or {iso8608: class, seed: number}",
     ),
@@ -444,7 +445,7 @@ class Scene(Part):
 
 _Names: TypeAlias = Annotated[
     Annotated[tuple[Name, ...], Field(min_length=1), Tag("<list>")] | Annotated[dict[Name, Unit], Field(min_length=1), Tag("<mapping>")],
-    told_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
+    discriminated_by({tuple: "<list>", list: "<list>", dict: "<mapping>"}, "needs a list of names, or names with their units"),
 ]
 
 

@@ -23,7 +23,6 @@ from cutjoint.model.geometry import read_point
 from cutjoint.model.instances import MAX_ELEMENTS, Use, count_elements, find_uses, known_submodels
 from cutjoint.model.machine import Machine
 from cutjoint.model.mirror import mirror_elements
-from cutjoint.model.opening import Opening
 from cutjoint.model.operations import Term
 from cutjoint.model.parameters import read_parameters
 from cutjoint.model.property_file import MASSES, default_of
@@ -32,6 +31,7 @@ from cutjoint.model.records import DerivedParameter, Parameter, Vector
 from cutjoint.model.scope import FAILED_TERM, UNKNOWN, Directory, Element, Scope, with_points
 from cutjoint.model.shape import Shaped
 from cutjoint.model.source import Source
+from cutjoint.model.tunable import TunableNumbers
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class Expansion:
     reporting: Mapping[str, Scope]
 
 
-def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening) -> Expansion:
-    """Read all elements of the model and of its instances; ``opening`` makes parameters of their numbers."""
+def expand(source: Source, problems: Problems, shaped: Shaped, tunables: TunableNumbers) -> Expansion:
+    """Read all elements of the model and of its instances; ``tunables`` makes parameters of their numbers."""
     model, directory = shaped.document, _directory(shaped)
     functions = read_functions(source, problems, model)
-    scope = Scope(source, problems, directory, {}, {}, opening=opening, functions=functions)
+    scope = Scope(source, problems, directory, {}, {}, tunables=tunables, functions=functions)
     parameters = read_parameters(scope, model, shaped.lost_parameters)
     scope = parameters.extend(scope)
     machine = Machine(partial(_survey, scope, model))
@@ -63,7 +63,7 @@ def expand(source: Source, problems: Problems, shaped: Shaped, opening: Opening)
 
 def _survey(scope: Scope, model: document.Document) -> Mapping[str, Quantified]:
     """All elements by name; whatever reads quantities fails here, without a problem."""
-    unheard = replace(scope, problems=Unheard(), opening=Opening(), own=_own(scope, model), read=lambda *_: FAILED_TERM)
+    unheard = replace(scope, problems=Unheard(), tunables=TunableNumbers(), own=_own(scope, model), read=lambda *_: FAILED_TERM)
     return _read(unheard, model, Machine(dict)).by_name()
 
 
@@ -186,11 +186,11 @@ def _arguments(where: Element, use: Use, submodel: document.Submodel) -> dict[st
     others = properties.keys() | absent.keys()
     _match_keys(where, "with", instance.with_, known, "parameter", instance.use, needed=submodel.parameters, others=others)
     if instance.binding is not None:
-        where.scope.opening.instances.append(f"{escape(where.name)}.*")
+        where.scope.tunables.instances.append(f"{escape(where.name)}.*")
     values = {("with", name): value for name, value in instance.with_.items()}
     values |= {("properties", name): value for name, value in {**properties, **absent}.items()}
     terms = {keys: where.term(value, keys, where.scope.reading()) for keys, value in values.items()}
-    given = {keys[1]: where.opened(term, None, keys, is_argument=True) for keys, term in terms.items()}
+    given = {keys[1]: where.tunable(term, None, keys, is_argument=True) for keys, term in terms.items()}
     return {name: given.get(name, FAILED_TERM) for name in submodel.parameters} | _with_defaults(where, use, given)
 
 
@@ -201,7 +201,7 @@ def _with_defaults(where: Element, use: Use, given: Mapping[str, Term]) -> dict[
     known = {name: given.get(name, FAILED_TERM) for name in use.submodel.parameters}
     for name, value in use.submodel.defaults.items():
         keys = ("defaults", name)
-        known[name] = given[name] if name in given else inner.opened(inner.term(value, keys, known), None, keys, is_argument=True)
+        known[name] = given[name] if name in given else inner.tunable(inner.term(value, keys, known), None, keys, is_argument=True)
     return {name: known[name] for name in use.submodel.defaults}
 
 

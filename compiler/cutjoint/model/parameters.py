@@ -60,7 +60,7 @@ def _read_numbers(parts: Mapping[str, document.Parameter], where: Mapping[str, E
     for name, part in parts.items():
         found, dimension = _number(where[name], part)
         symbol, binding = parameter_symbol(name), Binding(part.binding)
-        if where[name].scope.opening.takes(name) and binding is Binding.CONST:
+        if where[name].scope.tunables.takes(name) and binding is Binding.CONST:
             binding = Binding.PARAM
         parameters.append(Parameter(name=name, symbol=symbol, value=found.value, unit=found.unit, binding=binding, span=where[name].span))
         terms[name] = FAILED_TERM if math.isnan(found.value) else Term(symbol, dimension)

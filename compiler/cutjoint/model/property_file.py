@@ -15,7 +15,7 @@ from cutjoint.model.records import Span
 from cutjoint.model.text import is_number
 
 #: Lines of a file, and problems of one that are told.
-_MAX_LINES, _MAX_TOLD = 10_000, 20
+_MAX_LINES, _MAX_REPORTED = 10_000, 20
 
 #: The words of the section UNITS, with their sizes in SI, by what they measure.
 _UNITS: Mapping[str, Mapping[str, float]] = {
@@ -107,7 +107,7 @@ def read_properties(text: str, file: str, element: str) -> Properties:
     reading.read(text)
     found = reading.properties()
     if reading.problems:
-        raise ModelError(reading.problems[:_MAX_TOLD])
+        raise ModelError(reading.problems[:_MAX_REPORTED])
     return found
 
 

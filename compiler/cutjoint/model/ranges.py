@@ -35,7 +35,7 @@ RANGES: Mapping[str, Mapping[str, float]] = {
     "replays": {"least": 0, "most": 100},
     "repetitions": {"above": 0.0, "most": 1000},
     "travel": {"least": 1e-6, "most": 1.0},
-    "turn": {"least": 1e-6, "most": 10.0},
+    "steer_travel": {"least": 1e-6, "most": 10.0},
     "points": {"least": 3, "most": 1001},
     "priority": {"least": 1, "most": 99},
     "processor": {"least": 0, "most": 65535},
@@ -52,7 +52,7 @@ SOLVER_TOLERANCE = "solver_tolerance"
 
 #: Settings in m, and settings in m or rad.
 LENGTHS = frozenset({"travel", "radius"})
-PLACES = frozenset({"accuracy", "tolerance", "turn"})
+PLACES = frozenset({"accuracy", "tolerance", "steer_travel"})
 
 #: Settings that count something.
 WHOLE = frozenset(

@@ -14,13 +14,13 @@ from cutjoint.model.dependencies import check_levels
 from cutjoint.model.errors import Problems
 from cutjoint.model.expand import expand
 from cutjoint.model.files import with_files
-from cutjoint.model.opening import Opening
 from cutjoint.model.records import Model, Span
 from cutjoint.model.renamed import MODEL, in_new_words
 from cutjoint.model.scenes import read_scenes
 from cutjoint.model.scope import Element
 from cutjoint.model.shape import check_shape
 from cutjoint.model.source import parse_yaml, read_text
+from cutjoint.model.tunable import TunableNumbers
 from cutjoint.model.units import ACCELERATION
 from cutjoint.model.validate import (
     check_elements,
@@ -36,16 +36,17 @@ from cutjoint.model.validate import (
 from cutjoint.package.locations import AnyPath, path_of
 
 
-def read_model(path: AnyPath, *, opened: Sequence[str] = ()) -> Model:
-    """Read and validate the model file at ``path``.  Numbers whose names match one of ``opened``, such as "*.stiffness", become parameters.
+def read_model(path: AnyPath, *, tunable: Sequence[str] = ()) -> Model:
+    """Read and validate the model file at ``path``.  Numbers whose names match one of ``tunable``, such as "*.stiffness", become
+    parameters.
 
     Raises ModelError with all problems found; numbers in the result are SI.
     """
     is_file = isfile(path)  # a pipe has no folder
-    return read_model_text(read_text(Path(path)), str(path), folder=Path(path).parent if is_file else None, opened=opened)
+    return read_model_text(read_text(Path(path)), str(path), folder=Path(path).parent if is_file else None, tunable=tunable)
 
 
-def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, opened: Sequence[str] = ()) -> Model:
+def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tunable: Sequence[str] = ()) -> Model:
     """Read and validate a model from its text; ``file`` is the name that places and messages carry, ``folder`` has the files that it names.
 
     Raises ModelError with all problems found.
@@ -62,13 +63,13 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     check_names(source, problems, document)
     check_submodels(source, problems, document)
     # document -> flat elements with expressions
-    opening = Opening(list(opened))
-    expansion = expand(source, problems, shaped, opening)
+    tunables = TunableNumbers(list(tunable))
+    expansion = expand(source, problems, shaped, tunables)
     # elements -> scenes that refer to them
     scenes, reported = read_scenes(document, expansion)
     root = Element(expansion.scope, "model", document.name, ())
     gravity = root.triple(document.gravity, ACCELERATION, ("gravity",))
-    for problem in opening.problems(opened, Span(file=file, line=1, column=1)) if not shaped.removed else ():
+    for problem in tunables.problems(tunable, Span(file=file, line=1, column=1)) if not shaped.removed else ():
         problems.add(problem.span, problem.element, problem.message, problem.hint)
     # one check of the whole
     check_elements(expansion, problems)
@@ -78,7 +79,7 @@ def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, open
     model = Model(
         name=document.name,
         gravity=gravity,
-        parameters=(*expansion.parameters, *opening.parameters.values()),
+        parameters=(*expansion.parameters, *tunables.parameters.values()),
         derived=expansion.derived,
         bodies=elements.bodies,
         joints=elements.joints,

@@ -352,7 +352,7 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopFunctions:
-    """The functions that close loops: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters
+    """The loop embeddings: ``series`` has by tree joint one for each scalar coordinate, then three for the Rodrigues parameters
     of a ball.
 
     They hold on ``range`` of q and ``drive_range`` of u, which is one value where u stands still, None where no guide moves the loops.
@@ -569,7 +569,7 @@ class Numerics:
     "recursive" and "recursive-newton" end where forces, guides or drives change their formulas: "located" or "crossed", None for what is
     usual with the integrator.  ``methods`` has what a method changes, by the names of these settings; ``by_step`` the penalty and
     frequency that were written as expressions of dt, whose values here are those at ``dt``.  ``loops`` says how the method "recursive"
-    closes loops of one degree of freedom, "exact" or "compiled" to functions that err by at most ``loop_tolerance`` (m, rad) on a range
+    closes loops of one degree of freedom, "exact" or "embedded" to functions that err by at most ``loop_tolerance`` (m, rad) on a range
     as long as ``loop_terms`` allow.
     """
 

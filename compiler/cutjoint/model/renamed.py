@@ -21,10 +21,12 @@ MODEL: Renamed = {
     ("scenes", "*", "numerics", "methods", "*", "tolerance"): "solver_tolerance",
     ("**", "reactions", "*", "body"): "axes_of",
     ("scenes", "*", "numerics", "integrator"): FORMER_INTEGRATORS,
+    ("scenes", "*", "numerics", "loops"): {"compiled": "embedded"},
+    **{("**", "forces", "*", f"ground_{of}"): f"terrain_{of}" for of in ("height", "slope", "bank")},
 }
 
 #: Fields of study files.
-STUDY: Renamed = {("tolerance",): "solver_tolerance", ("integrator",): FORMER_INTEGRATORS}
+STUDY: Renamed = {("open",): "tunable", ("tolerance",): "solver_tolerance", ("integrator",): FORMER_INTEGRATORS}
 
 
 def in_new_words(source: Source, problems: Problems, renamed: Renamed) -> tuple[Source, tuple[str, ...]]:

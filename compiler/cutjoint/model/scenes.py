@@ -217,8 +217,8 @@ def _require_value(where: Element, key: str, law: Scalar, dt: float) -> None:
 #: Settings with two bounds, and what they do near them.
 _BETWEEN = {
     "spectral_radius": "1 damps nothing, 0 all that is fast beside a step",
-    "loop_tolerance": "functions that close loops err by as many m and rad at most",
-    "loop_terms": "more terms make the range of functions that close loops longer, and each evaluation dearer",
+    "loop_tolerance": "loop embeddings err by as many m and rad at most",
+    "loop_terms": "more terms make the range of loop embeddings longer, and each evaluation dearer",
 }
 
 

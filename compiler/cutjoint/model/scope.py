@@ -16,10 +16,10 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.expressions import READERS, Names, read_term, variable
 from cutjoint.model.functions import SuppliedCall
 from cutjoint.model.names import VARIABLES
-from cutjoint.model.opening import Opening, number_name
 from cutjoint.model.operations import ExpressionError, Term
 from cutjoint.model.records import GROUND, Scalar, Span, SuppliedFunction, Vector
 from cutjoint.model.source import Path, Source, field_name
+from cutjoint.model.tunable import TunableNumbers, number_name
 from cutjoint.model.units import ACCELERATION, INERTIA, LENGTH, MASS, Dimension, described
 
 #: Stands for a value that could not be read; its problem is noted, and checks pass it by.
@@ -58,7 +58,7 @@ class Scope:
     ``path`` leads to the elements in the document.  ``names`` are the symbols of expressions, ``moving``
     the parameters' symbols that may change with time.  ``values`` are the parameters' values by symbol, ``settled`` those
     that never change.  ``connectors`` maps local body names to full ones, ``given`` has the points that the instance gives.
-    ``opening`` makes parameters of numbers.
+    ``tunables`` makes parameters of numbers.
 
     Expressions may have these names:
 
@@ -85,7 +85,7 @@ class Scope:
     connectors: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, Vector] = field(default_factory=dict)
     given: Mapping[str, Vector] = field(default_factory=dict)
-    opening: Opening = field(default_factory=Opening)
+    tunables: TunableNumbers = field(default_factory=TunableNumbers)
     own: frozenset[str] = frozenset()
     read: Callable[[Scope, str], Term] | None = None
     sensed: frozenset[Scalar] = frozenset()
@@ -211,9 +211,9 @@ class Element:
         if expected in _BOUNDED and abs(self.value(term.value)) > LARGEST:
             self.fail(worded(field_name(keys), f"is larger than {LARGEST:g} in SI units"), "mind its unit", keys)
             return FAILED
-        return term.value if names is not None else self.opened(term, expected, keys, in_triple=in_triple).value
+        return term.value if names is not None else self.tunable(term, expected, keys, in_triple=in_triple).value
 
-    def opened(
+    def tunable(
         self, term: Term, expected: Dimension | None, keys: Path, *, in_triple: bool = False, is_argument: bool = False
     ) -> Term:  # fmt: skip
         """The parameter that a number of the file is opened as, else the term itself; an argument of an instance has its name alone."""
@@ -222,7 +222,7 @@ class Element:
             return term
         name = number_name(self.name, keys[1:] if is_argument else keys, in_triple=in_triple)
         span, is_default = self.scope.source.value_span(path), is_argument and keys[0] == "defaults"
-        return self.scope.opening.opened(name, term, expected, span, self.scope.values, is_default=is_default)
+        return self.scope.tunables.tunable(name, term, expected, span, self.scope.values, is_default=is_default)
 
     def _is_closed(self, expression: Scalar) -> bool:
         """Return whether an expression has a value once the parameters have theirs."""

@@ -46,7 +46,7 @@ def shape_error(message: str, hint: str = "") -> PydanticCustomError:
     return PydanticCustomError("shape", "{text}", {"text": message, "hint": hint})
 
 
-def told_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
+def discriminated_by(forms: Mapping[type | str, str], message: str) -> Discriminator:
     """Distinguishes the members of a union: by a value's type, or by a key that a mapping has.
 
     ``forms`` gives the tag for each; ``message`` is for values of no such form.
@@ -175,7 +175,7 @@ NamedAxis = Annotated[StrictStr, AfterValidator(_word_of(NAMED_AXES, _DIRECTION)
 
 Direction: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[NamedAxis, Tag("<axis>")],
-    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _DIRECTION),
+    discriminated_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _DIRECTION),
 ]
 
 
@@ -198,7 +198,7 @@ Addend: TypeAlias = Annotated[
     | Annotated[Midpoint, Tag("<midpoint>")]
     | Annotated[Way, Tag("<from>")]
     | Annotated[Along, Tag("<along>")],
-    told_by(
+    discriminated_by(
         {
             tuple: "<list>", str: "<text>", "midpoint": "<midpoint>",
             **dict.fromkeys(("from", "to", "times"), "<from>"), **dict.fromkeys(("along", "by"), "<along>"),
@@ -219,7 +219,7 @@ Point: TypeAlias = Annotated[
     | Annotated[StrictStr, Tag("<text>")]
     | Annotated[Midpoint, Tag("<midpoint>")]
     | Annotated[PointSum, Tag("<sum>")],
-    told_by(
+    discriminated_by(
         {tuple: "<list>", str: "<text>", "midpoint": "<midpoint>", "sum": "<sum>"},
         "needs three numbers, a point's name, {midpoint: [P, Q]} or {sum: [point, vector, ...]}",
     ),
@@ -250,7 +250,7 @@ class Attitude(Part):
 
 State: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")] | Annotated[Attitude, Tag("<attitude>")],
-    told_by(
+    discriminated_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
             **dict.fromkeys(("rotation_vector", "euler", "order", "quaternion"), "<attitude>"),
@@ -269,7 +269,7 @@ _AxisOrAny = Annotated[StrictStr, AfterValidator(_word_of((*NAMED_AXES, ANY), _P
 
 PrincipalDirection: TypeAlias = Annotated[
     Annotated[Triple, Tag("<list>")] | Annotated[FromTo, Tag("<from>")] | Annotated[_AxisOrAny, Tag("<axis>")],
-    told_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _PRINCIPAL),
+    discriminated_by({tuple: "<list>", "from": "<from>", "to": "<from>", str: "<axis>"}, _PRINCIPAL),
 ]
 
 
@@ -312,7 +312,7 @@ Inertia: TypeAlias = Annotated[
     | Annotated[Principal, Tag("<principal>")]
     | Annotated[FramedMatrix, Tag("<matrix>")]
     | Annotated[AxialInertia, Tag("<axial>")],
-    told_by(
+    discriminated_by(
         {tuple: "<list>", "principal": "<principal>", "matrix": "<matrix>", "axial": "<axial>", "axis": "<axial>"},
         "needs three or six numbers, {principal: [a, b, c], x: direction, y: direction} or {axial: J, axis: direction}",
     ),
@@ -430,7 +430,7 @@ Law: TypeAlias = Annotated[
     | Annotated[Table, Tag("<table>")]
     | Annotated[SpringDamper, Tag("<spring>")]
     | Annotated[Stop, Tag("<stop>")],
-    told_by(
+    discriminated_by(
         {
             **dict.fromkeys((int, float, str), "<number>"),
             **{key: f"<{key}>" for key in ("polynomial", "piecewise", "sum", "let", "table", "stop")},

@@ -3,7 +3,7 @@
 Jacobians are of scalars and columns that follow from given columns, the leaves, by sums, scaling, dot and cross products, constant
 matrices and scalar functions.  The result is blocks again, as many columns wide as the leaf is high.  What a
 :class:`Differentiator` does for columns and many leaves at once, a :class:`Variation` does for matrices and one direction: it is given how
-some blocks change and finds how others do.  Partial derivatives of functions are for both IRs (`slopes`).
+some blocks change and finds how others do.  Partial derivatives of functions are for both IRs (`derivatives`).
 """
 
 from __future__ import annotations
@@ -134,8 +134,8 @@ class Differentiator:
         if data[0] == "where":
             return (yield from self._choice(block))
         terms = []
-        for slope, a in zip(partial_derivatives(self._b, block), block.args, strict=True):
-            terms.append((partial(self._b.scale, slope), (yield a)))
+        for derivative, a in zip(partial_derivatives(self._b, block), block.args, strict=True):
+            terms.append((partial(self._b.scale, derivative), (yield a)))
         return self._combined(terms)
 
     def _choice(self, block: Block) -> Steps[Jacobian]:
@@ -284,8 +284,8 @@ class Variation:
             first, second = (yield yes), (yield no)
             return first if first is second else b.call("where", condition, first, second)
         terms = []
-        for slope, a in zip(partial_derivatives(b, block), block.args, strict=True):
-            terms.append((slope, (yield a)))
+        for derivative, a in zip(partial_derivatives(b, block), block.args, strict=True):
+            terms.append((derivative, (yield a)))
         return b.total([b.zero(1), *(b.mul(p, d) for p, d in terms)])
 
 

@@ -37,11 +37,11 @@ def chebyshev_series(values: Array) -> Array:
     return np.asarray(found)
 
 
-def chebyshev_integral(slopes: Array, half: float) -> Array:
+def chebyshev_integral(derivatives: Array, half: float) -> Array:
     """Coefficients (n + 1, m) of the integrals of slopes (n, m) at the nodes of an interval of half the length ``half``, the constants left
     out."""
-    whole = np.zeros((len(slopes) + 1, slopes.shape[1]))
-    whole[1:] = chebyshev.chebint(chebyshev_series(slopes), scl=half)[1:]
+    whole = np.zeros((len(derivatives) + 1, derivatives.shape[1]))
+    whole[1:] = chebyshev.chebint(chebyshev_series(derivatives), scl=half)[1:]
     return whole
 
 
@@ -58,11 +58,11 @@ def harmonics(q: Array, size: int) -> Array:
     return basis
 
 
-def fourier_integral(places: Array, slopes: Array, nodes: Array, growth: float) -> Array:
+def fourier_integral(places: Array, derivatives: Array, nodes: Array, growth: float) -> Array:
     """Coefficients (2 n + 1, 1) of a trigonometric series through values and slopes (nodes, 1), beside what grows with q."""
     n = len(nodes)
     order = np.arange(1, n // 2)
-    cosine, sine = (2 / n * f(np.outer(order, nodes)) @ slopes for f in (np.cos, np.sin))
+    cosine, sine = (2 / n * f(np.outer(order, nodes)) @ derivatives for f in (np.cos, np.sin))
     whole = np.zeros((2 * len(order) + 1, 1))
     whole[1::2], whole[2::2] = -sine / order[:, np.newaxis], cosine / order[:, np.newaxis]
     whole[0] = np.mean(places - growth * nodes[:, np.newaxis] - harmonics(nodes, len(whole)) @ whole)

@@ -28,7 +28,7 @@ from cutjoint.reduce.sequence import ReducedModel, cheapest_by, reduction_sequen
 from cutjoint.reduce.trials import DERIVING, Steps, Trials, at_step, begin, common_step
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import held_as_usual, with_closure
+from cutjoint.run.scenes import with_closure, with_default_closure
 from cutjoint.run.settings import accuracy_of, find_closure
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.toolchain.cache import cache_folder, read_record, write_record
@@ -278,7 +278,7 @@ def trials_by(variant: ReducedModel) -> Callable[[str], Trials]:
         return Trials(variant.model, with_closure(variant.scene, closure), variant.method)
 
     def by(integrator: str) -> Trials:
-        held = held_as_usual(variant.scene, variant.method, integrator) if variant.equations else variant.scene
+        held = with_default_closure(variant.scene, variant.method, integrator) if variant.equations else variant.scene
         return make(find_closure(held.numerics, method).name)
 
     return by

@@ -21,7 +21,7 @@ from cutjoint.reduce.sequence import ReducedModel
 from cutjoint.reduce.trials import Steps, Trials
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import held_as_usual
+from cutjoint.run.scenes import with_default_closure
 from cutjoint.run.settings import accuracy_of
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
@@ -56,7 +56,7 @@ def find_truth(model: Model, scene: Scene, parameters: Mapping[str, float], *, w
     for method in sorted(METHODS, key=lambda name: not METHODS[name].has_system):
         try:
             step = scene.numerics.of_method(method).step
-            trials = Trials(model, held_as_usual(scene, method, DEFAULT_INTEGRATOR), method)
+            trials = Trials(model, with_default_closure(scene, method, DEFAULT_INTEGRATOR), method)
             if when_running is not None:
                 when_running()
             return _settle(trials, step, scene, parameters)

@@ -125,8 +125,8 @@ def count_instructions(program: Program, method: str, run: Trajectory) -> float:
     """The instructions of a run's evaluations; of tangents there are as many as factorisations."""
     evaluation = program.instructions(METHODS[method].iteration)
     if not METHODS[method].has_system:
-        return run.effort.iterations * evaluation
-    return run.effort.iterations * program.instructions(_RESIDUAL) + run.effort.factorisations * evaluation
+        return run.statistics.iterations * evaluation
+    return run.statistics.iterations * program.instructions(_RESIDUAL) + run.statistics.factorisations * evaluation
 
 
 def at_step(artifact: Artifact, steps: Steps) -> Artifact:

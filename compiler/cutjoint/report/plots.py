@@ -45,7 +45,7 @@ def read_others(paths: Iterable[Path]) -> Others:
             _require_table(path)
             t, columns = read_table(path)
         except (ValueError, IndexError, OSError) as error:
-            raise RunError(f"--beside {path}: this is no table of a run: {error}") from None
+            raise RunError(f"--compare {path}: this is no table of a run: {error}") from None
         found[path.stem if path.stem not in found else str(path)] = {TIME: t, **columns}
     return found
 

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from cutjoint.methods import Implementation
 from cutjoint.model.ranges import count_steps
-from cutjoint.run.results import Batch, Effort, EnergyBalance, ErrorEstimate, Residuals, Trajectory
+from cutjoint.run.results import Batch, EnergyBalance, ErrorEstimate, Residuals, RunStatistics, Trajectory
 from cutjoint.run.simulator_run import Compilation, SimulatorRun, Start
 from cutjoint.toolchain.build import SHIPPED
 from cutjoint.toolchain.compiler import ADVICE
@@ -211,15 +211,15 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
 
 
 #: The facts that a run tells in any case.
-_TOLD = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
 
 #: The words about a run that is interpreted since there is no compiler.
 _GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
 
 
-def told_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
+def reported_facts(counts: Iterable[tuple[str, str]], compilation: Compilation, run: Trajectory) -> list[tuple[str, str]]:
     """The facts about a model and its run that a reader should know, whatever else is shown."""
-    found = [(name, value) for name, value in (*counts, *_run_rows(compilation, run)) if name in _TOLD or _is_odd(name, value)]
+    found = [(name, value) for name, value in (*counts, *_run_rows(compilation, run)) if name in _REPORTED or _is_odd(name, value)]
     return list(dict.fromkeys(found))
 
 
@@ -258,8 +258,8 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([(SHIPPED, _GAIN)] if c.compiler == SHIPPED else []),
         ("run", _run_time(run)),
         ("steps", f"{run.steps}, {run.evaluations / max(run.steps, 1):.1f} evaluations each"),
-        *([("went over to", run.instead)] if run.instead else []),
-        *_effort_facts(run.effort),
+        *([("went over to", run.fallback)] if run.fallback else []),
+        *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
         *_speeds_not_given(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
@@ -295,12 +295,12 @@ _NAMED = 4
 def error_facts(error: ErrorEstimate) -> Table:
     """The bounds of the outputs' errors, the worst of each unit."""
     by_unit: dict[str, tuple[float, str]] = {}
-    for name, value in error.largest.items():
+    for name, value in error.max_error.items():
         unit = error.units[name]
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes: one such run in 200 at most is off by more than three times as much"
     doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
-    if inf in error.largest.values():
+    if inf in error.max_error.values():
         by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
     rows = [("converged", promised if error.converged else doubt)]
     if error.converged and error.rough:
@@ -330,15 +330,15 @@ def batch_facts(artifact: BatchArtifact, batch: Batch) -> Table:
     ])  # fmt: skip
 
 
-def _effort_facts(effort: Effort) -> list[tuple[str, str]]:
+def _statistics_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
     """The effort of a Lagrangian method or of an integrator with steps of its own."""
-    if not effort.solver:
-        return [*_residual_facts(effort.residuals), *_stepping_facts(effort)]
-    fallbacks = f", {effort.pivoting_fallbacks} with pivoting after all" if effort.pivoting_fallbacks else ""
-    facts = [("solver", f"{effort.solver}, {effort.factorisations} factorisations{fallbacks}")]
-    facts += [("penalty", f"{effort.penalty:.3g}")] if effort.penalty == effort.penalty else []
-    facts += [("taken in parts", f"{effort.substeps} parts of steps")] if effort.substeps else []
-    return [*facts, *_residual_facts(effort.residuals), *_stepping_facts(effort)]
+    if not statistics.solver:
+        return [*_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
+    fallbacks = f", {statistics.pivoting_fallbacks} with pivoting after all" if statistics.pivoting_fallbacks else ""
+    facts = [("solver", f"{statistics.solver}, {statistics.factorisations} factorisations{fallbacks}")]
+    facts += [("penalty", f"{statistics.penalty:.3g}")] if statistics.penalty == statistics.penalty else []
+    facts += [("taken in parts", f"{statistics.substeps} parts of steps")] if statistics.substeps else []
+    return [*facts, *_residual_facts(statistics.residuals), *_stepping_facts(statistics)]
 
 
 def _residual_facts(residuals: Residuals) -> list[tuple[str, str]]:
@@ -348,18 +348,18 @@ def _residual_facts(residuals: Residuals) -> list[tuple[str, str]]:
     return [("largest residuals", ", ".join(parts))] if residuals.position > 0 else []
 
 
-def _stepping_facts(effort: Effort) -> list[tuple[str, str]]:
+def _stepping_facts(statistics: RunStatistics) -> list[tuple[str, str]]:
     facts = []
-    if effort.rejected:
-        facts.append(("taken again", f"{effort.rejected} steps"))
-    if effort.events:
-        by_element = ", ".join(f"{name} {count}" for name, count in effort.events_by_element.items())
-        facts.append(("events", f"{effort.events}: {by_element}"))
-    if effort.impacts:
-        facts.append(("impacts", "; ".join(f"'{x.element}' at {x.time:.6g} s, {x.work:.3g} J" for x in effort.impacts)))
-    if effort.stiff_steps > max(STIFF * effort.iterations, FEW_STEPS):
+    if statistics.rejected:
+        facts.append(("taken again", f"{statistics.rejected} steps"))
+    if statistics.events:
+        by_element = ", ".join(f"{name} {count}" for name, count in statistics.events_by_element.items())
+        facts.append(("events", f"{statistics.events}: {by_element}"))
+    if statistics.impacts:
+        facts.append(("impacts", "; ".join(f"'{x.element}' at {x.time:.6g} s, {x.work:.3g} J" for x in statistics.impacts)))
+    if statistics.stiff_steps > max(STIFF * statistics.iterations, FEW_STEPS):
         advice = "an implicit integrator takes longer ones, as the method recursive-newton has by default"
-        facts.append(("stiff", f"stability, not accuracy, limited {effort.stiff_steps} steps: {advice}"))
+        facts.append(("stiff", f"stability, not accuracy, limited {statistics.stiff_steps} steps: {advice}"))
     return facts
 
 

@@ -103,22 +103,22 @@ _CLASSES = 5
 
 def time_tables(times: StepTimes) -> Iterator[Table]:
     """Percentiles and missed deadlines, and the histogram."""
-    if times.took.size:
+    if times.durations.size:
         yield _facts(times)
         yield _histogram(times)
 
 
 def _facts(times: StepTimes) -> Table:
     table = Table(title="step times", title_justify="left", show_header=False, box=None)
-    table.add_row("steps", f"{times.took.size}, {times.period * 1e3:g} ms apart")
+    table.add_row("steps", f"{times.durations.size}, {times.period * 1e3:g} ms apart")
     for share in _PERCENTILES:
         table.add_row(f"p{share:g}", _beside_the_period(times.percentile(share), times.period))
-    table.add_row("largest", _beside_the_period(float(times.took.max()), times.period))
-    latest = f" in {times.stalls} stalls, by {_short(float(times.late.max()))} at most" if times.missed else ""
+    table.add_row("largest", _beside_the_period(float(times.durations.max()), times.period))
+    latest = f" in {times.stalls} stalls, by {_short(float(times.lateness.max()))} at most" if times.missed else ""
     table.add_row("missed deadlines", f"{times.missed}{latest}")
     if times.missed:
         table.add_row("", f"{times.missed_by_steps} of them by the steps' own time, the others since steps began late")
-    table.add_row("latest begin", _beside_the_period(float(times.woke.max()), times.period))
+    table.add_row("latest begin", _beside_the_period(float(times.wakeup_latency.max()), times.period))
     return table
 
 
@@ -132,7 +132,7 @@ def _short(seconds: float) -> str:
 
 def _histogram(times: StepTimes) -> Table:
     """Classes of equal width on a logarithmic scale; bars by the number's logarithm, so that single late steps show."""
-    classes = np.floor(_CLASSES * np.log10(np.maximum(times.took, 1e-9))).astype(int)
+    classes = np.floor(_CLASSES * np.log10(np.maximum(times.durations, 1e-9))).astype(int)
     counts = np.bincount(classes - classes.min())
     table = Table(title="histogram", title_justify="left", box=None)
     for heading in ("from", "to", "steps"):
@@ -154,7 +154,7 @@ _MODE_WORDS = (
     ("moves", "coordinates and the amplitudes of each, m and rad beside the first one's 1: signs and angles are phases; in brackets the "
      "share of the kinetic energy, which is negative where a coordinate works against what carries it; wx is a turn about x"),
     ("without dampers", "the same with all damping left out; a real eigenvalue there is an unstable equilibrium"),
-    ("indifferent", "directions that nothing brings back, each by its leading coordinate"),
+    ("rigid_body_modes", "directions that nothing brings back, each by its leading coordinate"),
 )  # fmt: skip
 
 
@@ -164,15 +164,15 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
-        yield f"no modes about {about}: {modes.freedoms} degrees of freedom, {len(modes.indifferent)} of them indifferent"
+        yield f"no modes about {about}: {modes.degrees_of_freedom} degrees of freedom, {len(modes.rigid_body_modes)} of them indifferent"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
-        yield f"indifferent, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.indifferent)}"
+        yield f"rigid_body_modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
     if modes.held:
         names = join_and([f"'{name}'" for name in modes.held])
         yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
-    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "indifferent": modes.zeros}
+    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid_body_modes": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
 
 
@@ -225,10 +225,10 @@ def modes_json(modes: Modes, model: str, scene: str) -> str:
     """All numbers; complex numbers are [real, imaginary]."""
     content = {
         "model": model, "scene": scene, "about": "static equilibrium" if modes.at_rest else "motion", "t": modes.time,
-        "degrees_of_freedom": modes.freedoms, "modes": [_plain_mode(m) for m in modes.modes],
+        "degrees_of_freedom": modes.degrees_of_freedom, "modes": [_plain_mode(m) for m in modes.modes],
         "undamped": [_plain_mode(m) for m in modes.undamped], "zero_eigenvalues": modes.zeros,
         "held_controllers": list(modes.held),
-        "indifferent": {name: _plain_shape(shape) for name, shape in modes.indifferent.items()},
+        "rigid_body_modes": {name: _plain_shape(shape) for name, shape in modes.rigid_body_modes.items()},
     }  # fmt: skip
     return json.dumps(content, indent=2) + "\n"
 

@@ -65,11 +65,11 @@ def run_accurately(
     """
     plan = plan.with_checks() if estimate else plan
     begin = partial(start, out=path_of(out), steps=path_of(steps), tangents=path_of(tangents), progress=progress)
-    play = partial(_play, begin=begin, estimate=estimate)
-    return follow_up(plan, play(plan), play, go_over=go_over and plan.is_free, advise=advise)
+    execute = partial(_execute, begin=begin, estimate=estimate)
+    return follow_up(plan, execute(plan), execute, go_over=go_over and plan.is_free, advise=advise)
 
 
-def _play(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
+def _execute(plan: SimulatorRun, *, begin: Callable[[SimulatorRun], Trajectory], estimate: bool) -> Trajectory:
     """A run by the settings of its plan."""
     if estimate and plan.goal is not None:
         return _reach(plan, plan.goal, begin)
@@ -163,7 +163,7 @@ def _judged(
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
     return ErrorEstimate(
-        largest=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)), rough=_rough(run, errors)
+        max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)), rough=_rough(run, errors)
     )  # fmt: skip
 
 
@@ -202,7 +202,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
 
     compared = compare(run, again, left=change.left, jumps=plan.jumps)
     return compared.estimate if not compared.others else _judged(
-        plan, run, compared.estimate.largest, converged=compared.estimate.converged, others=compared.others
+        plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others
     )  # fmt: skip
 
 
@@ -229,7 +229,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
         apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
         coarsest = None if coarser is None else again(-2)
         falling = coarser is not None and coarsest is not None and all_fall(run, differences(jumps, coarsest, coarser), apart)
-        estimate = ErrorEstimate(largest=Columns(apart), units=run.units, converged=falling)
+        estimate = ErrorEstimate(max_error=Columns(apart), units=run.units, converged=falling)
         return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
     apart = differences(jumps, run, finer)
     if coarser is not None:
@@ -241,7 +241,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
     estimate = ErrorEstimate(
-        largest=Columns(errors), units=run.units, converged=all_fall(run, before, after), rough=_rough(run, errors)
+        max_error=Columns(errors), units=run.units, converged=all_fall(run, before, after), rough=_rough(run, errors)
     )  # fmt: skip
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
@@ -429,8 +429,8 @@ def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
 
     It is an error that all these runs share, as behind a guide whose rate jumps.
     """
-    gap = run.effort.residuals.position
-    return gap if gap > _SMALL_GAP and any(_is_same(gap, other.effort.residuals.position) for other in others) else 0.0
+    gap = run.statistics.residuals.position
+    return gap if gap > _SMALL_GAP and any(_is_same(gap, other.statistics.residuals.position) for other in others) else 0.0
 
 
 def open_loops(gap: float, *, is_known: bool) -> str:

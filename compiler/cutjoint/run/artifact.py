@@ -29,7 +29,7 @@ from cutjoint.model.records import Joint, Model, Scene
 from cutjoint.package.errors import CutjointError, RunError
 from cutjoint.program.records import Program
 from cutjoint.run.failures import FailedRunError, describe_failure, describe_rest, places_of
-from cutjoint.run.inputs import GivenInput
+from cutjoint.run.inputs import InputLike
 from cutjoint.run.record import Settings
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import given_inputs, make_run_file
@@ -160,7 +160,7 @@ def _leading_joints(topology: Topology) -> tuple[str, ...]:
 
 def make_simulator_run(
     artifact: Artifact, options: Options, parameters: Mapping[str, float] | None = None, *,
-    inputs: Mapping[str, GivenInput] | None = None, tangents: bool = False, coordinates: bool = False,
+    inputs: Mapping[str, InputLike] | None = None, tangents: bool = False, coordinates: bool = False,
 ) -> SimulatorRun:  # fmt: skip
     """The run of a compiled model with options, ``parameters`` and ``inputs`` (SI units); one with ``tangents`` reports Jacobians, one with
     ``coordinates`` those of the tree at each row.
@@ -191,7 +191,7 @@ def make_simulator_run(
 
 def _by_method(
     find: Callable[[str], Artifact | None], options: Options, parameters: Mapping[str, float] | None,
-    inputs: Mapping[str, GivenInput] | None, method: str,
+    inputs: Mapping[str, InputLike] | None, method: str,
 ) -> SimulatorRun | None:  # fmt: skip
     """The run by another method, with the choices that all methods have; None where there is none."""
     with suppress(CutjointError):
@@ -201,9 +201,9 @@ def _by_method(
 
 
 def _onward(
-    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None, inputs: Mapping[str, GivenInput] | None
+    artifact: Artifact, options: Options, parameters: Mapping[str, float] | None, inputs: Mapping[str, InputLike] | None
 ) -> Onward | None:  # fmt: skip
-    """The way on where functions of loops end, by code that is compiled when the first run gets there.
+    """The way on where loop embeddings end, by code that is compiled when the first run gets there.
 
     The scene's inputs say where guides are; with others there is none.
     """

@@ -19,7 +19,7 @@ from cutjoint.run.run_file import parameter_values
 from cutjoint.run.simulator import failure_of
 
 #: The values that the results of a run have for each column, and their names in a table.
-_KINDS = {"end": "end", "min": "smallest", "max": "largest"}
+_KINDS = {"end": "end", "min": "minimum", "max": "maximum"}
 
 
 def read_cases(path: Path, model: Model) -> list[dict[str, float]]:

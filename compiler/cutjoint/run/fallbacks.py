@@ -72,7 +72,7 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
 
 
 def follow_up(
-    plan: SimulatorRun, run: Trajectory, play: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
+    plan: SimulatorRun, run: Trajectory, execute: Callable[[SimulatorRun], Trajectory], *, go_over: bool, advise: bool
 ) -> Trajectory:  # fmt: skip
     """Follow up a failed run: to ``go_over`` to another integrator, or over events, to the end, or to ``advise`` other settings.
 
@@ -83,12 +83,12 @@ def follow_up(
         return run
     others = [fallback for fallback in trials.helped if fallback.free] if go_over else []
     for fallback in others:
-        other = play(fallback.applied_to(plan))
+        other = execute(fallback.applied_to(plan))
         if other.failure is None:
             words = f"{fallback.words}, since {plan.run_file.settings.integrator} stopped: {run.failure.what}"
-            return replace(other, instead="; ".join(filter(None, (words, run.failure.advice, other.instead))))
+            return replace(other, fallback="; ".join(filter(None, (words, run.failure.advice, other.fallback))))
     if others:
-        run = play(plan)  # whose rows are in the files again
+        run = execute(plan)  # whose rows are in the files again
     return run if run.failure is None or not advise else replace(run, failure=with_trials(run.failure, plan, trials))
 
 

@@ -17,13 +17,13 @@ from cutjoint.package.errors import RunError
 
 #: A constant, or a table: times ``t`` (s) and as many of ``value``, ``interpolation`` "cubic" (the default) or "linear", and of a cubic one
 #: the ``rate`` at each time where it is known.
-GivenInput: TypeAlias = float | Mapping[str, Any]
+InputLike: TypeAlias = float | Mapping[str, Any]
 
 _SERIES = ("t", "value", "rate")
 INTERPOLATIONS = ("cubic", "linear")
 
 
-def input_entries(model: Model, scene: Scene, given: Mapping[str, GivenInput]) -> dict[str, Any]:
+def input_entries(model: Model, scene: Scene, given: Mapping[str, InputLike]) -> dict[str, Any]:
     """The entry "inputs" of a run file, by name; inputs that are not given follow the scene.  Values are in SI units.
 
     An input is a number, or a table with times "t" and as many of "value", between which it is "interpolation" "cubic" (the default;
@@ -88,7 +88,7 @@ def with_held_inputs(model: Model, scene: Scene, parameters: Mapping[str, float]
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in held.items()}}), others
 
 
-def _entry(what: str, given: GivenInput, end: float) -> float | dict[str, Any]:
+def _entry(what: str, given: InputLike, end: float) -> float | dict[str, Any]:
     return read_table(what, given, 0.0, end) if isinstance(given, Mapping) else _number(what, given)
 
 

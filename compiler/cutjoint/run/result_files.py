@@ -193,9 +193,9 @@ def write_error(table: Path, error: ErrorEstimate | None, implementation: str) -
     with naming_output(path):
         path.unlink(missing_ok=True)
     if error is not None:
-        largest = {name: value if isfinite(value) else None for name, value in error.largest.items()}
+        largest = {name: value if isfinite(value) else None for name, value in error.max_error.items()}
         warnings = {"warnings": error.warnings} if error.warnings else {}
-        about = {"converged": error.converged, "implementation": implementation, "largest": largest, "units": dict(error.units)}
+        about = {"converged": error.converged, "implementation": implementation, "max_error": largest, "units": dict(error.units)}
         write_whole(path, _as_json({**about, **warnings}))
 
 
@@ -312,15 +312,15 @@ def _stream_number(path: Path) -> int:
     if number is not None:
         return os.dup(number)
     try:
-        opened = os.open(path, open_flags("O_WRONLY", "O_NONBLOCK", "O_NOCTTY"))
+        tunable = os.open(path, open_flags("O_WRONLY", "O_NONBLOCK", "O_NOCTTY"))
     except OSError as error:
         if error.errno != ENXIO or not path.is_fifo():
             raise
         print(f"{path}: waiting for a reader of this pipe", file=sys.stderr, flush=True)
         return os.open(path, os.O_WRONLY)
     if not IS_WINDOWS:
-        os.set_blocking(opened, True)
-    return opened
+        os.set_blocking(tunable, True)
+    return tunable
 
 
 def place_of(file: BinaryIO, name: str) -> dict[str, Any]:

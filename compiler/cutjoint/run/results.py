@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cutjoint.model.errors import nearest
 from cutjoint.package.extensions import MissingPackageError
+from cutjoint.package.renamed import with_old_members, with_old_words
 from cutjoint.run.outputs import OutputError
 from cutjoint.run.settings import StepSettings
 
@@ -126,7 +127,7 @@ class NearJump:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effort:
+class RunStatistics:
     """The effort of a run's steps besides evaluations.
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
@@ -151,34 +152,36 @@ class Effort:
     impacts: tuple[Impact, ...] = ()
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class ErrorEstimate:
     """Errors of a run's outputs, by other runs of the same.
 
-    ``largest`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the end.
-    ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells less
-    than a third of an error.  Laws, masses and places are taken as they are given.
+    ``max_error`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the
+    end. ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells
+    less than a third of an error.  Laws, masses and places are taken as they are given.
 
     ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
     stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value; accelerations and forces may be, where
     places keep an accuracy.
     """
 
-    largest: Mapping[str, float]
+    max_error: Mapping[str, float]
     units: Mapping[str, str]
     converged: bool
     warnings: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> float:
-        return self.largest[column]
+        return self.max_error[column]
 
     def __repr__(self) -> str:
-        worst = ", ".join(f"{name} {value:.1e}" for name, value in sorted(self.largest.items(), key=lambda x: -x[1])[:_NAMED])
+        worst = ", ".join(f"{name} {value:.1e}" for name, value in sorted(self.max_error.items(), key=lambda x: -x[1])[:_NAMED])
         converged = "converged" if self.converged else "not converged"
-        return f"<ErrorEstimate, {converged}: {len(self.largest)} columns, largest {worst or 'none'}>"
+        return f"<ErrorEstimate, {converged}: {len(self.max_error)} columns, largest {worst or 'none'}>"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Trajectory(Columns[Array]):
     """A table of a run, which is a mapping from the names of its columns, "t" first, to arrays (rows,), and how the run went.
@@ -188,10 +191,10 @@ class Trajectory(Columns[Array]):
     ``seconds`` is the time of the steps alone; ``undetermined`` are independent speeds that neither scene nor loops determine at the
     start, ``indeterminate`` the columns of reactions that redundant equations of loops leave open (of all solutions they are the one with
     the smallest multipliers of cut joints), ``failure`` is None when the run reached its end.  ``table`` is the file that has the rows, if
-    there is one.  ``instead`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None where
-    nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a column
-    jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the method's
-    own at the times of the rows (rows, coordinates), None where nobody asked for them.
+    there is one.  ``fallback`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None
+    where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a
+    column jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the
+    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.
     """
 
     t: Array
@@ -203,12 +206,12 @@ class Trajectory(Columns[Array]):
     undetermined: tuple[str, ...]
     failure: FailureReport | None
     indeterminate: tuple[str, ...] = ()
-    effort: Effort = Effort()
+    statistics: RunStatistics = RunStatistics()
     energy: EnergyBalance | None = None
     near_jumps: tuple[NearJump, ...] = field(default=(), repr=False)
     coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
-    instead: str = ""
+    fallback: str = ""
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -224,8 +227,9 @@ class Trajectory(Columns[Array]):
         """A table for notebooks: of each column the unit, the first and the last value, the smallest and the largest one."""
         return f"<p>{escape(repr(self))}</p>{_html_table(self)}"
 
-    def plot(self, *names: str, over: str = TIME, beside: Mapping[str, Trajectory] = MappingProxyType({})) -> Figure:
-        """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``beside`` are other
+    @with_old_words
+    def plot(self, *names: str, over: str = TIME, compare: Mapping[str, Trajectory] = MappingProxyType({})) -> Figure:
+        """A figure of columns, of all without ``names``: a panel for each unit, ``over`` the time or another column; ``compare`` are other
         runs by names for their lines.
 
         Raises:
@@ -233,7 +237,7 @@ class Trajectory(Columns[Array]):
         """
         from cutjoint.run.figures import Line, draw, labelled
 
-        runs = {"": self, **beside}
+        runs = {"": self, **compare}
         lines = [
             Line(x=run[over], y=run[name], label=f"{name}, {label}" if label else name, unit=self.unit_of(name))
             for name in names or self.columns for label, run in runs.items() if name in run or run is self
@@ -269,11 +273,12 @@ class Trajectory(Columns[Array]):
         return self.estimator(self)
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class Batch:
     """The results of a batch of runs.
 
-    ``cases`` are the parameters that each run sets (SI units).  ``end``, ``smallest`` and ``largest`` have (runs,) values of each column:
+    ``cases`` are the parameters that each run sets (SI units).  ``end``, ``minimum`` and ``maximum`` have (runs,) values of each column:
     of the last row, and over all rows; nan where a run did not start.  ``evaluations`` are those that each run needed, ``failures`` is
     None for a run that reached its end.  ``undetermined`` are as in a `Trajectory`, of the first run.  ``seconds`` is the time of the steps
     alone, summed over threads, ``elapsed`` (s) that of all.  ``settings`` are how the runs step, ``side_by_side`` is whether they do so
@@ -282,8 +287,8 @@ class Batch:
 
     cases: tuple[Mapping[str, float], ...]
     end: Mapping[str, Array]
-    smallest: Mapping[str, Array]
-    largest: Mapping[str, Array]
+    minimum: Mapping[str, Array]
+    maximum: Mapping[str, Array]
     units: Mapping[str, str]
     evaluations: tuple[int, ...]
     failures: tuple[FailureReport | None, ...]
@@ -338,10 +343,10 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
     return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
 
 
-def read_effort(summary: Mapping[str, Any]) -> Effort:
+def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:
     """The effort that a simulator's summary reports."""
     residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
-    return Effort(
+    return RunStatistics(
         solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),
         factorisations=summary.get("factorisations", 0),
         pivoting_fallbacks=summary.get("pivoting_fallbacks", 0), substeps=summary.get("substeps", 0),

@@ -22,7 +22,7 @@ from cutjoint.model.ranges import StepsError, count_steps, fault_of, fault_of_st
 from cutjoint.model.records import Binding, Body, Controller, Model, Scalar, Scene
 from cutjoint.model.starts import fault_of_quaternion, normalised
 from cutjoint.package.errors import RunError
-from cutjoint.run.inputs import GivenInput, input_entries, require_unit
+from cutjoint.run.inputs import InputLike, input_entries, require_unit
 from cutjoint.run.inputs import given_inputs as given_inputs
 from cutjoint.run.record import RunFile, Settings
 from cutjoint.run.road_field import surface_of
@@ -66,7 +66,7 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
         open_ones = [p.name for p in model.parameters if p.symbol in derived.value.free_symbols and p.name in known]
         advice = f"set {' or '.join(open_ones)}" if open_ones else "give one of them binding: param and set that"
         return f"{derived.span}: parameter '{name}' follows from other parameters; {advice}"
-    number = f"; --open {name} makes one of a number of the model" if "." in name else ""
+    number = f"; --tunable {name} makes one of a number of the model" if "." in name else ""
     hint = nearest(name, known, "it has") or "it has none"
     return f"model '{model.name}' has no parameter '{name}'; {hint.replace('it has:', 'it has')}{number}"
 
@@ -74,7 +74,7 @@ def _unknown(model: Model, name: str, known: list[str]) -> str:
 def make_run_file(
     model: Model, scene: Scene, changes: Mapping[str, float], *, task: str, out: str = "", method: str = DEFAULT_METHOD,
     implementation: Implementation = Implementation.GENERATED, options: Options = _NOTHING_ASKED,
-    inputs: Mapping[str, GivenInput] = MappingProxyType({}), fits_samples: bool = True,
+    inputs: Mapping[str, InputLike] = MappingProxyType({}), fits_samples: bool = True,
 ) -> RunFile:  # fmt: skip
     """The run file of a task: "simulate", "realtime", "equilibrium" or "evaluate"; of methods with a linear system also "factor", of
     batches "batch".
@@ -109,7 +109,7 @@ def make_run_file(
     )  # fmt: skip
 
 
-def _begun_by(scene: Scene, given: Mapping[str, GivenInput]) -> Scene:
+def _begun_by(scene: Scene, given: Mapping[str, InputLike]) -> Scene:
     """The scene with the values that given inputs have at the start, where the start is found from places."""
     if not scene.assemble:
         return scene
@@ -117,7 +117,7 @@ def _begun_by(scene: Scene, given: Mapping[str, GivenInput]) -> Scene:
     return replace(scene, inputs={**scene.inputs, **{name: sympy.Float(value) for name, value in begin.items()}})
 
 
-def _joined(held: Mapping[str, float], inputs: Mapping[str, GivenInput]) -> dict[str, GivenInput]:
+def _joined(held: Mapping[str, float], inputs: Mapping[str, InputLike]) -> dict[str, InputLike]:
     if twice := [name for name in inputs if name in held]:
         raise RunError(f"input '{twice[0]}' is given twice; give it in one of the two ways")
     return {**held, **inputs}

@@ -54,7 +54,7 @@ def with_closure(scene: Scene, closure: str) -> Scene:
     return replace(scene, numerics=replace(scene.numerics, closure=closure))
 
 
-def held_as_usual(scene: Scene, method: str, integrator: str | None, dt: float | None = None) -> Scene:
+def with_default_closure(scene: Scene, method: str, integrator: str | None, dt: float | None = None) -> Scene:
     """The scene with the closure of the integrator that a caller asks for, or of equal steps ``dt`` (s), if it names none."""
     own = scene.numerics
     asked = integrator or (None if dt is None or own.integrator else DEFAULT_INTEGRATOR)
@@ -88,35 +88,35 @@ class Compiled(Protocol):
         """The scene."""
 
 
-Given: TypeAlias = AnyPath | Model | Compiled
+ModelLike: TypeAlias = AnyPath | Model | Compiled
 
 
-def model_of(given: Given, opened: Sequence[str] = ()) -> Model:
+def model_of(given: ModelLike, tunable: Sequence[str] = ()) -> Model:
     """The model, whatever its scenes are.
 
     Raises:
         ModelError: the file is wrong.
-        RunError: numbers are to be ``opened`` after the file was read.
+        RunError: numbers are to be ``tunable`` after the file was read.
     """
     if isinstance(given, str | PathLike):
         from cutjoint.topology.reading import read_model  # runs that are kept do without
 
-        return read_model(given, opened=opened)
+        return read_model(given, tunable=tunable)
     if not isinstance(given, Model | Compiled):
         raise TypeError(f"a model is its file, what read_model has made of it, or an artifact, not {type(given).__name__}")
-    if opened:
+    if tunable:
         raise RunError("numbers are opened while the file is read; give the file, or read_model(path, opened=[...])")
     return given if isinstance(given, Model) else given.model
 
 
-def take_model(given: Given, scene: str | None = None, opened: Sequence[str] = ()) -> tuple[Model, Scene]:
+def load_model(given: ModelLike, scene: str | None = None, tunable: Sequence[str] = ()) -> tuple[Model, Scene]:
     """The model (`model_of`), and its scene of a name: without one the scene that it is compiled for, or the only one.
 
     Raises:
         ModelError: the file is wrong.
-        RunError: there is no such scene, or numbers are to be ``opened`` after the file was read.
+        RunError: there is no such scene, or numbers are to be ``tunable`` after the file was read.
     """
-    model = model_of(given, opened)
+    model = model_of(given, tunable)
     return (model, given.scene) if scene is None and isinstance(given, Compiled) else find_case(model, scene)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from cutjoint.package.locations import AnyPath
 from cutjoint.run.accuracy import run_accurately
 from cutjoint.run.artifact import Artifact, make_simulator_run, require_end
-from cutjoint.run.inputs import GivenInput
+from cutjoint.run.inputs import InputLike
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import Progress
@@ -18,7 +18,7 @@ def simulate(
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None, dt: float | None = None, end: float | None = None,
     penalty: float | None = None, tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
-    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False, accuracy: float | None = None,
+    inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False, accuracy: float | None = None,
 ) -> Trajectory:  # fmt: skip
     """Run a compiled model; arguments and errors are those of `cutjoint.simulate`."""
     options = Options(dt=dt, end=end, penalty=penalty, tolerance=tolerance, iterations=iterations, solver=solver, integrator=integrator,

@@ -18,10 +18,10 @@ from cutjoint.run.results import (
     FailureReport,
     Trajectory,
     read_coordinates,
-    read_effort,
     read_energy,
     read_near_jumps,
     read_run_table,
+    read_statistics,
 )
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
 
@@ -31,7 +31,7 @@ _BESIDE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Onward:
-    """The way on for a run that one of the ``guards`` ends, where functions of loops do: ``prepare`` compiles the program that has the
+    """The way on for a run that one of the ``guards`` ends, where loop embeddings do: ``prepare`` compiles the program that has the
     loops' equations, and ``begin`` makes of a run file and the state that a run has kept the entry of that name."""
 
     guards: tuple[str, ...]
@@ -51,7 +51,7 @@ class SimulatorRun:
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
     caller leave the choice of the integrator and of what steps do at events.  ``with_coordinates`` is whether the trajectory has
     coordinates.  ``jumps`` are times (s) at which an input or a guide goes over to another formula: a row there has the values of one side.
-    ``balances`` is whether the program has work and energy, ``onward`` what goes on where functions of loops end, None if nothing does.
+    ``balances`` is whether the program has work and energy, ``onward`` what goes on where loop embeddings end, None if nothing does.
     ``by_method`` makes the run by another method, None where that takes minutes.  ``leading`` are the joints of loops whose guides move.
     """
 
@@ -128,14 +128,14 @@ def start(
         place = {} if file is None else {"coordinates_out": place_of(file, "the temporary table of coordinates")}
         run_file = {**run.run_file.entries(), **tables.places, **place}
         summary = call_simulator(run.simulator, run_file, progress, seconds=seconds, description=run.description)
-        ended, instead, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
-        if ended is not None and file is None and tangents is None and (onward := _way_on(run, ended, summary)) is not None:
+        ended, fallback, indeterminate = failure_of(summary), "", tuple(run.indeterminate)
+        if ended is not None and file is None and tangents is None and (onward := _fallback(run, ended, summary)) is not None:
             other, begin = onward.prepare(), onward.begin(run.run_file, summary["kept"])
             run_file |= {"begin": begin, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
             summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
             left = join_and([f"'{leader}'" for leader in ended.guards])
-            instead = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
+            fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))
         failure = failure_of(summary)
@@ -143,12 +143,12 @@ def start(
     return Trajectory(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
-        indeterminate=indeterminate, effort=read_effort(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, instead=instead,
+        indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback,
     )  # fmt: skip
 
 
-def _way_on(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Onward | None:
+def _fallback(run: SimulatorRun, ended: FailureReport, summary: Mapping[str, Any]) -> Onward | None:
     """The way on behind the end of functions; None where a force that was left out would act too, or the run has kept no state."""
     onward = run.onward
     return onward if onward is not None and ended.guards and {*ended.guards} <= {*onward.guards} and summary.get("kept") else None

@@ -12,33 +12,33 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cutjoint.compile.folders import Standalone, lanes_break_even
+from cutjoint.compile.c_export import Standalone, lanes_break_even
 from cutjoint.emit.source import environment
 from cutjoint.emit.steps import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 
 
-class EffortRecord(ctypes.Structure):
+class StatisticsRecord(ctypes.Structure):
     """The record of C."""
 
     _fields_ = (
-        *((name, ctypes.c_double) for name in ("gap", "rate", "change", "pivot")), ("iterations", ctypes.c_long),
+        *((name, ctypes.c_double) for name in ("violation", "violation_rate", "change", "pivot")), ("iterations", ctypes.c_long),
         ("evaluations", ctypes.c_long), ("equation", ctypes.c_int),
     )  # fmt: skip
 
 
-class CourseRecord(ctypes.Structure):
+class TrajectoryRecord(ctypes.Structure):
     """The course of an input in C."""
 
     _fields_ = (
         ("input", ctypes.c_int), ("jumps", ctypes.c_int), ("pieces", ctypes.c_long),
-        *((name, ctypes.c_void_p) for name in ("times", "numbers", "changes", "slopes")),
+        *((name, ctypes.c_void_p) for name in ("times", "coefficients", "seeds", "derivatives")),
     )  # fmt: skip
 
 
 #: The numbers of an effort that have limits, in their order.
-LIMITED = ("gap", "rate", "change", "pivot", "iterations", "evaluations")
+LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")
 
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
@@ -73,9 +73,9 @@ class HostFunction:
             length, kind = (self.results, ctypes.c_double) if self.results else (self.memory, ctypes.c_ubyte)
             found = np.ctypeslib.as_array((kind * length).from_address(results))
             kept = None if memory is None else np.frombuffer(ctypes.string_at(memory, self.memory), np.uint8)
-            slopes = np.ctypeslib.as_array(partials, (self.results, self.arguments)) if partials else None
+            derivatives = np.ctypeslib.as_array(partials, (self.results, self.arguments)) if partials else None
             try:
-                self.call(np.ctypeslib.as_array(arguments, (self.arguments,)), kept, found, slopes)
+                self.call(np.ctypeslib.as_array(arguments, (self.arguments,)), kept, found, derivatives)
             except BaseException as error:  # goes on from the call of the simulation
                 raised.append(error)
                 found[:] = np.nan if self.results else found
@@ -90,8 +90,8 @@ Begin: TypeAlias = Callable[[Mapping[str, float]], tuple[Mapping[str, float], Ma
 class Library:
     """The C interface of one model, by the names of its header without the model's.
 
-    ``equations`` is the number of equations, ``freedoms`` that of degrees of freedom where the library has derivatives, ``states`` that of
-    first-order states. ``direction_rows`` is the number of rows of their matrix, ``record`` the
+    ``equations`` is the number of equations, ``dofs`` that of degrees of freedom where the library has derivatives, ``states`` that of
+    first-order states. ``seed_rows`` is the number of rows of their matrix, ``record`` the
     numbers of a record of a run. ``has_poses`` says whether it has poses of bodies and
     markers, ``steps`` are the properties of the integrator, ``settings`` those of a simulation's start, ``lanes`` the steps of several
     together, if the method can. ``functions`` are those that simulations call, by their names. ``begin`` finds the coordinates and speeds
@@ -102,18 +102,18 @@ class Library:
     """
 
     def __init__(
-        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, freedoms: int | None, states: int,
-        direction_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
+        self, path: Path, model: str, size: int, *, has_inputs: bool, equations: int, dofs: int | None, states: int,
+        seed_rows: int, record: int, has_poses: bool, steps: Steps, settings: StepSettings, lanes: Lanes | None,
         functions: Mapping[str, HostFunction] | None = None, begin: Begin | None = None,
     ) -> None:  # fmt: skip
         self._path = Path(path)
         self._made_with = {
-            "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "freedoms": freedoms, "states": states,
-            "direction_rows": direction_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
+            "model": model, "size": size, "has_inputs": has_inputs, "equations": equations, "dofs": dofs, "states": states,
+            "seed_rows": seed_rows, "record": record, "has_poses": has_poses, "steps": steps, "settings": settings,
             "functions": functions, "begin": begin,
         }  # fmt: skip
-        self.model, self.size, self.equations, self.freedoms, self.states = model, size, equations, freedoms, states
-        self.direction_rows, self.record = direction_rows, record
+        self.model, self.size, self.equations, self.dofs, self.states = model, size, equations, dofs, states
+        self.seed_rows, self.record = seed_rows, record
         self.steps, self.settings, self.lanes, self.has_poses, self.begin = steps, settings, lanes, has_poses, begin
         self._library = ctypes.CDLL(os.fspath(path))
         pointer = ctypes.POINTER(ctypes.c_double)
@@ -127,11 +127,11 @@ class Library:
         self.start = self._function("start", index, sim)
         self.step = self._function("step", index, sim)
         self.advance = self._function("advance", index, sim, number)
-        self.play = self._function("play", index, sim, ctypes.c_long, ctypes.c_void_p)
+        self.run = self._function("run", index, sim, ctypes.c_long, ctypes.c_void_p)
         self.time = self._function("time", number, sim)
         self.outputs = self._function("outputs", pointer, sim)
-        self.gap = self._function("gap", number, sim, ctypes.POINTER(ctypes.c_int))
-        self.last_step = self._function("last_step", index, sim, ctypes.POINTER(EffortRecord))
+        self.constraint_violation = self._function("constraint_violation", number, sim, ctypes.POINTER(ctypes.c_int))
+        self.last_step = self._function("last_step", index, sim, ctypes.POINTER(StatisticsRecord))
         self.set_limit = self._function("set_limit", index, sim, index, number)
         self.set_step = self._function("set_step", index, sim, number)
         if steps.is_iterated:
@@ -142,54 +142,54 @@ class Library:
             self.advance_to_event = self._function("advance_to_event", index, sim, number, ctypes.POINTER(ctypes.c_int))
             self.event_names = self._table("event_name")
         self.set_equilibrium = self._function("set_equilibrium", index, sim, index)
-        if hasattr(self._library, f"{model}_lay_road"):
+        if hasattr(self._library, f"{model}_set_road"):
             address = ctypes.c_void_p
-            self.lay_road = self._function("lay_road", index, address, index, address, address, index, index)
+            self.set_road = self._function("set_road", index, address, index, address, address, index, index)
         self.set_state = self._function("set_state", index, sim, number, ctypes.c_void_p, ctypes.c_void_p)
         self.displace = self._function("displace", index, sim, ctypes.c_void_p)
-        self.jacobian = self._function("jacobian", index, sim, ctypes.c_void_p)
-        if freedoms is not None:
-            self.choose = self._function("choose", index, sim)
-            self.is_poor = self._function("is_poor", index, sim)
-            self.choose_speeds = self._function("choose_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
+        self.constraint_jacobian = self._function("constraint_jacobian", index, sim, ctypes.c_void_p)
+        if dofs is not None:
+            self.choose_independent = self._function("choose_independent", index, sim)
+            self.is_ill_conditioned = self._function("is_ill_conditioned", index, sim)
+            self.choose_independent_speeds = self._function("choose_independent_speeds", index, sim, ctypes.POINTER(ctypes.c_int))
             self.state_name = self._function("state_name", text, sim, index)
-            self.get_minimal = self._function("get_minimal", index, sim, ctypes.c_void_p)
-            self.set_minimal = self._function("set_minimal", index, sim, number, ctypes.c_void_p)
-            self.derive_minimal = self._function("derive_minimal", index, sim, ctypes.c_void_p)
+            self.get_minimal_state = self._function("get_minimal_state", index, sim, ctypes.c_void_p)
+            self.set_minimal_state = self._function("set_minimal_state", index, sim, number, ctypes.c_void_p)
+            self.minimal_state_derivatives = self._function("minimal_state_derivatives", index, sim, ctypes.c_void_p)
             self.linearise = self._function("linearise", index, sim, *[ctypes.c_void_p] * 4)
             self.moves_joints = hasattr(self._library, f"{model}_linearise_rates")
             if self.moves_joints:
                 self.linearise_rates = self._function("linearise_rates", index, sim, *[ctypes.c_void_p] * 4)
             self.linearise_parameters = self._function("linearise_parameters", index, sim, *[ctypes.c_void_p] * 2)
-        self.derives_steps = hasattr(self._library, f"{model}_step_derivative")
+        self.derives_steps = hasattr(self._library, f"{model}_step_derivatives")
         if self.derives_steps:
-            self.step_derivative = self._function("step_derivative", index, sim, *[ctypes.c_void_p] * 3)
+            self.step_derivatives = self._function("step_derivatives", index, sim, *[ctypes.c_void_p] * 3)
             lists = (index, ctypes.c_void_p, ctypes.c_void_p), (index, ctypes.c_void_p, ctypes.c_long, ctypes.c_void_p, ctypes.c_void_p)
-            self.play_derivative = self._function("play_derivative", index, sim, ctypes.c_long, *lists[0], *lists[1])
+            self.forward_sensitivities = self._function("forward_sensitivities", index, sim, ctypes.c_long, *lists[0], *lists[1])
             if has_inputs:
-                self.follow_courses = self._function("follow_courses", index, sim, index, ctypes.POINTER(CourseRecord))
-            self.tells_events = hasattr(self._library, f"{model}_tell_events")
-            if self.tells_events:
+                self.set_input_trajectories = self._function("set_input_trajectories", index, sim, index, ctypes.POINTER(TrajectoryRecord))
+            self.records_events = hasattr(self._library, f"{model}_record_events")
+            if self.records_events:
                 places = (ctypes.POINTER(index), *[ctypes.c_void_p] * 5)
-                self.tell_events = self._function("tell_events", index, sim, index, *places)
+                self.record_events = self._function("record_events", index, sim, index, *places)
         if record:
             rows, three = (index, ctypes.c_void_p, ctypes.c_long), (ctypes.c_void_p,) * 3
-            self.play_adjoint = self._function(
-                "play_adjoint", index, sim, ctypes.c_long, *rows, index, *three, ctypes.c_size_t, *three
+            self.adjoint_sensitivities = self._function(
+                "adjoint_sensitivities", index, sim, ctypes.c_long, *rows, index, *three, ctypes.c_size_t, *three
             )  # fmt: skip
         if has_poses:
             self.poses = self._function("poses", pointer, sim)
-            if freedoms is not None:
-                self.dynamics = self._function("dynamics", index, sim, *[ctypes.c_void_p] * 2)
+            if dofs is not None:
+                self.equations_of_motion = self._function("equations_of_motion", index, sim, *[ctypes.c_void_p] * 2)
                 self.point_jacobian = self._function("point_jacobian", index, sim, index, *[ctypes.c_void_p] * 2)
-        self.give_scene = self._function("give_scene", index, sim)
-        self.give_coordinate = self._function("give_coordinate", index, sim, index, number)
-        self.give_speed = self._function("give_speed", index, sim, index, number)
+        self.reset_start = self._function("reset_start", index, sim)
+        self.set_start_coordinate = self._function("set_start_coordinate", index, sim, index, number)
+        self.set_start_speed = self._function("set_start_speed", index, sim, index, number)
         self.snapshot_size = self._function("snapshot_size", ctypes.c_size_t)
         self.save = self._function("save", index, sim, ctypes.c_void_p)
         self.restore = self._function("restore", index, sim, ctypes.c_void_p, ctypes.c_size_t)
         self.status_text = self._function("status_text", text, index)
-        self.explain = self._function("explain", index, sim, text, ctypes.c_size_t)
+        self.failure_text = self._function("failure_text", index, sim, text, ctypes.c_size_t)
         self.arrays = {name: self._function(name, pointer, sim) for name in ("coordinates", "speeds", "accelerations", "parameters")}
         self.names = {kind: self._table(f"{kind}_name") for kind in _NAMED}
         self.names["pose"] = self._table("pose_name") if has_poses else ()
@@ -271,7 +271,7 @@ class Lanes:
         """
         _ = self._functions
 
-    def play(self, snapshots: Sequence[bytes], parameters: Columns, inputs: Columns, rows: Array) -> None:
+    def run(self, snapshots: Sequence[bytes], parameters: Columns, inputs: Columns, rows: Array) -> None:
         """Steps of simulations from snapshots into ``rows`` (simulations, steps, outputs), up to those that fail.
 
         Raises:

@@ -7,38 +7,37 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.steps import STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.functions import functions_of_host, leave_to_host
-from cutjoint.model.opening import with_inputs
 from cutjoint.model.records import Model, Scene
+from cutjoint.model.tunable import with_inputs
 from cutjoint.package.errors import RunError
 from cutjoint.run.run_file import changing, following, parameter_values
-from cutjoint.run.scenes import Given, held_as_usual, take_model
+from cutjoint.run.scenes import ModelLike, load_model, with_default_closure
 from cutjoint.stepping.library import HostFunction, Lanes, Library, with_rollout
 from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.build import FLAGS
 
 
 def load(
-    model: Given, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, opened: Sequence[str] = (),
-    linearise: bool = False, adjoint: bool = False, poses: bool = False, pushed: Sequence[str] = (), grounded: Sequence[str] = (),
+    model: ModelLike, *, scene: str | None = None, method: str = DEFAULT_METHOD, integrator: str | None = None, tunable: Sequence[str] = (),
+    linearise: bool = False, adjoint: bool = False, poses: bool = False, external_wrenches: Sequence[str] = (), terrain: Sequence[str] = (),
     flags: Sequence[str] = FLAGS, functions: Mapping[str, Callable[..., object]] | None = None,
 ) -> Simulation:  # fmt: skip
-    """Compile a model, or its file, for a scene, the only one if none is named, or find it in the cache; `Simulation.reset` comes next.
+    """Compile a model or its file for stepping, or find it in the cache; `Simulation.reset` comes next.
 
-    Steps are those of ``method`` by ``integrator``: "trapezoidal", or of method recursive "rk4", "dormand-prince" or "dop853", of method
-    recursive-newton "generalised-alpha", "radau5" or "radau5-fixed"; that of `simulate` unless one is named, as
-    `Simulation.settings` says.  They are as long as the scene says; those of dormand-prince, dop853 and radau5 are as long as
-    tolerances allow, and a step of the simulation, of an output step, takes as many as it needs.  Numbers whose names match one of the
-    patterns ``opened``, such as "*.stiffness", become parameters.  With ``linearise`` the simulation can be linearised, which takes up to
-    five times as long to compile, with ``poses`` it has those of all bodies, markers and wheels.  Bodies and markers that are
-    ``pushed`` have inputs of a force (N) and a torque (N m) in global axes, ``NAME.push.fx`` to ``NAME.push.tz``, and wheels that match
-    a pattern of ``grounded`` those of a ground (`model.opening`).  ``functions`` are those
-    that the model declares, and updates of their memories, ``NAME_update``: functions of C as ctypes has them, or callables of arrays
-    ``(arguments, memory, results, partials)``, of which they fill the last two; partials are None where nobody needs them.
+    Args:
+        method, integrator: "trapezoidal" of all methods; "rk4", "dormand-prince", "dop853" of recursive; "generalised-alpha", "radau5",
+            "radau5-fixed" of recursive-newton; default: those of `simulate`.
+        tunable: patterns; constants whose names match become parameters.
+        linearise, adjoint: generate derivatives; compiling takes several times as long.
+        poses: generate poses of bodies, markers and wheel contacts.
+        external_wrenches: bodies and markers with inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz`` (N, N m, global axes).
+        terrain: patterns of wheels with inputs of the ground under them.
+        functions: functions that the model declares, as ctypes or callables ``(arguments, memory, results, partials)``.
 
     Raises:
         ModelError, EquationsError, RunError: the model or the scene is wrong, or there is no such method or
@@ -46,11 +45,12 @@ def load(
         ToolchainError: a tool is not installed, or the compiler failed.
     """
     _require_method(method)
-    read, chosen = take_model(model, scene, opened)
+    read, chosen = load_model(model, scene, tunable)
     if functions is not None:
         read = leave_to_host(read)
     return load_scene(
-        with_inputs(read, pushed=pushed, grounded=grounded), chosen, method=method, integrator=integrator, linearise=linearise,
+        with_inputs(read, external_wrenches=external_wrenches, terrain=terrain), chosen, method=method, integrator=integrator,
+        linearise=linearise,
         adjoint=adjoint, poses=poses, flags=flags, functions=functions,
     )  # fmt: skip
 
@@ -61,7 +61,7 @@ def load_scene(
 ) -> Simulation:  # fmt: skip
     """Compile a scene of a model that has been read, as `load` does, with its errors."""
     _require_method(method)
-    scene = held_as_usual(scene, method, integrator)
+    scene = with_default_closure(scene, method, integrator)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     alone = partial(make_standalone, generated, integrator=integrator, linearise=linearise, adjoint=adjoint)
     standalone = alone()
@@ -81,8 +81,8 @@ def open_standalone(standalone: Standalone, library: Path, **more: Any) -> Simul
     equations, mechanism = standalone.parts.stepped, standalone.parts.mechanism
     return Simulation(Library(
         library, standalone.name, standalone.size, has_inputs=bool(mechanism.inputs),
-        equations=len(equations.equation_names), freedoms=standalone.freedoms, states=len(mechanism.state.states),
-        direction_rows=standalone.direction_rows, record=standalone.record, has_poses=bool(standalone.poses), steps=standalone.steps,
+        equations=len(equations.equation_names), dofs=standalone.dofs, states=len(mechanism.state.states),
+        seed_rows=standalone.seed_rows, record=standalone.record, has_poses=bool(standalone.poses), steps=standalone.steps,
         settings=standalone.settings, **more,
     ))  # fmt: skip
 

@@ -19,13 +19,15 @@ def rollout(
     simulation: Simulation, steps: int, *, parameters: Mapping[str, ArrayLike] | None = None,
     inputs: Mapping[str, ArrayLike] | None = None, snapshots: Sequence[bytes] | None = None, threads: int | None = None,
 ) -> Array:  # fmt: skip
-    """Many simulations from a state or several: the outputs of each at the end of each step, (simulations, steps, outputs).
+    """Many simulations from one state or several: outputs at the end of each step, (simulations, steps, outputs).
 
-    ``parameters`` have a value for each simulation.  ``inputs`` have one that is held, or one for each step, (simulations, steps), held
-    during it.  ``snapshots`` have a state for each; where there are none all start as ``simulation`` stands, which itself stays.
-    They run in ``threads`` (as many as there are processors), whose number changes nothing.  Where a step fails, the rows from there on are
-    NaN.  So many steps by the trapezoidal rule of method recursive that it pays to compile for it go side by side in lanes, which have
-    the same numbers up to rounding; those with inputs for each step go one by one.
+    Rows after a failed step are NaN.  Results do not depend on the number of threads.
+
+    Args:
+        parameters: (simulations,) values by name.
+        inputs: (simulations,) constant or (simulations, steps) values by name.
+        snapshots: a state for each simulation; default: the present state of ``simulation``.
+        threads: default: all processors.
 
     Raises:
         ValueError: the numbers of simulations or steps differ, or there is nothing to tell the first by.
@@ -33,9 +35,9 @@ def rollout(
         SimulationError: there was no `Simulation.reset`.
         ToolchainError: the compiler failed.
     """
-    held, courses = _split(inputs or {}, steps)
+    held, trajectories = _split(inputs or {}, steps)
     given = (_columns(parameters or {}), held)
-    counts = {len(column) for columns in (*given, courses) for column in columns.values() if column.ndim}
+    counts = {len(column) for columns in (*given, trajectories) for column in columns.values() if column.ndim}
     counts |= {len(snapshots)} if snapshots is not None else set()
     if not counts and any(given):
         counts = {1}
@@ -48,8 +50,8 @@ def rollout(
     columns = [{name: np.broadcast_to(values, number) for name, values in each.items()} for each in given]
     rows = np.full((number, steps, len(simulation.outputs)), np.nan)
     lanes = simulation.library.lanes
-    if courses or lanes is None or not lanes.pay(steps * number):
-        perform, at_once = _alone(simulation, begins, columns, courses, rows), 1
+    if trajectories or lanes is None or not lanes.pay(steps * number):
+        perform, at_once = _alone(simulation, begins, columns, trajectories, rows), 1
     else:
         perform, at_once = _in_lanes(simulation, lanes, begins, columns, rows), MOST_LANES
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
@@ -60,11 +62,11 @@ def rollout(
 def _split(inputs: Mapping[str, ArrayLike], steps: int) -> tuple[dict[str, Array], dict[str, Array]]:
     """Inputs that are held, and those with a value for each step."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in inputs.items()}
-    courses = {name: values for name, values in arrays.items() if values.ndim > 1}
-    for name, values in courses.items():
+    trajectories = {name: values for name, values in arrays.items() if values.ndim > 1}
+    for name, values in trajectories.items():
         if values.ndim > 2 or values.shape[1] != steps:
             raise ValueError(f"input '{name}': an array {values.shape} is none of (simulations,) and (simulations, {steps})")
-    return _columns({name: values for name, values in arrays.items() if name not in courses}), courses
+    return _columns({name: values for name, values in arrays.items() if name not in trajectories}), trajectories
 
 
 def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
@@ -77,10 +79,10 @@ def _columns(given: Mapping[str, ArrayLike]) -> dict[str, Array]:
 
 
 def _alone(
-    simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], courses: Mapping[str, Array], rows: Array
+    simulation: Simulation, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], trajectories: Mapping[str, Array], rows: Array
 ) -> Callable[[int], None]:  # fmt: skip
-    """A function that plays one of the simulations, by its number."""
-    places = [(simulation.inputs.place(name), course) for name, course in courses.items()]
+    """A function that runs one of the simulations, by its number."""
+    places = [(simulation.inputs.place(name), trajectory) for name, trajectory in trajectories.items()]
 
     def run(i: int) -> None:
         one = Simulation(simulation.library)
@@ -88,15 +90,15 @@ def _alone(
         for values, given in zip((one.parameters, one.inputs), columns, strict=True):
             for name, column in given.items():
                 values[name] = column[i]
-        play, first, step = simulation.library.play, rows[i].ctypes.data, rows.strides[1]
+        take, first, step = simulation.library.run, rows[i].ctypes.data, rows.strides[1]
         if not places:
-            play(one.address, rows.shape[1], first)
+            take(one.address, rows.shape[1], first)
             return
         inputs = one.inputs.array
         for k in range(rows.shape[1]):
-            for place, course in places:
-                inputs[place] = course[i, k]
-            if play(one.address, 1, first + k * step):
+            for place, trajectory in places:
+                inputs[place] = trajectory[i, k]
+            if take(one.address, 1, first + k * step):
                 return
 
     return run
@@ -105,7 +107,7 @@ def _alone(
 def _in_lanes(
     simulation: Simulation, lanes: Lanes, begins: Sequence[bytes], columns: Sequence[Mapping[str, Array]], rows: Array
 ) -> Callable[[int], None]:
-    """A function that plays as many of the simulations as there are lanes at most, from a number on."""
+    """A function that runs as many of the simulations as there are lanes at most, from a number on."""
     parameters, inputs = (
         ([values.place(name) for name in given], np.column_stack([*given.values()]) if given else np.empty((len(begins), 0)))
         for values, given in zip((simulation.parameters, simulation.inputs), columns, strict=True)
@@ -114,6 +116,6 @@ def _in_lanes(
 
     def run(first: int) -> None:
         part = slice(first, first + MOST_LANES)
-        lanes.play(begins[part], (parameters[0], parameters[1][part]), (inputs[0], inputs[1][part]), rows[part])
+        lanes.run(begins[part], (parameters[0], parameters[1][part]), (inputs[0], inputs[1][part]), rows[part])
 
     return run

@@ -15,27 +15,28 @@ import numpy as np
 
 from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
+from cutjoint.package.renamed import renamed, with_old_members, with_old_words
 from cutjoint.run.settings import StepSettings
-from cutjoint.stepping.courses import Columns, Course, InputOverTime, make_courses
-from cutjoint.stepping.library import LIMITED, CourseRecord, EffortRecord, Library
+from cutjoint.stepping.library import LIMITED, Library, StatisticsRecord, TrajectoryRecord
+from cutjoint.stepping.trajectories import Columns, InputTrajectory, InputTrajectoryLike, make_trajectories
 from cutjoint.stepping.values import (
     STEPS_BESIDE,
+    AdjointSensitivities,
     Array,
-    Effort,
-    EventDerivative,
-    ModeDerivative,
+    EigenvalueSensitivities,
+    EventSensitivities,
+    ForwardSensitivities,
     Outputs,
     Poses,
-    RestDerivative,
-    RunAdjoint,
-    RunDerivative,
+    StateSensitivities,
     StateSpace,
-    StepDerivative,
+    StepDerivatives,
+    StepStatistics,
     Values,
     difference,
     find_eigenvalues,
     find_place,
-    is_kinked,
+    is_non_smooth,
     weigh_each,
 )
 
@@ -77,13 +78,12 @@ class SimulationError(CutjointError):
         return type(self), (str(self), self.status)
 
 
+@with_old_members
 class Simulation:
-    """One simulation of a model: `reset` finds a consistent start, `step` and `advance` go on.
+    """A simulation of a model: `reset` finds a consistent start, `step` and `advance` continue; SI units.
 
     ``inputs`` and ``parameters`` may change between steps; an input that is NaN follows the scene.  ``coordinates``, ``speeds`` and
-    ``outputs`` are those of the present state, also where a caller holds them; arrays are views of the simulation's own memory but for
-    those of outputs and accelerations, which are copies.  All is in SI units.  A pickled simulation goes on where its library is, in
-    the same cache.
+    ``outputs`` are those of the present state; their arrays are views, except those of outputs and accelerations.
     """
 
     def __init__(self, library: Library) -> None:
@@ -102,7 +102,7 @@ class Simulation:
 
     @property
     def settings(self) -> StepSettings:
-        """The settings of its steps: those of the scene, or what `reset` was given."""
+        """Settings of the steps: those of the scene, or those that `reset` was given."""
         return self._settings
 
     def _view(self, array: str, kind: str) -> Array:
@@ -113,13 +113,14 @@ class Simulation:
         self, *, coordinates: Mapping[str, float] | None = None, speeds: Mapping[str, float] | None = None, dt: float | None = None,
         iterations: int | None = None, tolerance: float | None = None, equilibrium: bool | None = None,
     ) -> Simulation:  # fmt: skip
-        """Start at time 0, and return the simulation: from the scene's start, which follows from ``parameters`` as its file says, with
-        other ``coordinates`` and ``speeds`` (SI units) of joints of the spanning tree for this start alone.
+        """Start at time 0 from the scene's start, and return the simulation; settings given here stay.
 
-        ``dt`` is the length of steps (s), by adaptive integrators how far `step` goes on.  ``iterations``, of the trapezoidal rule of
-        method recursive, is their fixed number in each (0: as many as it takes); ``tolerance``, of adaptive integrators, is what the
-        error of a step may be, absolute (SI units) and as a share.  ``equilibrium`` is whether the pose is one at rest, in which forces
-        hold given coordinates where the scene's is one too; False takes the pose as it is given.  These settings stay.
+        Args:
+            coordinates, speeds: other initial values (SI units) of joints of the spanning tree, for this start alone.
+            dt: step size (s); of adaptive integrators the interval of `step`.
+            iterations: fixed number in each step of the trapezoidal rule of recursive; 0: as many as it takes.
+            tolerance: relative and absolute error of a step of adaptive integrators (SI units).
+            equilibrium: whether to start at a static equilibrium; False takes the pose as given.
 
         Raises:
             TypeError: the integrator has no iterations, or no tolerance.
@@ -140,11 +141,11 @@ class Simulation:
             self._settings = replace(self._settings, tolerance=tolerance)
         if equilibrium is not None:
             call(library.set_equilibrium, int(equilibrium))
-        call(library.give_scene)
+        call(library.reset_start)
         if library.begin is not None:
             begun = library.begin(dict(self.parameters))
             coordinates, speeds = ({**found, **(given or {})} for found, given in zip(begun, (coordinates, speeds), strict=True))
-        for kind, given, give in (("coordinate", coordinates, library.give_coordinate), ("speed", speeds, library.give_speed)):
+        for kind, given, give in (("coordinate", coordinates, library.set_start_coordinate), ("speed", speeds, library.set_start_speed)):
             places = {name: i for i, name in enumerate(library.names[f"start_{kind}"])}
             for name, value in (given or {}).items():
                 call(give, find_place(places, name), value)
@@ -162,7 +163,7 @@ class Simulation:
             self._fail(status)
 
     def advance(self, time: float) -> None:
-        """Take steps up to a time (s); the last one is shorter where it must be.
+        """Take steps up to a time (s), the last one shorter if needed.
 
         Raises:
             SimulationError: a step failed, the time has passed, or there was no `reset`.
@@ -170,7 +171,7 @@ class Simulation:
         self._call(self.library.advance, time)
 
     def advance_to_event(self, time: float) -> str | None:
-        """Take steps up to a time (s), or to where a force, guide or drive changes its formula: returns the name of that element, or None.
+        """Take steps up to a time (s) or the first event, and return the event's element or None.
 
         Raises:
             TypeError: the integrator goes over events: it is the trapezoidal rule.
@@ -181,14 +182,14 @@ class Simulation:
         self._call(self.library.advance_to_event, time, ctypes.byref(event))
         return None if event.value < 0 else self.library.event_names[event.value]
 
-    def play(self, steps: int) -> Array:
-        """Take so many steps; returns the outputs at the end of each, (steps, outputs).
+    def run(self, steps: int) -> Array:
+        """Take a number of steps and return the outputs at the end of each, (steps, outputs).
 
         Raises:
             SimulationError: a step failed, or there was no `reset`.
         """
         rows = np.empty((steps, len(self.library.names["output"])))
-        self._call(self.library.play, steps, rows.ctypes.data)
+        self._call(self.library.run, steps, rows.ctypes.data)
         return rows
 
     @property
@@ -198,7 +199,7 @@ class Simulation:
 
     @property
     def outputs(self) -> Outputs:
-        """The outputs of the scene at the present state, also where they are held and read later; ``array`` copies them.
+        """Outputs of the scene at the present state, by name; ``array`` copies them.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -214,8 +215,9 @@ class Simulation:
 
     @property
     def coordinates(self) -> Values:
-        """Coordinates of the joints of the spanning tree, by the method augmented natural ones: points (m) and unit vectors in global axes,
-        and angles (rad) of joints; `set_state` changes them.
+        """Coordinates of the joints of the spanning tree, by name; `set_state` changes them.
+
+        Of the method augmented: natural coordinates, points (m) and unit vectors in global axes, and angles (rad).
 
         Raises:
             SimulationError: there was no `reset`.
@@ -229,7 +231,7 @@ class Simulation:
 
     @property
     def speeds(self) -> Values:
-        """The speeds of the coordinates; `set_state` changes them.
+        """Velocities of the coordinates, by name; `set_state` changes them.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -243,7 +245,7 @@ class Simulation:
 
     @property
     def accelerations(self) -> Values:
-        """A copy of the rates of the speeds at the present state, by the names of these.
+        """Copy of the accelerations at the present state, by the names of the velocities.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -254,7 +256,7 @@ class Simulation:
 
     @property
     def poses(self) -> Poses:
-        """The poses of all bodies, markers and wheels in the present state.  Asking brings arrays of earlier calls up to date too.
+        """Poses of bodies, markers and wheel contacts at the present state; earlier arrays are updated too.
 
         Raises:
             TypeError: the model was loaded without poses.
@@ -266,7 +268,7 @@ class Simulation:
         return self._poses
 
     def pose_datagram(self) -> bytes:
-        """A datagram for the UDP port of ``cutjoint view --live``: the digest of the poses, the time and the poses, little-endian.
+        """Datagram for ``cutjoint view --live``: digest, time and poses, little-endian.
 
         Raises:
             TypeError, SimulationError: as of ``poses``.
@@ -281,34 +283,34 @@ class Simulation:
         return Poses(names, np.ctypeslib.as_array(self.library.poses(self.address), (len(names), NUMBERS_PER_POSE)))
 
     @property
-    def gap(self) -> tuple[float, str | None]:
-        """The gap (m or rad) of the equation that stands open by the largest share of its limit, and the equation's name; 0 and None
-        where there are no equations.
+    def constraint_violation(self) -> tuple[float, str | None]:
+        """Largest violation (m or rad) of a loop equation as a share of its limit, and its name; 0 and None without equations.
 
         Raises:
             SimulationError: there was no `reset`.
         """
         self._require_start()
         equation = ctypes.c_int(-1)
-        gap = float(self.library.gap(self.address, ctypes.byref(equation)))
+        gap = float(self.library.constraint_violation(self.address, ctypes.byref(equation)))
         return gap, None if equation.value < 0 else self.library.names["equation"][equation.value]
 
     @property
-    def last_step(self) -> Effort:
-        """The effort of the last step; of integrators that choose their steps, all of those up to the time of the last call.
+    def last_step(self) -> StepStatistics:
+        """Statistics of the last step; of adaptive integrators, of all steps of the last call.
 
         Raises:
             SimulationError: there was no `reset`.
         """
-        record = EffortRecord()
+        record = StatisticsRecord()
         self._call(self.library.last_step, ctypes.byref(record))
         equation = None if record.equation < 0 else self.library.names["equation"][record.equation]
-        return Effort(**{name: getattr(record, name) for name in LIMITED}, equation=equation)
+        return StepStatistics(**{name: getattr(record, name) for name in LIMITED}, equation=equation)
 
+    @with_old_words
     def set_limits(self, **limits: float) -> None:
-        """Set limits of numbers of `last_step`, of the pivot the least, of the others the most; infinity, of the pivot 0, is none.
+        """Limit statistics of `last_step`: a minimum of the pivot, maxima of the others; infinity, for the pivot 0, is none.
 
-        A step beyond one is made and raises a `SimulationError`, after which the motion may go on.  Snapshots have none.
+        A step beyond a limit is made and raises a `SimulationError`; the motion may continue.  Snapshots do not contain limits.
 
         Raises:
             KeyError: there is no such number.
@@ -325,7 +327,7 @@ class Simulation:
         return Values(self.library.names[kind], view)
 
     def set_input(self, name: str, value: float, rate: float = 0.0, acceleration: float = 0.0) -> None:
-        """Give an input now, and the derivatives (SI units and s) by which it goes on until it is given again, as a guide needs them.
+        """Set an input now, with derivatives (SI units) by which it continues until it is set again.
 
         Raises:
             KeyError: there is no such input.
@@ -334,8 +336,8 @@ class Simulation:
         place = find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)
         self._call(self.library.set_input, place, value, rate, acceleration)
 
-    def present_input(self, name: str) -> float:
-        """The value of an input at the present time, whether it is given or follows the scene.
+    def get_input(self, name: str) -> float:
+        """Value of an input at the present time, set or from the scene.
 
         Raises:
             KeyError: there is no such input.
@@ -345,7 +347,7 @@ class Simulation:
         return float(self.library.input(self.address, find_place({each: i for i, each in enumerate(self.library.names["input"])}, name)))
 
     def set_state(self, time: float, coordinates: Array, speeds: Array) -> None:
-        """Go on from a time (s), coordinates and speeds as they are, in the order of those of the simulation.
+        """Continue from a time (s), coordinates and velocities as they are, in the order of the simulation.
 
         Raises:
             ValueError: an array has another length.
@@ -358,7 +360,7 @@ class Simulation:
         self._call(self.library.set_state, time, q.ctypes.data, v.ctypes.data)
 
     def displace(self, displacements: Array) -> None:
-        """Move the coordinates by small displacements, one for each speed (turns for those of a ball), and satisfy the equations again.
+        """Move the coordinates by small displacements, one for each velocity (rotations for balls), and close the loops again.
 
         Raises:
             ValueError: there is another number of speeds.
@@ -370,19 +372,20 @@ class Simulation:
         self._call(self.library.displace, by.ctypes.data)
 
     @property
-    def jacobian(self) -> Array:
-        """The Jacobian of the equations by the speeds, (equations, speeds): those of loops, of natural coordinates those of bodies too.
+    def constraint_jacobian(self) -> Array:
+        """Jacobian (equations, velocities) of the loop equations; of natural coordinates also of the bodies' equations.
 
         Raises:
             SimulationError: there was no `reset`.
         """
         columns = np.empty((len(self.library.names["speed"]), self.library.equations))
-        self._call(self.library.jacobian, columns.ctypes.data)
+        self._call(self.library.constraint_jacobian, columns.ctypes.data)
         return columns.T
 
-    def choose(self, speeds: Sequence[str] | None = None) -> None:
-        """Choose which coordinates are independent from now on, by the names of their ``speeds``, one for each degree of freedom; without
-        these those in the present state that others follow slowly, as is chosen too where nobody does.
+    def choose_independent(self, speeds: Sequence[str] | None = None) -> None:
+        """Choose the independent coordinates by the names of their ``speeds``, one for each degree of freedom.
+
+        Without ``speeds`` those are chosen that the others follow slowly.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -390,43 +393,45 @@ class Simulation:
             ValueError: there are others than one different name for each degree of freedom.
             SimulationError: the other coordinates do not follow from these, or there was no `reset`.
         """
-        freedoms = self._require_freedoms()
+        dofs = self._require_dofs()
         if speeds is None:
-            self._call(self.library.choose)
+            self._call(self.library.choose_independent)
             return
         names = self.library.names["speed"]
         numbers = [find_place({each: i for i, each in enumerate(names)}, name) for name in speeds]
-        if len(set(numbers)) != freedoms or len(numbers) != freedoms:
-            raise ValueError(f"there are {freedoms} degrees of freedom, and so many different speeds to choose, not {', '.join(speeds)}")
-        self._call(self.library.choose_speeds, (ctypes.c_int * freedoms)(*numbers))
+        if len(set(numbers)) != dofs or len(numbers) != dofs:
+            raise ValueError(f"there are {dofs} degrees of freedom, and so many different speeds to choose, not {', '.join(speeds)}")
+        self._call(self.library.choose_independent_speeds, (ctypes.c_int * dofs)(*numbers))
 
     @property
-    def is_poor(self) -> bool:
-        """Return whether `choose` should be called again: a ball has turned far since, or dependent coordinates follow fast.
+    def is_ill_conditioned(self) -> bool:
+        """Whether `choose_independent` should be called again: a ball has rotated far, or dependent coordinates move fast.
 
         Raises:
             TypeError: the model was loaded without derivatives.
         """
-        self._require_freedoms()
-        return bool(self.library.is_poor(self.address))
+        self._require_dofs()
+        return bool(self.library.is_ill_conditioned(self.address))
 
     @property
     def states(self) -> Values:
-        """The independent coordinates, then their rates, by name, then first-order states.  A ball has its turn from the pose in which
-        they were chosen.
+        """Independent coordinates, their rates, then first-order states, by name.
+
+        A ball has its rotation from the pose in which they were chosen.
 
         Raises:
             TypeError: the model was loaded without derivatives.
             SimulationError: there was no `reset`.
         """
-        numbers = np.zeros(2 * self._require_freedoms() + self.library.states)
-        self._call(self.library.get_minimal, numbers.ctypes.data)
+        numbers = np.zeros(2 * self._require_dofs() + self.library.states)
+        self._call(self.library.get_minimal_state, numbers.ctypes.data)
         numbers.flags.writeable = False
         return Values([self.library.state_name(self.address, i).decode() for i in range(len(numbers))], numbers)
 
     def set_states(self, states: Array, time: float | None = None) -> None:
-        """Go on from the numbers of ``states`` (SI units) at a time (s), by default the present one; dependent coordinates and speeds
-        follow from closed loops.
+        """Continue from ``states`` (SI units) at a time (s), by default the present one.
+
+        Dependent coordinates and velocities follow from closed loops.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -434,12 +439,12 @@ class Simulation:
             SimulationError: loops do not close there, a number is not finite, or there was no `reset`.
         """
         x = np.ascontiguousarray(states, dtype=np.float64)
-        if x.shape != (count := 2 * self._require_freedoms() + self.library.states,):
+        if x.shape != (count := 2 * self._require_dofs() + self.library.states,):
             raise ValueError(f"there are {count} states, not {x.shape}")
-        self._call(self.library.set_minimal, self.time if time is None else time, x.ctypes.data)
+        self._call(self.library.set_minimal_state, self.time if time is None else time, x.ctypes.data)
 
     def linearise(self) -> StateSpace:
-        """The motion near the present state: x' = A x + B u, y = C x + D u, with rates and accelerations of inputs that move joints.
+        """Linear model about the present state: x' = A x + B u, y = C x + D u.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -458,11 +463,11 @@ class Simulation:
             x=states.array, states=tuple(states), inputs=inputs, outputs=outputs,
         )  # fmt: skip
 
-    def rest_derivative(self, outputs: Sequence[str], by: Sequence[str]) -> RestDerivative:
-        """The change of the present pose at rest (static equilibrium) with the numbers named ``by``, parameters and inputs, and that of
-        ``outputs``, by the implicit function theorem.
+    def equilibrium_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
+        """Derivatives of the present static equilibrium by parameters and inputs, and those of ``outputs``.
 
-        Of poses at rest that go over into each other, as those of a car that may stand anywhere, it is the nearest one.
+        They follow from the implicit function theorem.  Of a continuum of equilibria, as of a car that may stand anywhere, it is the
+        nearest one.
 
         Raises:
             TypeError: the model was loaded without derivatives.
@@ -479,11 +484,11 @@ class Simulation:
         places = {name: i for i, name in enumerate((*near.inputs, *parameters))}
         numbers = [find_place(places, name) for name in by]
         rates = np.zeros(len(near.states))
-        self._call(self.library.derive_minimal, rates.ctypes.data)
+        self._call(self.library.minimal_state_derivatives, rates.ctypes.data)
         if not np.abs(rates).max(initial=0.0) <= _AT_REST:
             raise ValueError(
                 f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest, or "
-                "take `start_derivative`, on the command line --objective start, of a start that moves"
+                "take `initial_state_sensitivities`, on the command line --objective start, of a start that moves"
             )
         pushed = np.hstack([near.B, E])[:, numbers]
         states = np.asarray(-np.linalg.lstsq(near.A, pushed, rcond=_SINGULAR)[0], dtype=np.float64)
@@ -492,16 +497,14 @@ class Simulation:
             if rest:
                 raise ValueError(f"with another '{name}' the mechanism rests in no pose near this one")
         chosen = [self.outputs.place(name) for name in outputs]
-        slopes = (near.C @ states + np.hstack([near.D, F])[:, numbers])[chosen]
+        derivatives = (near.C @ states + np.hstack([near.D, F])[:, numbers])[chosen]
         values = self.outputs.array[chosen]
-        return RestDerivative(values=values, slopes=slopes, states=states, outputs=tuple(outputs), by=tuple(by))
+        return StateSensitivities(values=values, derivatives=derivatives, states=states, outputs=tuple(outputs), by=tuple(by))
 
-    def start_derivative(self, outputs: Sequence[str], by: Sequence[str]) -> RestDerivative:
-        """The change of the scene's start with the numbers named ``by``, parameters and inputs, and that of ``outputs`` there, in the
-        present state, which has to be that start.
+    def initial_state_sensitivities(self, outputs: Sequence[str], by: Sequence[str]) -> StateSensitivities:
+        """Derivatives of the scene's start by parameters and inputs, and those of ``outputs``.
 
-        Of coordinates that the scene leaves open it is that of those which the start finds.  States are by differences of fourth order of
-        starts, outputs exact beside these.
+        The present state has to be that start.  States are differentiated by fourth-order differences of starts, outputs exactly.
 
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.
@@ -526,37 +529,39 @@ class Simulation:
         states = np.zeros((len(self.states), len(by)))
         for i, name in enumerate(by):
             states[:, i] = self._differentiate(name, begun)
-        values, slopes = self.play_derivative(0, outputs, by, begin=states).end
-        return RestDerivative(values=values, slopes=slopes, states=states, outputs=tuple(outputs), by=tuple(by))
+        values, derivatives = self.forward_sensitivities(0, outputs, by, initial_sensitivities=states).end
+        return StateSensitivities(values=values, derivatives=derivatives, states=states, outputs=tuple(outputs), by=tuple(by))
 
-    def mode_derivative(self, by: Sequence[str], modes: Sequence[int] | None = None) -> ModeDerivative:
-        """Eigenvalues of the motion near the present state, and how they change with the numbers named ``by``, parameters and inputs.
+    def eigenvalue_sensitivities(self, by: Sequence[str], modes: Sequence[int] | None = None) -> EigenvalueSensitivities:
+        """Eigenvalues of the linear model at the present state, and their derivatives by parameters and inputs.
 
-        Of a pose at rest they are those of the pose that moves as `rest_derivative` says, of a motion those of the same states.
-        ``modes`` are the numbers of some, by the size of their eigenvalues; all but those that are nought by default.  The change of the
-        matrix, which left and right eigenvectors take to that of eigenvalues, is by differences of fourth order of exact ones.
+        At a static equilibrium the change of the pose is included; elsewhere the states stay.  The derivative of the matrix is by
+        fourth-order differences of exact matrices.
+
+        Args:
+            modes: indices of modes by magnitude; default: all with a nonzero eigenvalue.
 
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such parameter, input or mode.
             ValueError: an eigenvalue repeats, or a force has a kink at the state, so that there is no derivative; or as of
-                `rest_derivative`.
+                `equilibrium_sensitivities`.
             SimulationError: the pose is singular, or there was no `reset`.
         """
         _require_list("by", by)
         near = self.linearise()
         rates = np.zeros(len(near.states))
-        self._call(self.library.derive_minimal, rates.ctypes.data)
+        self._call(self.library.minimal_state_derivatives, rates.ctypes.data)
         is_at_rest = np.abs(rates).max(initial=0.0) <= _AT_REST
-        ways = self.rest_derivative([], by).states if is_at_rest else np.zeros((len(near.states), len(by)))
+        ways = self.equilibrium_sensitivities([], by).states if is_at_rest else np.zeros((len(near.states), len(by)))
 
         def matrix(way: Array, change: float) -> Array:
             self.set_states(near.x + change * way)
             return self.linearise().A
 
         changes = [self._differentiate(name, partial(matrix, way)) for name, way in zip(by, ways.T, strict=True)]
-        values, slopes = find_eigenvalues(near.A, changes, modes)
-        return ModeDerivative(values=values, slopes=slopes, by=tuple(by))
+        values, derivatives = find_eigenvalues(near.A, changes, modes)
+        return EigenvalueSensitivities(values=values, derivatives=derivatives, by=tuple(by))
 
     def _differentiate(self, name: str, find: Callable[[float], Array]) -> Array:
         """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays.
@@ -566,7 +571,7 @@ class Simulation:
         """
         here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
         places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
-        value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.present_input(name)
+        value = self.parameters[name] if find_place(places, name) < len(self.parameters) else self.get_input(name)
 
         def beside(change: float) -> Array:
             try:
@@ -578,17 +583,17 @@ class Simulation:
         for share in _NARROWER:
             h = share * (_SHARE * abs(value) or _SHARE_OF_NOUGHT)
             found = [beside(steps * h) for steps in STEPS_BESIDE]
-            if not is_kinked(found, h):
+            if not is_non_smooth(found, h):
                 return difference(found, h)
         raise ValueError(
             f"by '{name}' there is no derivative: what changes with it jumps or has a kink at this state, as where a damper has other "
             "rates for bump and rebound; make that law smooth here, or take a state beside it"
         )
 
-    def step_derivative(self) -> StepDerivative:
-        """Take one step, with the derivatives of its end by its beginning, by inputs and by parameters.
+    def step_derivatives(self) -> StepDerivatives:
+        """Take one step, and differentiate its end by its beginning, by inputs (zero-order hold) and by parameters.
 
-        Inputs have a zero-order hold (`StepDerivative`).  Values that controllers hold stay, and so do those of inputs by the scene's laws.
+        Outputs of controllers and inputs that follow the scene stay constant.
 
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.
@@ -598,26 +603,29 @@ class Simulation:
         self._require(self.library.derives_steps, _WITHOUT_STEP_DERIVATIVES)
         n, inputs, parameters = len(states), *(self.library.names[kind] for kind in ("input", "parameter"))
         by_state, by_input, by_parameter = matrices = [np.zeros((n, width)) for width in (n, len(inputs), len(parameters))]
-        self._call(self.library.step_derivative, *(matrix.ctypes.data for matrix in matrices))
-        return StepDerivative(
+        self._call(self.library.step_derivatives, *(matrix.ctypes.data for matrix in matrices))
+        return StepDerivatives(
             by_state=by_state, by_input=by_input, by_parameter=by_parameter, start=states.array, end=self.states.array,
             states=tuple(states), inputs=inputs, parameters=parameters,
         )  # fmt: skip
 
-    def play_derivative(
-        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, begin: Array | None = None, events: int = 0,
-        inputs: Mapping[str, InputOverTime] | None = None,
-    ) -> RunDerivative:  # fmt: skip
-        """Take so many steps, with the derivatives of ``outputs``, at the beginning and behind each ``every`` steps, by the numbers named
-        ``by``: parameters, inputs, which are shifted all the time, and ``states`` at the beginning.
+    def forward_sensitivities(
+        self, steps: int, outputs: Sequence[str], by: Sequence[str], *, every: int = 1, initial_sensitivities: Array | None = None,
+        events: int = 0,
+        inputs: Mapping[str, InputTrajectoryLike] | None = None,
+    ) -> ForwardSensitivities:  # fmt: skip
+        """Take a number of steps, with the derivatives of outputs by parameters, inputs and initial states.
 
-        ``inputs`` over time hold in this run alone: values, each for an equal number of steps, or a table, as of `simulate`, by times of
-        the simulation.  Such an input among ``by`` stands for all its values, a column each, ``name[0]`` on, and with ``.rate`` behind its
-        name for the rates of its table.
+        Each step is differentiated as it was taken, over events too.
 
-        Parameters leave the states at the beginning as they are, unless ``begin`` says how these change, (states, by), as
-        `rest_derivative` does.  Each step is differentiated as by `step_derivative`, and steps of methods that end at an event with its
-        moving time.  So many ``events`` from the first on are told, where forces, guides or drives change their formulas.
+        Args:
+            outputs: names of outputs.
+            by: names of parameters, of inputs (a constant shift), and of ``states`` at the beginning.
+            every: steps between samples.
+            initial_sensitivities: (states, by) derivatives of the initial states by parameters; default: none.
+            events: number of events to record.
+            inputs: input trajectories for this run: arrays (zero-order hold) or tables as of `simulate`.  Such an input in ``by``
+                stands for all its values, ``name[0]`` on; ``name.rate`` for the rates of its table.
 
         Raises:
             TypeError: the model was loaded without derivatives, its steps have none, or go over events that are asked for.
@@ -634,76 +642,81 @@ class Simulation:
             if not by:
                 raise ValueError("events are told with their derivatives: name numbers by which they change")
         chosen = self._chosen(steps, outputs, every)
-        courses = self._courses(inputs, steps)
-        columns = Columns.of(by, courses)
+        trajectories = self._trajectories(inputs, steps)
+        columns = Columns.of(by, trajectories)
         places = {name: i for i, name in enumerate((*self.library.names["input"], *self.library.names["parameter"], *states))}
         numbers = np.full(len(columns.names), -1, dtype=np.intc)
-        matrix = np.zeros((self.library.direction_rows, len(numbers)))
+        matrix = np.zeros((self.library.seed_rows, len(numbers)))
         for column, name in columns.plain.items():
             place = find_place(places, name)
             if name in states:
                 matrix[states.place(name), column] = 1.0
             else:
                 numbers[column] = place
-        if begin is not None:
-            matrix[: len(states)] += self._begun(begin, states, columns.names)
+        if initial_sensitivities is not None:
+            matrix[: len(states)] += self._begun(initial_sensitivities, states, columns.names)
         start, rows = self.time, steps // every + 1
-        values, slopes = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
-        tell = self._tell_events(events, len(numbers), len(chosen))
-        changes = columns.changes(courses)
-        self._follow(courses, changes=changes)
+        values, derivatives = np.empty((rows, len(chosen))), np.empty((rows, len(chosen), len(numbers)))
+        tell = self._record_events(events, len(numbers), len(chosen))
+        changes = columns.changes(trajectories)
+        self._follow(trajectories, changes=changes)
         self._call(
-            self.library.play_derivative, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen), chosen.ctypes.data,
-            every, values.ctypes.data, slopes.ctypes.data,
+            self.library.forward_sensitivities, steps, len(numbers), numbers.ctypes.data, matrix.ctypes.data, len(chosen),
+            chosen.ctypes.data,
+            every, values.ctypes.data, derivatives.ctypes.data,
         )  # fmt: skip
         at = tell() if events else None
         times = np.linspace(start, self.time, rows)
-        return RunDerivative(times=times, values=values, slopes=slopes, outputs=tuple(outputs), by=columns.names, events=at)
+        return ForwardSensitivities(times=times, values=values, derivatives=derivatives, outputs=tuple(outputs), by=columns.names,
+            events=at)
 
-    def _courses(self, inputs: Mapping[str, InputOverTime] | None, steps: int) -> tuple[Course, ...]:
+    def _trajectories(self, inputs: Mapping[str, InputTrajectoryLike] | None, steps: int) -> tuple[InputTrajectory, ...]:
         """The courses of inputs of a run of so many steps from now on."""
-        return make_courses(self.library.names["input"], inputs or {}, self.time, steps, self.settings.step)
+        return make_trajectories(self.library.names["input"], inputs or {}, self.time, steps, self.settings.step)
 
     def _follow(
-        self, courses: Sequence[Course], *, changes: Sequence[Array | None] = (), slopes: Sequence[Array] = ()
+        self, trajectories: Sequence[InputTrajectory], *, changes: Sequence[Array | None] = (), derivatives: Sequence[Array] = ()
     ) -> None:  # fmt: skip
         """Let the next run follow courses, with their changes along its directions, or room for slopes."""
-        if not courses:
+        if not trajectories:
             return
-        records = (CourseRecord * len(courses))()
-        for i, (record, course) in enumerate(zip(records, courses, strict=True)):
+        records = (TrajectoryRecord * len(trajectories))()
+        for i, (record, trajectory) in enumerate(zip(records, trajectories, strict=True)):
             change = changes[i] if changes else None
-            record.input, record.jumps, record.pieces = course.place, course.jumps, len(course.times)
-            record.times, record.numbers = course.times.ctypes.data, course.numbers.ctypes.data
-            record.changes = None if change is None else change.ctypes.data
-            record.slopes = slopes[i].ctypes.data if slopes else None
-        self._call(self.library.follow_courses, len(courses), records)
+            record.input, record.jumps, record.pieces = trajectory.place, trajectory.jumps, len(trajectory.times)
+            record.times, record.coefficients = trajectory.times.ctypes.data, trajectory.numbers.ctypes.data
+            record.seeds = None if change is None else change.ctypes.data
+            record.derivatives = derivatives[i].ctypes.data if derivatives else None
+        self._call(self.library.set_input_trajectories, len(trajectories), records)
 
-    def _tell_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventDerivative]:
+    def _record_events(self, most: int, directions: int, outputs: int) -> Callable[[], EventSensitivities]:
         """Let the next run tell its events, ``most`` at most; returns the maker of their record behind it."""
         found, which = ctypes.c_int(0), np.empty(most, dtype=np.intc)
         told = [np.empty(shape) for shape in ((most,), (most, directions), (most, outputs), (most, outputs, directions))]
-        if most and self.library.tells_events:
-            self._call(self.library.tell_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in told))
+        if most and self.library.records_events:
+            self._call(self.library.record_events, most, ctypes.byref(found), which.ctypes.data, *(each.ctypes.data for each in told))
 
-        def make() -> EventDerivative:
+        def make() -> EventSensitivities:
             number = min(found.value, most)
-            times, time_slopes, values, slopes = (each[:number] for each in told)
+            times, derivatives_of_times, values, derivatives = (each[:number] for each in told)
             names = tuple(self.library.event_names[i] for i in which[:number])
-            return EventDerivative(names=names, times=times, time_slopes=time_slopes, values=values, slopes=slopes)
+            return EventSensitivities(names=names, times=times, derivatives_of_times=derivatives_of_times, values=values,
+                derivatives=derivatives)
 
         return make
 
-    def play_adjoint(
+    def adjoint_sensitivities(
         self, steps: int, outputs: Sequence[str], by: Sequence[str], weights: Array | str | Callable[[Array, Array], Array], *,
-        every: int = 1, begin: Array | None = None, inputs: Mapping[str, InputOverTime] | None = None,
-    ) -> RunAdjoint:  # fmt: skip
-        """Take so many steps, with the derivatives of objectives by the numbers named ``by``, as of `play_derivative`, with its ``inputs``
-        over time, in the time of some runs for each objective, however many numbers there are.
+        every: int = 1, initial_sensitivities: Array | None = None, inputs: Mapping[str, InputTrajectoryLike] | None = None,
+    ) -> AdjointSensitivities:  # fmt: skip
+        """Take a number of steps, with the derivatives of objectives by any number of parameters, inputs and initial states.
 
-        An objective is the sum of ``outputs`` at the beginning and behind each ``every`` steps by its ``weights``, (objectives, rows,
-        outputs): an array, or what a function makes of times and values, (rows) and (rows, outputs), the derivatives of objectives by
-        values; or one of each output by its name, "end", "integral", "mean", "rms", "largest" or "smallest".
+        The cost is some runs for each objective, however many names ``by`` has.
+
+        Args:
+            outputs, by, every, inputs: as of `forward_sensitivities`.
+            weights: (objectives, samples, outputs), whose sums with the samples are the objectives; or a function of times and
+                values that returns them; or "end", "integral", "mean", "rms", "maximum" or "minimum" of each output.
 
         Raises:
             TypeError: the model was loaded without ``adjoint``.
@@ -719,29 +732,29 @@ class Simulation:
         rows, size = steps // every + 1, (len(states), len(self.library.names["input"]), len(self.library.names["parameter"]))
         names = (*states, *self.library.names["input"], *self.library.names["parameter"])
         places = {name: i for i, name in enumerate(names)}
-        courses = self._courses(inputs, steps)
-        columns = Columns.of(by, courses)
+        trajectories = self._trajectories(inputs, steps)
+        columns = Columns.of(by, trajectories)
         numbers = [find_place(places, name) for name in columns.plain.values()]
         start = self.time
         if isinstance(weights, str):
-            weights = partial(weigh_each, weights, outputs=outputs)
+            weights = partial(weigh_each, renamed(weights), outputs=outputs)
         if callable(weights):
             begun = self.snapshot()
-            run = self.play_derivative(steps, outputs, [], every=every, inputs=inputs)
+            run = self.forward_sensitivities(steps, outputs, [], every=every, inputs=inputs)
             weights = weights(run.times, run.values)
             self.restore(begun)
         weighed = np.ascontiguousarray(weights, dtype=np.float64)
         if weighed.ndim != 3 or weighed.shape[1:] != (rows, len(chosen)):
             raise ValueError(f"weights are {weighed.shape}, not (objectives, {rows}, {len(chosen)})")
-        values, slopes = np.empty((rows, len(chosen))), [np.empty((len(weighed), each)) for each in size]
-        by_pieces = [np.empty((len(weighed), *course.numbers.shape)) for course in courses]
+        values, derivatives = np.empty((rows, len(chosen))), [np.empty((len(weighed), each)) for each in size]
+        by_pieces = [np.empty((len(weighed), *trajectory.numbers.shape)) for trajectory in trajectories]
         records = 2 * (steps + rows)
         while True:
             tape, begun = np.empty((records, self.library.record)), self.snapshot()
-            self._follow(courses, slopes=by_pieces)
-            status = self.library.play_adjoint(
+            self._follow(trajectories, derivatives=by_pieces)
+            status = self.library.adjoint_sensitivities(
                 self.address, steps, len(chosen), chosen.ctypes.data, every, len(weighed), weighed.ctypes.data, values.ctypes.data,
-                tape.ctypes.data, records, *(each.ctypes.data for each in slopes),
+                tape.ctypes.data, records, *(each.ctypes.data for each in derivatives),
             )  # fmt: skip
             if status != _TOO_MANY_STEPS or records > _MOST_RECORDS:
                 break
@@ -751,22 +764,25 @@ class Simulation:
             self._fail(status)
         times = np.linspace(start, self.time, rows)
         by_all = np.zeros((len(weighed), len(columns.names)))
-        by_all[:, list(columns.plain)] = np.hstack(slopes)[:, numbers]
+        by_all[:, list(columns.plain)] = np.hstack(derivatives)[:, numbers]
         for i, by_piece in enumerate(by_pieces):
             for part, knots in columns.parts(i):
                 by_all[:, part] = knots.gather(by_piece)
-        return RunAdjoint(
+        return AdjointSensitivities(
             times=times, values=values, objectives=np.tensordot(weighed, values, 2),
-            slopes=by_all if begin is None else by_all + slopes[0] @ self._begun(begin, states, columns.names),
+            derivatives=by_all if initial_sensitivities is None else by_all + derivatives[0] @ self._begun(initial_sensitivities, states,
+                columns.names),
             outputs=tuple(outputs), by=columns.names,
         )  # fmt: skip
 
     @staticmethod
-    def _begun(begin: Array, states: Values, by: Sequence[str]) -> Array:
+    def _begun(initial_sensitivities: Array, states: Values, by: Sequence[str]) -> Array:
         """The changes of states at the beginning of a run."""
-        if np.shape(begin) != (len(states), len(by)):
-            raise ValueError(f"begin: it is {np.shape(begin)}, not ({len(states)}, {len(by)}), states and numbers")
-        return np.asarray(begin, dtype=np.float64)
+        if np.shape(initial_sensitivities) != (len(states), len(by)):
+            raise ValueError(
+                f"initial_sensitivities: it is {np.shape(initial_sensitivities)}, not ({len(states)}, {len(by)}), states and numbers"
+            )
+        return np.asarray(initial_sensitivities, dtype=np.float64)
 
     def _chosen(self, steps: int, outputs: Sequence[str], every: int) -> Any:
         """The numbers of outputs in rows of a run."""
@@ -781,24 +797,30 @@ class Simulation:
                     raise ValueError(f"{kind} '{name}' is {value}; give it a finite number")
         return np.array([self.outputs.place(name) for name in outputs], dtype=np.intc)
 
-    def find_dynamics(self) -> tuple[Array, Array]:
-        """The mass matrix M (f, f) and the force (f) of M z'' = force for the f independent coordinates z, the first of ``states``, in SI
-        units; the force is that of all that acts, with velocity products.
+    def equations_of_motion(self) -> tuple[Array, Array]:
+        """Mass matrix M (f, f) and force (f,) of M z'' = force for the f independent coordinates z; SI units.
+
+        The force includes everything that acts, and velocity products.
 
         Raises:
             TypeError: the model was loaded without derivatives or without poses.
             SimulationError: the pose is singular, or there was no `reset`.
         """
-        freedoms = self._require_freedoms()
+        dofs = self._require_dofs()
         self._require(self.library.has_poses, _WITHOUT_POSES)
-        mass, force = np.zeros((freedoms, freedoms)), np.zeros(freedoms)
-        self._call(self.library.dynamics, mass.ctypes.data, force.ctypes.data)
+        mass, force = np.zeros((dofs, dofs)), np.zeros(dofs)
+        self._call(self.library.equations_of_motion, mass.ctypes.data, force.ctypes.data)
         return mass, force
 
-    def find_point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
-        """The Jacobian (6, f) of a point of a body by the rates of independent coordinates, guides at rest: three rows of its velocity,
-        three of the body's angular velocity, in global axes.  The body is that of a body or marker, ``name``; the ``point`` (m) is where it
-        is in the design position, by default that of the pose.  A force and a torque there add J^T (F, T) to the force of `find_dynamics`.
+    def point_jacobian(self, name: str, point: Sequence[float] | None = None) -> Array:
+        """Jacobian (6, f) of a point of a body by the rates of the independent coordinates, guides at rest.
+
+        Three rows of the velocity, three of the angular velocity, in global axes.  A wrench (F, T) there adds J^T (F, T) to the force of
+        `equations_of_motion`.
+
+        Args:
+            name: a body or marker.
+            point: (3,) m, in the design position; default: the point of its pose.
 
         Raises:
             TypeError: the model was loaded without derivatives or without poses.
@@ -806,23 +828,23 @@ class Simulation:
             ValueError: the point has not three numbers.
             SimulationError: the pose is singular, or there was no `reset`.
         """
-        freedoms = self._require_freedoms()
+        dofs = self._require_dofs()
         poses = self.poses
         place = poses.place(name)
         at = np.array(poses.point[place] if point is None else point, dtype=float)
         if at.shape != (3,):
             raise ValueError(f"point: {at.shape} numbers are no point; give three, where it is in the design position (m)")
-        jacobian = np.zeros((6, freedoms))
+        jacobian = np.zeros((6, dofs))
         self._call(self.library.point_jacobian, place, at.ctypes.data, jacobian.ctypes.data)
         return jacobian
 
-    def _require_freedoms(self) -> int:
-        freedoms = self.library.freedoms
-        self._require(freedoms is not None, _NOT_LINEARISED)
-        return int(freedoms or 0)
+    def _require_dofs(self) -> int:
+        dofs = self.library.dofs
+        self._require(dofs is not None, _NOT_LINEARISED)
+        return int(dofs or 0)
 
     def snapshot(self) -> bytes:
-        """Everything that later steps follow from: after `restore` they are the same bit by bit.
+        """Complete state as bytes; after `restore` the same steps follow bit for bit.
 
         Raises:
             SimulationError: there was no `reset`.
@@ -832,7 +854,7 @@ class Simulation:
         return room.raw
 
     def restore(self, snapshot: bytes) -> None:
-        """Go on from a snapshot of this or another simulation of the same model and scene.
+        """Continue from a snapshot of this or another simulation of the same model and scene.
 
         Raises:
             ValueError: the bytes are none.
@@ -843,7 +865,7 @@ class Simulation:
         self._is_started = True
 
     def copy(self) -> Simulation:
-        """Copy the simulation with its state; without a `reset` the copy has its parameters and inputs alone."""
+        """Copy the simulation with its state; without a `reset` only its parameters and inputs."""
         return _rebuilt(*self.__reduce__()[1])
 
     def __copy__(self) -> Simulation:
@@ -876,7 +898,7 @@ class Simulation:
         text = self.library.status_text(status)
         if status > 0:
             room = ctypes.create_string_buffer(_TEXT)
-            self.library.explain(self.address, room, _TEXT)
+            self.library.failure_text(self.address, room, _TEXT)
             text = room.value
         hint = "" if self._is_started else "; call reset()"
         raise SimulationError(f"{self.library.model}, at {self.time:.6g} s: {text.decode()}{hint if status < 0 else ''}", status)

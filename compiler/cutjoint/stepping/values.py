@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cutjoint.package.renamed import with_old_members
+
 Array = NDArray[np.float64]
 
 
@@ -88,15 +90,16 @@ class Outputs(Values):
         raise TypeError(f"'{name}' is an output, which follows from the state")
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class Effort:
-    """The effort of a step: the ``gap`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the largest
-    ``rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1 + the largest of
-    them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors; ``iterations`` (tries of
-    explicit steps) and ``evaluations``."""
+class StepStatistics:
+    """The effort of a step: the ``violation`` (m or rad) of the ``equation`` that stands open by the largest share of its limit, and the
+    largest ``violation_rate`` (m/s or rad/s) at which one opens; the ``change`` of the accelerations by the last iteration, as a share of 1
+    + the largest of them; the smallest ``pivot`` of the factors, as a share of its column, infinity by a method without factors;
+    ``iterations`` (tries of explicit steps) and ``evaluations``."""
 
-    gap: float
-    rate: float
+    violation: float
+    violation_rate: float
     change: float
     pivot: float
     iterations: int
@@ -131,13 +134,12 @@ class Poses:
 
 @dataclass(frozen=True, kw_only=True)
 class StateSpace:
-    """x' = A x + B u + B_rate u' + B_acceleration u'', y = C x + D u + D_rate u' + D_acceleration u'', of changes x of states, u of inputs
-    and y of outputs from a state that a simulation was in.
+    """Linear model x' = A x + B u, y = C x + D u about a state of a simulation; SI units.
 
-    ``A`` (2f, 2f), ``B`` (2f, inputs), ``C`` (outputs, 2f), ``D`` (outputs, inputs) with f degrees of freedom, in SI units.  Rates and
-    accelerations of inputs count where an input moves a joint, and are zero elsewhere.  ``states``, ``inputs`` and ``outputs`` are names:
-    the independent coordinates, their rates, then first-order states.  ``x`` (2f) are the states about which it holds, so that
-    ``simulation.states.array - near.x`` is the change.
+    Attributes:
+        A, B, C, D: (2f, 2f), (2f, inputs), (outputs, 2f), (outputs, inputs) with f degrees of freedom.
+        x: (2f,) the states about which it holds; `simulation.states.array - x` is the change.
+        states, inputs, outputs: names; states are independent coordinates, then their rates.
     """
 
     A: Array
@@ -167,13 +169,15 @@ class StateSpace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepDerivative:
-    """Derivatives of the states at the end of a step: by those at its beginning, ``by_state`` (states, states), by each input under a
-    zero-order hold, ``by_input`` (states, inputs), and by parameters, ``by_parameter`` (states, parameters), in SI units.  ``start`` and
-    ``end`` are the states of the step, the others names.
+class StepDerivatives:
+    """Derivatives of the states at the end of a step; SI units.
 
-    The hold shifts the input's value by the same amount from the step's beginning to its end.  Rate and acceleration of an input that moves
-    a joint stay: the joint is displaced during all of the step, and does not move there.
+    Attributes:
+        by_state: (states, states).
+        by_input: (states, inputs), of a constant shift during the step (zero-order hold).
+        by_parameter: (states, parameters).
+        start, end: (states,) the states before and after the step.
+        states, inputs, parameters: names.
     """
 
     by_state: Array
@@ -186,76 +190,100 @@ class StepDerivative:
     parameters: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<StepDerivative: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}>"
+        return f"<StepDerivatives: states {', '.join(self.states)}, inputs {', '.join(self.inputs) or 'none'}>"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class RestDerivative:
-    """A pose at rest, or a start, and how it changes with ``by``, in SI units: ``values`` (outputs) with their ``slopes`` (outputs, by),
-    and the changes of ``states`` (states, by)."""
+class StateSensitivities:
+    """A pose at rest or a start, and its derivatives; SI units.
+
+    Attributes:
+        values: (outputs,).
+        derivatives: (outputs, by).
+        states: (states, by).
+    """
 
     values: Array
-    slopes: Array
+    derivatives: Array
     states: Array
     outputs: tuple[str, ...]
     by: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<RestDerivative: {', '.join(self.outputs)} by {', '.join(self.by)}>"
+        return f"<StateSensitivities: {', '.join(self.outputs)} by {', '.join(self.by)}>"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class ModeDerivative:
-    """Eigenvalues of the motion near a state, of which each pair has the one that turns forwards, and how they change: ``values`` (1/s,
-    modes), by their size, and ``slopes`` (modes, by), complex numbers in SI units."""
+class EigenvalueSensitivities:
+    """Eigenvalues of the linear model at a state, and their derivatives; SI units.
+
+    Attributes:
+        values: (modes,) complex, 1/s, by magnitude; of a pair the one with positive imaginary part.
+        derivatives: (modes, by) complex.
+    """
 
     values: NDArray[np.complex128]
-    slopes: NDArray[np.complex128]
+    derivatives: NDArray[np.complex128]
     by: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<ModeDerivative: {len(self.values)} modes by {', '.join(self.by)}>"
+        return f"<EigenvalueSensitivities: {len(self.values)} modes by {', '.join(self.by)}>"
 
     @property
     def frequencies(self) -> tuple[Array, Array]:
-        """Frequencies (Hz, modes) of motions that decay, 0 of those that do not turn, with their derivatives (modes, by)."""
-        return self.values.imag / (2 * np.pi), self.slopes.imag / (2 * np.pi)
+        """Natural frequencies (Hz, (modes,)), 0 of real eigenvalues, and their derivatives (modes, by)."""
+        return self.values.imag / (2 * np.pi), self.derivatives.imag / (2 * np.pi)
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class EventDerivative:
-    """Events of a run, where forces, guides or drives change their formulas, in SI units: ``names`` of these elements, ``times`` (s,
-    events) with ``time_slopes`` (events, by), and outputs right behind, ``values`` (events, outputs), with ``slopes`` (events, outputs,
-    by), each at the time of its event, which moves."""
+class EventSensitivities:
+    """Events of a run and their derivatives; SI units.
+
+    Attributes:
+        names: elements whose formula changes.
+        times: (events,) s.
+        derivatives_of_times: (events, by).
+        values: (events, outputs), right after the event.
+        derivatives: (events, outputs, by), at the moving time of the event.
+    """
 
     names: tuple[str, ...]
     times: Array
-    time_slopes: Array
+    derivatives_of_times: Array
     values: Array
-    slopes: Array
+    derivatives: Array
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name} at {t:.6g} s" for name, t in zip(self.names[:4], self.times, strict=False))
-        return f"<EventDerivative: {shown or 'no event'}{', ...' if len(self.names) > 4 else ''}>"
+        return f"<EventSensitivities: {shown or 'no event'}{', ...' if len(self.names) > 4 else ''}>"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class RunDerivative:
-    """Outputs of a run and their derivatives by ``by``, numbers where it began, in SI units: ``values`` (rows, outputs) and ``slopes``
-    (rows, outputs, by) at ``times`` (s, rows), the first of which is the beginning; ``events`` that were asked for.
+class ForwardSensitivities:
+    """Outputs of a run and their derivatives, from `Simulation.forward_sensitivities`; SI units.
 
-    Methods give a value for each output, (outputs), with its derivatives, (outputs, by).
+    The properties reduce outputs over time: each is a value (outputs,) and its derivatives (outputs, by).
+
+    Attributes:
+        times: (samples,) s, from the beginning on.
+        values: (samples, outputs).
+        derivatives: (samples, outputs, by).
+        events: the events that were asked for, or None.
     """
 
     times: Array
     values: Array
-    slopes: Array
+    derivatives: Array
     outputs: tuple[str, ...]
     by: tuple[str, ...]
-    events: EventDerivative | None = None
+    events: EventSensitivities | None = None
 
     def __repr__(self) -> str:
-        return f"<RunDerivative: {', '.join(self.outputs)} by {', '.join(self.by)}, {len(self.times)} rows>"
+        return f"<ForwardSensitivities: {', '.join(self.outputs)} by {', '.join(self.by)}, {len(self.times)} rows>"
 
     @property
     def end(self) -> tuple[Array, Array]:
@@ -264,12 +292,12 @@ class RunDerivative:
 
     @property
     def integral(self) -> tuple[Array, Array]:
-        """Integrals over time, by the trapezoidal rule from row to row."""
+        """Integrals over time, by the trapezoidal rule."""
         return self._of("integral")
 
     @property
     def mean(self) -> tuple[Array, Array]:
-        """Means over time: integrals as shares of it.
+        """Means over time.
 
         Raises:
             ValueError: the run has no length.
@@ -278,7 +306,7 @@ class RunDerivative:
 
     @property
     def rms(self) -> tuple[Array, Array]:
-        """Roots of the means over time of squares.
+        """Root mean squares over time.
 
         Raises:
             ValueError: an output is 0 all the time, where the root has no derivative, or the run has no length.
@@ -286,30 +314,30 @@ class RunDerivative:
         return self._of("rms")
 
     @property
-    def largest(self) -> tuple[Array, Array]:
-        """The largest values of rows.
+    def maximum(self) -> tuple[Array, Array]:
+        """Largest values of the samples.
 
         Raises:
             ValueError: two rows have the largest value of an output, with different derivatives.
         """
-        return self._of("largest")
+        return self._of("maximum")
 
     @property
-    def smallest(self) -> tuple[Array, Array]:
-        """The smallest values of rows.
+    def minimum(self) -> tuple[Array, Array]:
+        """Smallest values of the samples.
 
         Raises:
             ValueError: two rows have the smallest value of an output, with different derivatives.
         """
-        return self._of("smallest")
+        return self._of("minimum")
 
     def _of(self, objective: str) -> tuple[Array, Array]:
         found, weights = weigh(objective, self.times, self.values, self.outputs)
         for i, rows in ties(objective, self.values).items():
-            slopes = self.slopes[rows, i]
-            if not np.array_equal(slopes, np.broadcast_to(slopes[0], slopes.shape)):
-                raise ValueError(told_tie(self.times[rows], self.outputs[i], found[i]))
-        return found, np.einsum("ro,rop->op", weights, self.slopes)
+            derivatives = self.derivatives[rows, i]
+            if not np.array_equal(derivatives, np.broadcast_to(derivatives[0], derivatives.shape)):
+                raise ValueError(tie_message(self.times[rows], self.outputs[i], found[i]))
+        return found, np.einsum("ro,rop->op", weights, self.derivatives)
 
 
 #: The steps of a difference of fourth order.
@@ -328,7 +356,7 @@ _APART, _ROUNDED = 1e-5, 1e-8
 _BENT = 0.1
 
 
-def is_kinked(found: Sequence[Array], h: float) -> bool:
+def is_non_smooth(found: Sequence[Array], h: float) -> bool:
     """Return whether what is found so many steps h (`STEPS_BESIDE`) from a number jumps or has a kink there, row by row.
 
     Slopes of one side and of both, over one step and over two, are alike where it is smooth.
@@ -365,18 +393,18 @@ def find_eigenvalues(
         if not 0 <= number < len(ordered):
             raise KeyError(f"no mode {number}: there are {len(ordered)}")
         chosen.append(ordered[number])
-    slopes = np.zeros((len(chosen), len(changes)), dtype=np.complex128)
-    for row, i in zip(slopes, chosen, strict=True):
+    derivatives = np.zeros((len(chosen), len(changes)), dtype=np.complex128)
+    for row, i in zip(derivatives, chosen, strict=True):
         value, away = all_values[i], np.abs(all_values - all_values[i])
         v, w = right[:, i], left[:, np.argmin(np.abs(left_values - value))]
         if np.sum(away <= _REPEATED * size) > 1 or abs(w @ v) <= _REPEATED:
             raise ValueError(f"the eigenvalue {value:.6g} 1/s repeats: it has no derivative; name other modes")
         row[:] = [w @ change @ v / (w @ v) for change in changes]
-    return all_values[chosen].astype(np.complex128), slopes
+    return all_values[chosen].astype(np.complex128), derivatives
 
 
 #: Objectives of each output of a run.
-OBJECTIVES = ("end", "integral", "mean", "rms", "largest", "smallest")
+OBJECTIVES = ("end", "integral", "mean", "rms", "maximum", "minimum")
 
 
 def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -> tuple[Array, Array]:
@@ -393,8 +421,8 @@ def weigh(objective: str, times: Array, values: Array, outputs: Sequence[str]) -
     if objective == "end":
         weights[-1] = 1.0
         return values[-1], weights
-    if objective in ("largest", "smallest"):
-        rows = (np.argmax if objective == "largest" else np.argmin)(values, axis=0)
+    if objective in ("maximum", "minimum"):
+        rows = (np.argmax if objective == "maximum" else np.argmin)(values, axis=0)
         columns = np.arange(values.shape[1])
         weights[rows, columns] = 1.0
         return values[rows, columns], weights
@@ -421,36 +449,44 @@ def weigh_each(objective: str, times: Array, values: Array, outputs: Sequence[st
     """
     found, weights = weigh(objective, times, values, outputs)
     for i, rows in ties(objective, values).items():
-        raise ValueError(told_tie(times[rows], outputs[i], found[i]))
+        raise ValueError(tie_message(times[rows], outputs[i], found[i]))
     return weights.T[:, :, None] * np.eye(len(outputs))[:, None, :]
 
 
 def ties(objective: str, values: Array) -> dict[int, NDArray[np.intp]]:
     """By an output's number, the rows that share its extreme, where there are several."""
-    if objective not in ("largest", "smallest"):
+    if objective not in ("maximum", "minimum"):
         return {}
-    extremes = (np.max if objective == "largest" else np.min)(values, axis=0)
+    extremes = (np.max if objective == "maximum" else np.min)(values, axis=0)
     rows = {i: np.flatnonzero(values[:, i] == extreme) for i, extreme in enumerate(extremes)}
     return {i: found for i, found in rows.items() if len(found) > 1}
 
 
-def told_tie(times: Array, name: str, value: float) -> str:
+def tie_message(times: Array, name: str, value: float) -> str:
     """The message of an extreme that rows at some times share."""
     at = " and ".join(f"{time:.6g} s" for time in times[:2])
     return f"'{name}' is the same {value:.6g} at {at}, with other derivatives: that it is the extreme has none"
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
-class RunAdjoint:
-    """Objectives of a run and their derivatives by ``by``, numbers where it began, in SI units: of ``objectives``, sums of the outputs'
-    ``values`` (rows, outputs) at ``times`` (s, rows) by weights, the ``slopes`` (objectives, by)."""
+class AdjointSensitivities:
+    """Objectives of a run and their derivatives, from `Simulation.adjoint_sensitivities`; SI units.
+
+    Attributes:
+        times: (samples,) s.
+        values: (samples, outputs).
+        objectives: (objectives,) weighted sums of the outputs.
+        derivatives: (objectives, by).
+        by: names of the parameters, inputs and initial states.
+    """
 
     times: Array
     values: Array
     objectives: Array
-    slopes: Array
+    derivatives: Array
     outputs: tuple[str, ...]
     by: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<RunAdjoint: {len(self.objectives)} objectives by {len(self.by)} numbers, {len(self.times)} rows>"
+        return f"<AdjointSensitivities: {len(self.objectives)} objectives by {len(self.by)} numbers, {len(self.times)} rows>"

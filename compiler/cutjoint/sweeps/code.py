@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy
 
-from cutjoint.compile.folders import Standalone, lanes_break_even, make_standalone
+from cutjoint.compile.c_export import Standalone, lanes_break_even, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joint import ATTITUDE
 from cutjoint.emit.classes import MOST_LANES
@@ -26,7 +26,7 @@ from cutjoint.model.units import TIME, Dimension, measure
 from cutjoint.package.errors import RunError
 from cutjoint.program.records import Program
 from cutjoint.run.run_file import changing, require_same_start, sources_of_parts
-from cutjoint.run.scenes import held_as_usual
+from cutjoint.run.scenes import with_default_closure
 from cutjoint.sweeps.kernel import Kernel, find_target
 from cutjoint.sweeps.records import Kind, Study, Variable
 
@@ -54,7 +54,7 @@ def with_runs(
 
 _CALLS = {
     Kind.PARAMETER: ("set_parameter", "parameter", ""), Kind.INPUT: ("set_input", "input", ", 0.0, 0.0"),
-    Kind.POSITION: ("give_coordinate", "coordinate", ""), Kind.RATE: ("give_speed", "speed", ""),
+    Kind.POSITION: ("set_start_coordinate", "coordinate", ""), Kind.RATE: ("set_start_speed", "speed", ""),
 }  # fmt: skip
 
 
@@ -90,7 +90,7 @@ def _following(
         reason = f"scene '{scene.name}' assembles its start"
         raise RunError(f"{held.span}: position '{held.name}': {reason}; vary parameters of that by cutjoint batch")
     calls = []
-    for part, function, table in (("positions", "give_coordinate", "coordinate"), ("rates", "give_speed", "speed")):
+    for part, function, table in (("positions", "set_start_coordinate", "coordinate"), ("rates", "set_start_speed", "speed")):
         given = sources_of_parts(model, scene)[part]
         for name, value in given.items():
             joint, _, component = name.rpartition(".")
@@ -137,7 +137,7 @@ def build_kernels(study: Study, *, lanes: bool | None = None) -> tuple[Kernel, .
 
 
 def _build(study: Study, scene: Scene, lanes: bool | None) -> Kernel:
-    scene = held_as_usual(scene, study.method, study.integrator)
+    scene = with_default_closure(scene, study.method, study.integrator)
     generated = generate(study.model, scene, study.outputs, method=study.method)
     alone = make_standalone(generated, integrator=study.integrator)
     rows, row_step = _count_rows(scene, alone)

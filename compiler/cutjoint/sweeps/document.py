@@ -9,7 +9,7 @@ from pydantic import Field, StrictInt, StrictStr, Tag, model_validator
 from cutjoint.emit.steps import INTEGRATORS_OF_CORE, STEPS
 from cutjoint.methods import DEFAULT_METHOD
 from cutjoint.model.document import json_schema
-from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, shape_error, told_by
+from cutjoint.model.values import MAX_PIECES, Name, Number, OneOf, Part, Unit, discriminated_by, shape_error
 
 #: Runs that a study has at most.
 MOST_RUNS = 10**8
@@ -31,7 +31,7 @@ Values: TypeAlias = Annotated[
     Annotated[Number, Tag("<number>")]
     | Annotated[tuple[Number, ...], Tag("<list>"), Field(min_length=1)]
     | Annotated[Between, Tag("<range>")],
-    told_by(
+    discriminated_by(
         {**dict.fromkeys((int, float, str), "<number>"), tuple: "<list>", **dict.fromkeys(("from", "to"), "<range>")},
         "needs a number, a list of numbers or {from: ..., to: ...}",
     ),
@@ -84,7 +84,7 @@ Design: TypeAlias = Annotated[
     | Annotated[SobolIndices, Tag("<sobol_indices>")]
     | Annotated[Csv, Tag("<csv>")]
     | Annotated[Listed, Tag("<list>")],
-    told_by(
+    discriminated_by(
         {str: "<grid>", **{key: f"<{key}>" for key in ("latin_hypercube", "sobol", "sobol_indices", "csv", "list")}},
         "needs grid, {latin_hypercube: runs}, {sobol: runs}, {sobol_indices: points}, {csv: file} or {list: [...]}",
     ),
@@ -150,7 +150,7 @@ class Document(Part):
     cutjoint_study: Literal[1]
     model: StrictStr
     scenes: Annotated[tuple[StrictStr, ...], Field(min_length=1)] | None = None
-    open: tuple[StrictStr, ...] = ()
+    tunable: tuple[StrictStr, ...] = ()
     method: Annotated[str, OneOf(STEPS)] = DEFAULT_METHOD
     integrator: Annotated[str, OneOf(INTEGRATORS_OF_CORE)] | None = None
     dt: Number | None = None

@@ -17,14 +17,14 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from cutjoint.compile.folders import choose_steps
+from cutjoint.compile.c_export import choose_steps
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import templates_folder
 from cutjoint.run.result_files import naming_output
 from cutjoint.run.results import Trajectory
-from cutjoint.run.scenes import held_as_usual, in_scene
+from cutjoint.run.scenes import in_scene, with_default_closure
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
 from cutjoint.sweeps.designs import Masses
@@ -201,9 +201,9 @@ def replay(study: Study, run: int, view: Path, over: GhostRun | None = None) -> 
     )
     parameters = {name: value for name, value in values.items() if kinds[name] in (Kind.PARAMETER, Kind.INPUT)}
     steps = choose_steps(scene, study.method, study.integrator)
-    read = read_model(Path(study.file).parent / study.model.span.file, opened=study.opened)  # whose meshes are beside it
+    read = read_model(Path(study.file).parent / study.model.span.file, tunable=study.tunable)  # whose meshes are beside it
     model = in_scene(replace(read, code=study.model.code), scene)
-    held = held_as_usual(scene, study.method, study.integrator)
+    held = with_default_closure(scene, study.method, study.integrator)
     artifact = compile_scene(model, held, CompileOptions(method=study.method, flags=study.flags))
     done = simulate(
         artifact, parameters=parameters,

@@ -97,7 +97,7 @@ class _Reading:
             raise self.problems.error()
         return Study(
             file=self.source.file, model=model, scenes=scenes, method=document.method, integrator=document.integrator,
-            opened=document.open, flags=FLAGS if document.flags is None else tuple(document.flags.split()),
+            tunable=document.tunable, flags=FLAGS if document.flags is None else tuple(document.flags.split()),
             variables=design.variables, values=design.values, outputs=tuple(reader.outputs.values()), series=tuple(self.series),
             objectives=tuple(objectives), trajectories=tuple(kept), every=1 if shown is None else shown.every,
             design=_described(document), span=self.source.key_span(("design",)), digest=_digest(self.source, design.values),
@@ -113,9 +113,9 @@ class _Reading:
             self.where.fail(f"model: there is no file {path}", "write its path from the folder of the study", ("model",))
             raise self.problems.error()
         try:  # what is generated names the model as the study does, wherever that is called from
-            return read_model_text(read_text(path), self.document.model, folder=path.parent, opened=self.document.open)
+            return read_model_text(read_text(path), self.document.model, folder=path.parent, tunable=self.document.tunable)
         except ModelError:
-            return read_model(path, opened=self.document.open)
+            return read_model(path, tunable=self.document.tunable)
 
     def _scenes(self, model: Model) -> tuple[Scene, ...]:
         """The scenes with the settings of the study."""

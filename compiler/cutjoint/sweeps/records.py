@@ -78,7 +78,7 @@ class Study:
     scenes: tuple[Scene, ...]
     method: str
     integrator: str | None
-    opened: tuple[str, ...]
+    tunable: tuple[str, ...]
     flags: tuple[str, ...]
     variables: tuple[Variable, ...]
     values: Array

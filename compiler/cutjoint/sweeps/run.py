@@ -55,9 +55,9 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """The table of a sweep: ``sweep["objective"]`` is a column (runs,), SI units; of trajectories a list of arrays.
+    """Table of a sweep: ``sweep["objective"]`` is a column (runs,) in SI units, or a list of trajectories.
 
-    ``seconds`` is the work of all workers in this call, ``performed`` how many runs it made, the others were there.
+    ``seconds`` is the work of all workers in this call, ``performed`` the number of runs that it made.
     """
 
     path: Path
@@ -72,24 +72,24 @@ class Sweep:
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of columns that have one."""
+        """Units of the columns that have one."""
         fields = [(f.name, f.metadata or {}) for f in self.table.schema]
         return {name: data[b"unit"].decode() for name, data in fields if b"unit" in data}
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """The origin of the table: digests, versions, design."""
+        """Origin of the table: digests, versions, design."""
         found: dict[str, Any] = json.loads(self.table.schema.metadata[MANIFEST])
         return found
 
     @property
     def failures(self) -> list[str | None]:
-        """The reason of each run's failure, None if it did not fail."""
+        """Reason of each run's failure, or None."""
         found: list[str | None] = self.table["failure"].to_pylist()
         return found
 
     def find_indices(self, objective: str) -> Indices:
-        """The Sobol' indices of an objective, of a sweep whose design is `sobol_indices`.
+        """Sobol' indices of an objective; needs the design `sobol_indices`.
 
         Raises:
             RunError: the design is another one, or too few runs ended.
@@ -110,10 +110,12 @@ def sweep(
     study: AnyPath | Mapping[str, Any], out: AnyPath, *, scheduler: str | None = None, threads: int | None = None,
     progress: Progress | None = None, note: Callable[[str], None] | None = None,
 ) -> Sweep:  # fmt: skip
-    """Make all runs of a study, a file or what would stand in one, and write their table to ``out``.
+    """Make all runs of a study, a file or a mapping, and write their table; an interrupted call continues.
 
-    They run in ``threads`` of this process, as many as processors by default, or on the workers of the Dask cluster whose ``scheduler`` is
-    at an address such as "tcp://10.0.0.1:8786".  A call that did not come to its end is gone on with.  ``note`` is told what is done.
+    Args:
+        threads: default: all processors.
+        scheduler: address of a Dask scheduler, such as "tcp://10.0.0.1:8786".
+        note: is called with messages of progress.
 
     Raises:
         ModelError, EquationsError, RunError: the study or its model is wrong, or the cluster cannot run it.

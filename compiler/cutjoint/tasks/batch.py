@@ -14,7 +14,7 @@ from warnings import warn
 import numpy as np
 
 from cutjoint.analysis.shaky import require_firmness
-from cutjoint.compile.folders import fits_lanes
+from cutjoint.compile.c_export import fits_lanes
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene, derive, take_artifact
 from cutjoint.emit.simulator import emit_batch
@@ -29,10 +29,10 @@ from cutjoint.run import simulation
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.cases import CaseTable
 from cutjoint.run.failures import FailedBatchError, count_failures, describe_failures
-from cutjoint.run.inputs import GivenInput, input_entries
+from cutjoint.run.inputs import InputLike, input_entries
 from cutjoint.run.results import Array, Batch, Columns, Trajectory
 from cutjoint.run.run_file import changing, following, given_inputs, make_run_file, parameter_values
-from cutjoint.run.scenes import Given, take_model, with_closure
+from cutjoint.run.scenes import ModelLike, load_model, with_closure
 from cutjoint.run.settings import Options, StepSettings, find_integrator, find_tolerance, require_settings
 from cutjoint.run.simulator import Progress, Receive, call_simulator, failure_of
 from cutjoint.run.simulator_run import SimulatorRun, Start, start
@@ -65,9 +65,10 @@ class BatchArtifact:
         return f"<BatchArtifact of '{self.model.name}', scene '{self.scene.name}': {self.equations.unknowns} unknowns, {self.binary.path}>"
 
 
-def compile_batch(model: Given, *, scene: str | None = None, opened: Sequence[str] = (), flags: Sequence[str] = FLAGS) -> BatchArtifact:
-    """Compile a model, or its file, for batches of one scene, the only one if none is named; errors as in `compile_scene_batch`."""
-    return compile_scene_batch(*take_model(model, scene, opened), flags=flags)
+def compile_batch(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (),
+    flags: Sequence[str] = FLAGS) -> BatchArtifact:
+    """Compile a model for batches of one scene, by default the only one; errors as of `compile_model`."""
+    return compile_scene_batch(*load_model(model, scene, tunable), flags=flags)
 
 
 def compile_scene_batch(model: Model, scene: Scene, *, flags: Sequence[str] = FLAGS) -> BatchArtifact:
@@ -128,16 +129,18 @@ def _require_batch(scene: Scene) -> None:
 
 
 def simulate_batch(
-    model: BatchArtifact | Given, cases: Sequence[Mapping[str, float]], *, scene: str | None = None, opened: Sequence[str] = (),
+    model: BatchArtifact | ModelLike, cases: Sequence[Mapping[str, float]], *, scene: str | None = None, tunable: Sequence[str] = (),
     dt: float | None = None, end: float | None = None, solver_tolerance: float | None = None, threads: int | None = None,
     out: AnyPath | None = None, progress: Progress | None = None, check: bool = True, tolerance: float | None = None,
 ) -> Batch:  # fmt: skip
-    """Run a scene once for each of ``cases``, values (SI units) of parameters, or of inputs held constant, by name; what `compile_batch`
-    has not made is compiled by it.  ``threads`` are as many as processors by default; ``tolerance`` is the earlier name of
-    ``solver_tolerance``.
+    """Run a scene once for each of ``cases``: values (SI units) of parameters or constant inputs, by name.
 
-    ``out`` receives a table of the results (`CaseTable`), each row when its run is done.  Results do not depend on the number of threads.
-    A run that fails does not stop the others; with ``check`` it is an error once all have ended.
+    Results do not depend on the number of threads; a run that fails does not stop the others.
+
+    Args:
+        out: table of the results, written as runs end.
+        threads: default: all processors.
+        check: raise an error if a run fails, once all have ended.
 
     Raises:
         RunError: a parameter that cannot be set, settings that no run has, or cases that do not set the same parameters.
@@ -149,18 +152,18 @@ def simulate_batch(
     require_settings(threads=threads)
     if tolerance is not None:
         warn("simulate_batch(tolerance=...) is now simulate_batch(solver_tolerance=...)", FutureWarning, stacklevel=2)
-    if isinstance(model, BatchArtifact) and scene is None and not opened:
+    if isinstance(model, BatchArtifact) and scene is None and not tunable:
         artifact = model
     else:
-        artifact = compile_batch(model, scene=scene, opened=opened)
+        artifact = compile_batch(model, scene=scene, tunable=tunable)
     if any(case.keys() != cases[0].keys() for case in cases):
         raise RunError("the runs of a batch set the same parameters, each its own values; repeat the value where it does not differ")
     begin, asked = perf_counter(), Options(dt=dt, end=end, tolerance=tolerance if solver_tolerance is None else solver_tolerance)
     threads = processors() if threads is None else threads
     if artifact.alone is None:
-        settings, play = _plan_side_by_side(artifact, cases, asked, threads)
+        settings, execute = _plan_side_by_side(artifact, cases, asked, threads)
     else:
-        settings, play = _plan_one_by_one(artifact.alone, cases, asked, threads)
+        settings, execute = _plan_one_by_one(artifact.alone, cases, asked, threads)
     units = Columns({c.name: c.unit for c in artifact.equations.columns})
     results: list[dict[str, Any]] = [{}] * len(cases)
     with ExitStack() as stack:
@@ -172,11 +175,11 @@ def simulate_batch(
             if table is not None:
                 table.take(first, new)
 
-        seconds = play(progress, receive)
+        seconds = execute(progress, receive)
         if table is not None:
             table.finish()
     elapsed = perf_counter() - begin
-    tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "smallest", "largest")}
+    tables = {kind: _columns(results, kind, list(units)) for kind in ("end", "minimum", "maximum")}
     batch = Batch(
         cases=tuple(dict(case) for case in cases), **tables, units=units,
         evaluations=tuple(r.get("evaluations", 0) for r in results),
@@ -189,31 +192,31 @@ def simulate_batch(
 
 
 #: Makes the runs of a batch, tells of their progress and their results, and returns the seconds of their steps.
-_Play = Callable[[Progress | None, Receive], float]
+_Execute = Callable[[Progress | None, Receive], float]
 
 
 def _plan_side_by_side(
     artifact: BatchArtifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
-) -> tuple[StepSettings, _Play]:  # fmt: skip
+) -> tuple[StepSettings, _Execute]:  # fmt: skip
     """Steps of a batch whose runs are all made by one simulator, and that simulator."""
     options = replace(asked, integrator=DEFAULT_INTEGRATOR, events=Events.CROSSED)
     file = make_run_file(artifact.model, artifact.scene, {}, task="batch", method=METHOD, options=options)
     entries = {**file.entries(), "cases": _own_parts(artifact.model, artifact.scene, cases), "threads": threads}
 
-    def play(progress: Progress | None, receive: Receive) -> float:
+    def execute(progress: Progress | None, receive: Receive) -> float:
         return float(call_simulator(artifact.binary.path, entries, progress, receive)["seconds"])
 
-    return StepSettings.of(file.settings), play
+    return StepSettings.of(file.settings), execute
 
 
 def _plan_one_by_one(
     alone: Artifact, cases: Sequence[Mapping[str, float]], asked: Options, threads: int
-) -> tuple[StepSettings, _Play]:  # fmt: skip
+) -> tuple[StepSettings, _Execute]:  # fmt: skip
     """Steps of a batch with a simulator for each run."""
     options = _as_simulated(alone.scene, asked)
     plans = [make_simulator_run(alone, options, case) for case in cases]
 
-    def play(progress: Progress | None, receive: Receive) -> float:
+    def execute(progress: Progress | None, receive: Receive) -> float:
         seconds = 0.0
         for number, run in enumerate(_in_order(plans, threads)):
             receive({"first": number, "results": [_record(run)]})
@@ -222,7 +225,7 @@ def _plan_one_by_one(
                 progress((number + 1) / len(plans))
         return seconds
 
-    return StepSettings.of(make_simulator_run(alone, options).run_file.settings), play
+    return StepSettings.of(make_simulator_run(alone, options).run_file.settings), execute
 
 
 def _in_order(plans: Sequence[SimulatorRun], threads: int) -> Iterator[Trajectory]:
@@ -256,7 +259,7 @@ def _record(run: Trajectory) -> dict[str, Any]:
     """The results of a run as a simulator of batches writes them."""
     failure = {"status": "done"} if run.failure is None else {"status": "failed", **asdict(run.failure)}
     columns = [run[name] for name in run.columns] if run.t.size else []
-    values = {"end": [c[-1] for c in columns], "smallest": [c.min() for c in columns], "largest": [c.max() for c in columns]}
+    values = {"end": [c[-1] for c in columns], "minimum": [c.min() for c in columns], "maximum": [c.max() for c in columns]}
     return {**failure, **(values if columns else {}), "evaluations": run.evaluations, "undetermined": run.undetermined}
 
 
@@ -278,21 +281,25 @@ def _columns(results: Sequence[Mapping[str, Any]], kind: str, names: Sequence[st
 
 
 def simulate(
-    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None, out: AnyPath | None = None,
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None, out: AnyPath | None = None,
     steps: AnyPath | None = None, tangents: AnyPath | None = None, parameters: Mapping[str, float] | None = None,
     progress: Progress | None = None, dt: float | None = None, end: float | None = None, penalty: float | None = None,
     accuracy: float | None = None, solver_tolerance: float | None = None, iterations: int | None = None, solver: str | None = None,
     integrator: str | None = None, events: str | None = None, error: bool = True, check: bool = True,
-    inputs: Mapping[str, GivenInput] | None = None, coordinates: bool = False, tolerance: float | None = None,
+    inputs: Mapping[str, InputLike] | None = None, coordinates: bool = False, tolerance: float | None = None,
 ) -> Trajectory:  # fmt: skip
-    """Run a scene of a model with ``parameters`` (SI units); what `compile_model` has not made is compiled by it, with numbers ``opened``
-    and a ``method``, by default the scene's.  ``accuracy`` (m, rad) and the other settings from ``dt`` on are those of `Options`, by
-    default the scene's; ``solver_tolerance`` is the tolerance there, and ``tolerance`` its earlier name.
+    """Run a scene of a model, and compile it if needed.
 
-    ``inputs`` drive the run instead of the scene's laws, as `run.inputs` has them.  ``out`` receives the table, ``steps`` a CSV file with
-    iterations and residuals of each step, ``tangents`` a line of JSON for each row, the Jacobians of the accelerations.  With ``error`` the
-    run keeps the accuracy and has an ``error``; with ``coordinates`` it has those of each row, by which `write_view` draws it.
-    Without ``check`` a run that fails is returned with its failure.
+    Args:
+        parameters: values (SI units) by name.
+        inputs: drive the run in place of the scene's laws: numbers, or tables over time.
+        tunable: patterns; constants whose names match become parameters.
+        method, integrator, dt, end, penalty, accuracy, solver_tolerance, iterations, solver, events: as on the command line;
+            default: the scene's.
+        out: table (CSV); ``steps``: iterations and residuals of each step; ``tangents``: Jacobians of the accelerations.
+        error: estimate the error by further runs.
+        coordinates: keep the coordinates of each sample, for `write_view`.
+        check: raise an error if the run fails.
 
     Raises:
         ModelError, EquationsError, ToolchainError: as of `compile_model`.
@@ -304,7 +311,7 @@ def simulate(
         warn("simulate(tolerance=...) is now simulate(solver_tolerance=...)", FutureWarning, stacklevel=2)
     asked = tolerance if solver_tolerance is None else solver_tolerance
     return simulation.simulate(
-        take_artifact(model, scene, opened, method, integrator, dt), out=out, steps=steps, tangents=tangents, parameters=parameters,
+        take_artifact(model, scene, tunable, method, integrator, dt), out=out, steps=steps, tangents=tangents, parameters=parameters,
         progress=progress, dt=dt, end=end, penalty=penalty, accuracy=accuracy, tolerance=asked, iterations=iterations, solver=solver,
         integrator=integrator, events=events, error=error, check=check, inputs=inputs, coordinates=coordinates,
     )  # fmt: skip

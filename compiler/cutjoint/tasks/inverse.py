@@ -25,7 +25,7 @@ from cutjoint.model.evaluate import evaluate
 from cutjoint.model.records import Joint, Model, Output, Reaction, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Array, Columns, Trajectory
-from cutjoint.run.scenes import Given, take_model, with_loops
+from cutjoint.run.scenes import ModelLike, load_model, with_loops
 from cutjoint.run.simulation import simulate
 from cutjoint.topology.build import build_topology
 from cutjoint.topology.geometry import balanced
@@ -53,19 +53,22 @@ class Drives(Columns[Array]):
         self.update({"t": self.t, **self.forces})
 
 
-def find_drives(
-    model: Given, *, scene: str | None = None, drives: Sequence[str] = (), parameters: Mapping[str, float] | None = None,
+def inverse_dynamics(
+    model: ModelLike, *, scene: str | None = None, drives: Sequence[str] = (), parameters: Mapping[str, float] | None = None,
     end: float | None = None,
 ) -> Drives:  # fmt: skip
-    """The forces (N, N m) with which ``drives``, names of joints with one coordinate, move a model as a kinematic scene prescribes; without
-    any those of the joints that the scene moves.  Friction, springs and loads count as the model has them; other drives have the values
-    of their inputs.
+    """Forces (N, N m) of ``drives`` that move a model as a kinematic scene prescribes.
+
+    Friction, springs and loads count as the model has them.
+
+    Args:
+        drives: joints with one coordinate; default: those that the scene moves.
 
     Raises:
         RunError: the scene leaves some motion free, the drives cannot bring it about, or a joint has not just one coordinate.
         ModelError, FailedRunError and others: as of `cutjoint.simulate`.
     """
-    return _Inverse(*take_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
+    return _Inverse(*load_model(model, scene), dict(parameters or {}), tuple(drives)).find(end)
 
 
 class _Inverse:

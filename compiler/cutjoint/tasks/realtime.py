@@ -15,50 +15,52 @@ from cutjoint.compile.pipeline import take_artifact
 from cutjoint.methods import DEFAULT_INTEGRATOR, Implementation
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import AnyPath, path_of
+from cutjoint.package.renamed import with_old_members
 from cutjoint.run.failures import IncompleteError, describe_failure, describe_rest
 from cutjoint.run.result_files import RunTables
 from cutjoint.run.results import FailureReport, read_run_table
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import Given
+from cutjoint.run.scenes import ModelLike
 from cutjoint.run.settings import Options
 from cutjoint.run.simulator import call_simulator, failure_of
 from cutjoint.toolchain.compiler import find_compiler
 
 
+@with_old_members
 @dataclass(frozen=True, kw_only=True)
 class StepTimes:
     """Times of steps that were begun ``period`` (s) apart.
 
-    ``took`` (n,) is how long each lasted and ``late`` (n,) how long after the next one was due it ended, in s; negative where it was in
-    time.  A run that failed has the steps up to then.  ``table`` is the file that has the times, if there is one.
+    ``durations`` (n,) is how long each lasted and ``lateness`` (n,) how long after the next one was due it ended, in s; negative where it
+    was in time.  A run that failed has the steps up to then.  ``table`` is the file that has the times, if there is one.
     """
 
     period: float
-    took: NDArray[np.float64]
-    late: NDArray[np.float64]
+    durations: NDArray[np.float64]
+    lateness: NDArray[np.float64]
     failure: FailureReport | None
     table: Path | None = None
 
     def __repr__(self) -> str:
         end = "" if self.failure is None else f"; failed: {self.failure.message}"
-        return f"<StepTimes of {self.took.size} steps each {self.period:g} s: {self.missed} missed{end}>"
+        return f"<StepTimes of {self.durations.size} steps each {self.period:g} s: {self.missed} missed{end}>"
 
     @property
     def missed(self) -> int:
         """The number of steps that ended after the next one was due."""
-        return int(np.count_nonzero(self.late > 0))
+        return int(np.count_nonzero(self.lateness > 0))
 
     @property
     def stalls(self) -> int:
         """The number of unbroken rows of such steps: one long wait makes all steps late until the lost time is caught up."""
-        late = self.late > 0
+        late = self.lateness > 0
         return int(np.count_nonzero(late[1:] & ~late[:-1]) + np.count_nonzero(late[:1]))
 
     @property
-    def woke(self) -> NDArray[np.float64]:
+    def wakeup_latency(self) -> NDArray[np.float64]:
         """The time (n,), in s, from when each step could begin, being due with the one before ended, to when it began."""
-        begun: NDArray[np.float64] = self.late - self.took + self.period
-        before = np.concatenate([np.zeros(1), np.maximum(self.late[:-1], 0.0)])[: begun.size]
+        begun: NDArray[np.float64] = self.lateness - self.durations + self.period
+        before = np.concatenate([np.zeros(1), np.maximum(self.lateness[:-1], 0.0)])[: begun.size]
         woke: NDArray[np.float64] = np.maximum(begun - before, 0.0)
         return woke
 
@@ -66,14 +68,14 @@ class StepTimes:
     def missed_by_steps(self) -> int:
         """The number of steps that would have ended late had each begun as soon as it could."""
         missed, late = 0, 0.0
-        for took in self.took:
+        for took in self.durations:
             late = max(late, 0.0) + took - self.period
             missed += late > 0
         return missed
 
     def percentile(self, share: float) -> float:
         """The time (s) in which ``share`` per cent of the steps ended."""
-        return float(np.percentile(self.took, share, method="higher"))
+        return float(np.percentile(self.durations, share, method="higher"))
 
 
 class FailedRealTimeError(IncompleteError):
@@ -87,16 +89,18 @@ class FailedRealTimeError(IncompleteError):
 
 
 def run_in_real_time(
-    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), dt: float | None = None, end: float | None = None,
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), dt: float | None = None, end: float | None = None,
     iterations: int | None = None, parameters: Mapping[str, float] | None = None, out: AnyPath | None = None, check: bool = True,
     priority: int | None = None, processor: int | None = None,
 ) -> StepTimes:  # fmt: skip
-    """Run a model by the trapezoidal rule, as fast as the clock on the wall; what `compile_model` has not made is compiled by it.
+    """Run a scene by the trapezoidal rule, paced by the wall clock.
 
-    ``out`` receives a table with ``took`` and ``late`` (s) of each step.  ``iterations`` are how many each step has, so that all cost the
-    same; only the method recursive has that.  A run that fails is an error with ``check``, else it is returned as far as it came.
-    With a ``priority``, 1 to 99, the operating system lets nothing of less priority run before a step that is due (SCHED_FIFO); steps run
-    on one ``processor``, by number, if one is given.  The memory is locked where that is allowed.
+    Args:
+        out: table with ``duration`` and ``lateness`` (s) of each step.
+        iterations: fixed number in each step, of the method recursive.
+        priority: 1 to 99, real-time priority of the operating system (SCHED_FIFO).
+        processor: the processor to run on.
+        check: raise an error if the run fails.
 
     Raises:
         RunError: a parameter that cannot be set, settings that no run has, steps that cannot be of fixed cost, or a priority or processor
@@ -106,7 +110,7 @@ def run_in_real_time(
         Interrupted, Terminated: a signal has ended the run.
         FailedRealTimeError: the run failed; it has the times of the steps up to then.
     """
-    artifact = take_artifact(model, scene, opened)
+    artifact = take_artifact(model, scene, tunable)
     if artifact.implementation != Implementation.GENERATED:
         find_compiler()  # who has none is told so
         raise RunError("runs against the wall clock take generated code")
@@ -117,10 +121,11 @@ def run_in_real_time(
     with RunTables(None, out=path_of(out)) as tables:
         with _scheduled(priority, processor):
             summary = call_simulator(artifact.binary.path, {**run_file.entries(), **tables.places})
-        _, columns = read_run_table(tables.rows, ("took", "late"), summary.get("rows", 0))
+        _, columns = read_run_table(tables.rows, ("duration", "lateness"), summary.get("rows", 0))
         failure = failure_of(summary)
         table = tables.finish() if failure is None else tables.leave(str(failure))
-    times = StepTimes(period=run_file.settings.dt, took=columns["took"], late=columns["late"], failure=failure, table=table)
+    times = StepTimes(period=run_file.settings.dt, durations=columns["duration"], lateness=columns["lateness"], failure=failure,
+        table=table)
     if check and failure is not None:
         where = describe_failure(failure, artifact.scene.name, artifact.places, artifact.file, parameters or {})
         raise FailedRealTimeError(f"{where}; {describe_rest(table)}", times)

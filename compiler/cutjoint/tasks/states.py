@@ -27,7 +27,7 @@ from cutjoint.run.failures import IncompleteError, describe_failure, is_impossib
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Array, Columns, FailureReport, MechanismState
 from cutjoint.run.run_file import make_run_file
-from cutjoint.run.scenes import Given, take_model, with_closure, with_loops
+from cutjoint.run.scenes import ModelLike, load_model, with_closure, with_loops
 from cutjoint.run.settings import PLAIN_STEPS, require_settings
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import Progress, call_simulator, failure_of
@@ -48,11 +48,10 @@ class NoEquilibriumError(IncompleteError):
 
 
 def find_equilibrium(
-    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> MechanismState:  # fmt: skip
-    """The static equilibrium of a model or its file, of the only scene if none is named, with numbers ``opened`` as in `compile_model`; the
-    rest as in `find_scene_equilibrium`."""
-    return find_scene_equilibrium(*take_model(model, scene, opened), parameters=parameters)
+    """Static equilibrium of a model; ``tunable`` as of `compile_model`."""
+    return find_scene_equilibrium(*load_model(model, scene, tunable), parameters=parameters)
 
 
 def find_scene_equilibrium(model: Model, scene: Scene, *, parameters: Mapping[str, float] | None = None) -> MechanismState:
@@ -88,10 +87,9 @@ def find_resting_coordinates(model: Model, scene: Scene, parameters: Mapping[str
 
 
 def find_initial_state(
-    model: Given, *, scene: str | None = None, opened: Sequence[str] = (), parameters: Mapping[str, float] | None = None
+    model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), parameters: Mapping[str, float] | None = None
 ) -> MechanismState:  # fmt: skip
-    """The state at the start of a scene of a model or its file, with numbers ``opened`` as in `compile_model`: places, attitudes and speeds
-    of all bodies, coordinates and speeds of all joints that are not cut.
+    """Initial state of a scene: poses and velocities of bodies, coordinates and velocities of uncut joints.
 
     Raises:
         FailedRunError: the scene has no start; its trajectory has no row.
@@ -100,7 +98,7 @@ def find_initial_state(
         ToolchainError: the C++ side failed.
         SimulatorError: the simulator could not begin.
     """
-    read, found = take_model(model, scene, opened)
+    read, found = load_model(model, scene, tunable)
     chosen = with_loops(with_closure(replace(found, end=0.0), PLAIN_CLOSURE), Loops.EXACT)
     tree = [t.joint for t in build_topology(read).tree]
     outputs = [*_outputs(read.bodies, (*POSE, *_SPEEDS)), *(o for joint in tree for o in _outputs([joint], quantities(joint)))]
@@ -111,12 +109,11 @@ def find_initial_state(
 
 
 def find_modes(
-    model: Given, *, scene: str | None = None, at: float | None = None, opened: Sequence[str] = (),
+    model: ModelLike, *, scene: str | None = None, at: float | None = None, tunable: Sequence[str] = (),
     parameters: Mapping[str, float] | None = None, progress: Progress | None = None,
 ) -> Modes:  # fmt: skip
-    """Eigenvalues and mode shapes of a model or its file, of the only scene if none is named, with numbers ``opened`` as in
-    `compile_model`; ``at`` and errors as in `find_scene_modes`."""
-    return find_scene_modes(*take_model(model, scene, opened), at=at, parameters=parameters, progress=progress)
+    """Eigenvalues and mode shapes about the static equilibrium, or about the motion at the time ``at`` (s)."""
+    return find_scene_modes(*load_model(model, scene, tunable), at=at, parameters=parameters, progress=progress)
 
 
 def find_scene_modes(
@@ -152,9 +149,10 @@ def find_scene_modes(
     except NoMassError as error:
         raise RunError(f"{where}: {error}") from error
     usual = find_mobility(artifact.mechanism).degrees_of_freedom
-    if modes.freedoms != usual:
+    if modes.degrees_of_freedom != usual:
         raise RunError(
-            f"{where}: a singular pose: {modes.freedoms} directions are free there and {usual} nearby, so that small motions are not "
+            f"{where}: a singular pose: {modes.degrees_of_freedom} directions are free there and {usual} nearby, so that small motions are "
+            f"not "
             "those of linear equations; linearise elsewhere"
         )
     return modes

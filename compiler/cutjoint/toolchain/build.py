@@ -116,7 +116,7 @@ def simulator_of(name: str) -> str:
 
 
 def build_folder(name: str, files: Mapping[str, str], digest: str, flags: Sequence[str] = FLAGS) -> Path:
-    """Build the simulator of a folder that stands alone by its CMake project, or find it in the cache.
+    """Build the simulator of a C export by its CMake project, or find it in the cache.
 
     Raises:
         ToolchainError: a tool is missing, or the compiler refused the code.

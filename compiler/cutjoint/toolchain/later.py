@@ -39,7 +39,7 @@ class Later:
         return self.process.poll() == 0
 
 
-class TakesLong(Exception):  # noqa: N818 -- no error
+class BuildPending(Exception):  # noqa: N818 -- no error
     """Compiling of code that was ``generated`` in so many ``seconds`` goes on in another process, ``later``; ``wait`` gives its result."""
 
     def __init__(self, later: Later, generated: Generated, seconds: float, wait: Callable[[], Any]) -> None:

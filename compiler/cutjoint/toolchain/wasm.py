@@ -53,7 +53,7 @@ def require_zig() -> str:
 
 
 def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
-    """The module of a folder that stands alone, with its C interface, whose functions have the ``name`` before their own; or that of the
+    """The module of a C export, with its C interface, whose functions have the ``name`` before their own; or that of the
     cache.
 
     Raises:
@@ -67,7 +67,7 @@ def build_module(name: str, files: Mapping[str, str], digest: str) -> bytes:
 
 
 def build_twin(name: str, files: Mapping[str, str], digest: str) -> Path:
-    """The shared library of a folder that stands alone whose results are those of its module to the last bit; or that of the cache.
+    """The shared library of a C export whose results are those of its module to the last bit; or that of the cache.
 
     Raises:
         ToolchainError: there is no compiler, or it refused the code.

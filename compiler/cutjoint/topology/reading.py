@@ -16,28 +16,31 @@ from cutjoint.topology.search import span
 from cutjoint.topology.spanning_tree import TopologyError
 
 
-def read_model(path: AnyPath, *, opened: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
-    """Read and validate the model file at ``path``, or the URDF, SDF or MJCF file as `cutjoint import` makes it one; numbers in the result
-    are SI, and parameters if their names match ``opened``.  ``functions`` is a C++ file with the code of functions that the model declares.
+def read_model(path: AnyPath, *, tunable: Sequence[str] = (), functions: AnyPath | None = None) -> Model:
+    """Read and check a model file, or a URDF, SDF or MJCF file; numbers of the result are SI.
+
+    Args:
+        tunable: patterns; constants whose names match become parameters.
+        functions: C++ file with the functions that the model declares.
 
     Raises:
         ModelError: the file is wrong, with all its problems and those of its loops; where the file is right, `build_topology` finds
             these.  Or the code of a function is not in the C++ file.
     """
     with _problems_of_loops():
-        model = _read_foreign(Path(path), opened) if is_foreign(path) else read.read_model(path, opened=opened)
+        model = _read_foreign(Path(path), tunable) if is_foreign(path) else read.read_model(path, tunable=tunable)
     return model if functions is None else supply(model, functions)
 
 
-def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, opened: Sequence[str] = ()) -> Model:
-    """Read a model from a text; ``file`` is the name in places and messages, ``folder`` has the files that the text names."""
+def read_model_text(text: str, file: str, *, folder: AnyPath | None = None, tunable: Sequence[str] = ()) -> Model:
+    """Read a model from a text; ``file`` names it in messages, ``folder`` has the files that it names."""
     with _problems_of_loops():
-        return read.read_model_text(text, file, folder=folder, opened=opened)
+        return read.read_model_text(text, file, folder=folder, tunable=tunable)
 
 
-def _read_foreign(path: Path, opened: Sequence[str]) -> Model:
+def _read_foreign(path: Path, tunable: Sequence[str]) -> Model:
     """A file of another program; places in messages about the model that it becomes are those of the file that `cutjoint import` writes."""
-    return read.read_model_text(import_file(path).text, str(name_of(path)), folder=path.parent, opened=opened)
+    return read.read_model_text(import_file(path).text, str(name_of(path)), folder=path.parent, tunable=tunable)
 
 
 @contextmanager

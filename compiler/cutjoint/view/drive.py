@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Field, FiniteFloat, NonNegativeInt, PositiveInt, ValidationError
 
-from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.interaction import Wheel
 from cutjoint.export.laws import Numbers
@@ -33,7 +33,7 @@ from cutjoint.stepping.simulation import Simulation
 from cutjoint.toolchain.wasm import require_zig
 from cutjoint.view.page import Drive
 from cutjoint.view.records import Array
-from cutjoint.view.sizes import find_sizes, named_looks
+from cutjoint.view.sizes import find_sizes, named_visuals
 
 #: The roles of a car's inputs, by words in their names.
 _ROLES: Mapping[str, re.Pattern[str]] = {
@@ -186,13 +186,13 @@ def _lays_roads(alone: Standalone) -> bool:
 
 def _wheels(model: Model) -> Iterator[tuple[Force, Wheel]]:
     """The forces that are wheels, with their looks."""
-    return ((force, look) for force in model.forces for _, look in named_looks(force) if isinstance(look, Wheel))
+    return ((force, visual) for force in model.forces for _, visual in named_visuals(force) if isinstance(visual, Wheel))
 
 
-def _wheel(wheel: Force, look: Wheel, numbers: Numbers, outputs: Sequence[Output]) -> dict[str, Any]:
+def _wheel(wheel: Force, visual: Wheel, numbers: Numbers, outputs: Sequence[Output]) -> dict[str, Any]:
     """The place of a wheel in the design position, m, and the numbers of its outputs."""
     of = {o.quantity: i for i, o in enumerate(outputs) if o.element == wheel.name}
-    at = [float(x) for x in numbers.triple(look.at.of(wheel))]
+    at = [float(x) for x in numbers.triple(visual.at.of(wheel))]
     return {"name": wheel.name, "at": at, "of": {q: of[q] for q in _OF_WHEELS if q in of}}
 
 
@@ -232,7 +232,7 @@ def replay_drive(model: Model, scene: Scene, path: Path, *, method: str = DEFAUL
     sim = open_standalone(alone, alone.build_twin(), lanes=None)
     if drive.road:
         lines, (grid, heights) = np.array(ROADS[drive.road].lines), ROADS[drive.road].heights(drive.seed)
-        sim.library.lay_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
+        sim.library.set_road(lines.ctypes.data, len(lines), grid.ctypes.data, heights.ctypes.data, *heights.shape)
     for name, value in drive.given.items():
         _give(sim, name, value)
     sim.reset(dt=drive.dt)

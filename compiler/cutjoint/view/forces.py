@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Frame, Look, Point, Ring, Wheel
+from cutjoint.elements.interaction import Arrow, Axis, Carrier, Coil, Frame, Point, Ring, Visual, Wheel
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Reaction, Scalar
 from cutjoint.run.road_field import Surface, surface_of
@@ -17,7 +17,7 @@ from cutjoint.run.roads import Piece, profile_pieces
 from cutjoint.view import meshes
 from cutjoint.view.motions import along, one_side, product, quaternions_of, rotation_to
 from cutjoint.view.records import FORCE, ICE, JOINT, REACTION, ROAD, RUBBER, STEEL, Array, Mesh, Node, Part
-from cutjoint.view.sizes import Placed, named_looks, point_of
+from cutjoint.view.sizes import Placed, named_visuals, point_of
 
 #: A wheel that turns further than this from one row to the next, rad, is drawn without its turning, which nobody could follow.
 _LARGEST_TURN = 2.0
@@ -37,10 +37,10 @@ class ForceNodes(Placed):
         for force in self.model.forces:
             if not is_active(force, self.scene):
                 continue
-            for name, look in named_looks(force):
-                yield replace(self._drawn(force, name, look), about={"element": force.name})
-                if isinstance(look, Wheel):
-                    wheels.append((self.numbers.number(force.radius), self.point(force, look.at)))
+            for name, visual in named_visuals(force):
+                yield replace(self._drawn(force, name, visual), about={"element": force.name})
+                if isinstance(visual, Wheel):
+                    wheels.append((self.numbers.number(force.radius), self.point(force, visual.at)))
         for joint in self.model.joints:
             if joint.to is not None:
                 start, end = self.place(joint.base, joint.at), self.place(joint.follower, joint.to)
@@ -48,14 +48,14 @@ class ForceNodes(Placed):
         if wheels:
             yield self._road(wheels)
 
-    def _drawn(self, force: Force, name: str, look: Look) -> Node:
-        match look:
+    def _drawn(self, force: Force, name: str, visual: Visual) -> Node:
+        match visual:
             case Coil():
-                return self._coil(force, name, look)
+                return self._coil(force, name, visual)
             case Ring():
-                return self._ring(force, name, look)
+                return self._ring(force, name, visual)
             case Wheel():
-                return self._wheel(force, name, look)
+                return self._wheel(force, name, visual)
 
     def _node(self, name: str, parts: tuple[Part, ...], translation: Array, rotation: Array, scale: Array | None = None) -> Node:
         still = np.ones((1, 3)) if scale is None else scale
@@ -77,13 +77,13 @@ class ForceNodes(Placed):
             start = end - np.sum((end - start) * axis, axis=1, keepdims=True) * axis
         return self._drawn_out(name, meshes.coil(self.sizes.spring), start, end, axis)
 
-    def _ring(self, force: Force, name: str, look: Ring) -> Node:
+    def _ring(self, force: Force, name: str, visual: Ring) -> Node:
         """A ring that turns with its frame's body."""
         ring = meshes.revolved([(0.8, -0.5), (1.3, -0.5), (1.3, 0.5), (0.8, 0.5), (0.8, -0.5)])
         mesh = Mesh(points=1.2 * self.sizes.joint * ring.points, normals=ring.normals, faces=ring.faces)
-        turned = mesh.moved(rotation_to(point_of(self.numbers, look.frame.of(force)[2])), np.zeros(3))
-        rotation = quaternions_of(self.poses[look.frame.body(force)].rotation)
-        return self._node(name, (Part(mesh=turned, colour=JOINT),), self.point(force, look.at), rotation)
+        turned = mesh.moved(rotation_to(point_of(self.numbers, visual.frame.of(force)[2])), np.zeros(3))
+        rotation = quaternions_of(self.poses[visual.frame.body(force)].rotation)
+        return self._node(name, (Part(mesh=turned, colour=JOINT),), self.point(force, visual.at), rotation)
 
     def _wheel(self, force: Force, name: str, wheel: Wheel) -> Node:
         """A wheel that turns with its body, or as far as it goes where no coordinate of the model says how far it turns."""
@@ -191,8 +191,8 @@ class Arrows(Placed):
 
     def _forces(self) -> Iterator[tuple[str, bool, Array, Array]]:
         for force in self.model.forces:
-            sight = ForceSight(arrows=self, force=force)
-            if (found := force.interaction.arrow(force, sight)) is not None:
+            context = ForceVisual(arrows=self, force=force)
+            if (found := force.interaction.arrow(force, context)) is not None:
                 yield force.name, False, *found
 
     def _reactions(self) -> Iterator[tuple[str, bool, Array, Array]]:
@@ -222,7 +222,7 @@ class Arrows(Placed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForceSight:
+class ForceVisual:
     """The arrow of a force, as its interaction says it."""
 
     arrows: Arrows
@@ -234,7 +234,7 @@ class ForceSight:
         way = self.arrows.point(self.force, start) - place
         return self._of(quantity, place, way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12))
 
-    def push_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
+    def apply_force_along(self, at: Point, axis: Axis, quantity: str) -> Arrow:
         """A force on a point along an axis."""
         return self._of(quantity, self.arrows.point(self.force, at), self.arrows.turn(axis.body(self.force), axis.of(self.force)))
 

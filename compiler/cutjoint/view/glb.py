@@ -1,7 +1,7 @@
 """Binary glTF that anyone may have written, read strictly: Khronos Group, glTF 2.0 specification, 2021.
 
 Written here: trimesh draws sparse and normalised numbers, fans, and what an
-extension must unpack, wrongly and without a word.
+extension must unpack, wrongly and silently.
 """
 
 from __future__ import annotations

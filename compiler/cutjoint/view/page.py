@@ -15,7 +15,7 @@ from zlib import crc32
 import jinja2
 import numpy as np
 
-from cutjoint.compile.folders import module_script
+from cutjoint.compile.c_export import module_script
 from cutjoint.model.quantities import bodies_of
 from cutjoint.model.records import Joint, Model, Plot, Vector
 from cutjoint.package.locations import licence_of_musl, templates_folder

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutjoint.analysis.body_poses import BodyPose
-from cutjoint.elements.interaction import Look, Point, Wheel
+from cutjoint.elements.interaction import Point, Visual, Wheel
 from cutjoint.export.laws import Numbers
 from cutjoint.formulate.forces import is_active
 from cutjoint.model.records import Force, Model, Scene, Shape, ShapeKind, Vector
@@ -53,10 +53,10 @@ def force_points(force: Force) -> Iterator[tuple[str, Vector]]:
         yield from ((place.body(force), place.of(force)) for place in force.places if isinstance(place, Point))
 
 
-def named_looks(force: Force) -> Iterator[tuple[str, Look]]:
+def named_visuals(force: Force) -> Iterator[tuple[str, Visual]]:
     """The shapes of a force, the first by its name, others with a number."""
-    for number, look in enumerate(force.interaction.looks(), start=1):
-        yield (force.name if number == 1 else f"{force.name} {number}"), look
+    for number, visual in enumerate(force.interaction.visuals(), start=1):
+        yield (force.name if number == 1 else f"{force.name} {number}"), visual
 
 
 def attached_points(model: Model, scene: Scene) -> Iterator[tuple[str, Vector]]:
@@ -76,7 +76,7 @@ def find_sizes(model: Model, scene: Scene, numbers: Numbers) -> Sizes:
     for body in model.bodies:
         corners += [corner for shape in body.shapes for corner in _corners(numbers, shape)]
     for force in model.forces:
-        for wheel in (look for look in force.interaction.looks() if isinstance(look, Wheel)):
+        for wheel in (visual for visual in force.interaction.visuals() if isinstance(visual, Wheel)):
             centre, radius = point_of(numbers, wheel.at.of(force)), numbers.number(force.radius)
             corners += [centre - radius, centre + radius]
     extent = float(np.linalg.norm(np.ptp(np.array(corners), axis=0))) if corners else 0.0

@@ -26,7 +26,7 @@ from cutjoint.program.lower import Lowering
 from cutjoint.program.scalars import Graph, Scalar
 from cutjoint.view.motions import Mover, quaternions_of
 from cutjoint.view.records import Array
-from cutjoint.view.sizes import find_sizes, named_looks, point_of
+from cutjoint.view.sizes import find_sizes, named_visuals, point_of
 
 #: The range of an angle (rad) either way, and of a displacement as a share of the mechanism's extent.
 _TURN, _SLIDE = pi, 0.5
@@ -105,8 +105,8 @@ def _others(model: Model, scene: Scene, numbers: Numbers) -> Iterator[dict[str, 
     for force in model.forces:
         if not is_active(force, scene):
             continue
-        for name, look in named_looks(force):
-            match look:
+        for name, visual in named_visuals(force):
+            match visual:
                 case Coil(start, end, axis):
                     line = {} if axis is None else {"axis": point_of(numbers, axis.of(force)).tolist()}
                     yield {"name": name, "from": on(force, start), "to": on(force, end), **line}

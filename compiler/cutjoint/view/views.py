@@ -23,7 +23,7 @@ from cutjoint.run.outputs import OutputError
 from cutjoint.run.result_files import write_whole
 from cutjoint.run.results import Trajectory
 from cutjoint.run.run_file import parameter_values
-from cutjoint.run.scenes import Given, method_of, take_model
+from cutjoint.run.scenes import ModelLike, load_model, method_of
 from cutjoint.topology.build import build_topology
 from cutjoint.view.drawing import draw, find_camera
 from cutjoint.view.ghost import GhostRun, read_page
@@ -86,8 +86,8 @@ def read_over(over: Path | None, view: Path | None) -> GhostRun | None:
     if over is None:
         return None
     if view is None or view.suffix != PAGE:
-        raise RunError(f"--over {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
-    return read_page(over, "--over")
+        raise RunError(f"--ghost {over}: only a page shows two runs; write --view with a name that ends in {PAGE}")
+    return read_page(over, "--ghost")
 
 
 def show_run(
@@ -145,11 +145,10 @@ def _is_as_designed(model: Model, scene: Scene) -> bool:
 
 
 def write_view(
-    path: AnyPath, model: Given, run: Trajectory, *, scene: str | None = None, opened: Sequence[str] = (), method: str | None = None,
+    path: AnyPath, model: ModelLike, run: Trajectory, *, scene: str | None = None, tunable: Sequence[str] = (), method: str | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> Path:  # fmt: skip
-    """Write a run of a model as a page (.html) or as a .glb file; ``scene``, ``opened``, ``method`` and ``parameters`` (SI units) are those
-    that the run had, with an artifact its own.
+    """Write a run as a page (.html) or as glTF (.glb); further arguments as of the run.
 
     Raises:
         RunError: `simulate` was not asked for the run's coordinates.
@@ -157,7 +156,7 @@ def write_view(
     """
     if run.coordinates is None:
         raise RunError("the run has no coordinates to draw it by; write simulate(model, coordinates=True)")
-    read, chosen = take_model(model, scene, opened)
+    read, chosen = load_model(model, scene, tunable)
     if isinstance(model, Artifact):
         chosen, method = replace(chosen, outputs=model.equations.outputs), method or model.method
     return write_shown(Path(path), show_run(read, chosen, method or method_of(chosen), parameters or {}, run))

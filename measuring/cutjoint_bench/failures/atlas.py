@@ -188,5 +188,5 @@ def _describe_method(method: str, cells: Sequence[Record]) -> str:
         best = max(good, key=lambda c: c["dt"])
         penalty = f" with a penalty of {best['penalty']:g} N/m" if best["penalty"] is not None else ""
         sentence += f", with steps up to {1e3 * best['dt']:g} ms{penalty} in {best['precision']}"
-    silent = f"{count['wrong']} end wrong without a word" if count["wrong"] else "none ends wrong without a word"
+    silent = f"{count['wrong']} end wrong silently" if count["wrong"] else "none ends wrong silently"
     return f"{sentence}; {count['diverged']} stop with a message, {count['drifted']} drift, {silent}."

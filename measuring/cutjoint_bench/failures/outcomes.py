@@ -33,7 +33,7 @@ OUTCOMES: Mapping[str, str] = {
     "inaccurate": f"it ends, and its error is above {INACCURATE:.1%} of the extent",
     "drifted": f"it ends with a constraint open by more than {1e3 * GAP:g} mm or {INACCURATE:.1%} of the extent, whichever is less",
     "diverged": "it stops and says why",
-    "wrong": f"it ends without a word, and its error is above {WRONG:.0%} of the extent",
+    "wrong": f"it ends silently, and its error is above {WRONG:.0%} of the extent",
 }
 
 

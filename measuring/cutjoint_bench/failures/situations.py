@@ -99,7 +99,7 @@ def _cross_by_newton(dt: float, lands: bool, *, loses: bool) -> Trial:
     if loses:
         because = (
             "Where a step ends on the pose the motion does not tell its branch, and the check that equations are independent sees nothing: "
-            "it goes on along the other one without a word."
+            "it goes on along the other one silently."
         )
         return Trial(method="recursive-newton", dt=dt, lands=lands, expected=("wrong",), because=because)
     because = "Its multipliers settle only where equations are independent: near the pose it stops and says so, unless a step leaps over."

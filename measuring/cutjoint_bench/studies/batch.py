@@ -126,7 +126,7 @@ def main() -> None:
     reduced = reduction_sequence(model, scene, "recursive")[-1]
     for name, of, at in (("full", model, scene), ("reduced", reduced.model, reduced.scene)):
         compare(name, of, at, throughput, limit, at_most)
-        compare(f"{name}, loops as functions", of, with_loops(at, Loops.COMPILED), throughput, limit, at_most)
+        compare(f"{name}, loops as functions", of, with_loops(at, Loops.EMBEDDED), throughput, limit, at_most)
     millimetre = Table(
         "step, ms", "tolerance", "evaluations", "error, m", "steps of a run, ms", "times real time", "of a batch, ms", "times"
     )

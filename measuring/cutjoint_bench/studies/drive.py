@@ -25,8 +25,8 @@ from cutjoint_bench.studies.provenance import provenance
 
 #: Models, scenes and loops.
 CASES = (
-    ("iltis_driven", "by_hand", Loops.EXACT), ("iltis", "simul1", Loops.EXACT), ("iltis", "simul1", Loops.COMPILED),
-    ("press", "turn", Loops.EXACT), ("slider_crank", "turn", Loops.EXACT), ("slider_crank", "turn", Loops.COMPILED),
+    ("iltis_driven", "by_hand", Loops.EXACT), ("iltis", "simul1", Loops.EXACT), ("iltis", "simul1", Loops.EMBEDDED),
+    ("press", "turn", Loops.EXACT), ("slider_crank", "turn", Loops.EXACT), ("slider_crank", "turn", Loops.EMBEDDED),
 )  # fmt: skip
 #: Slices, and steps of each.
 SLICES, STEPS = 200, 40

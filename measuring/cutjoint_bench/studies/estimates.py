@@ -81,7 +81,7 @@ class Judgement:
 
     @property
     def misleading(self) -> int:
-        """Number of estimates that promise too much without a word."""
+        """Number of estimates that promise too much silently."""
         return sum(ratio < FAR for ratio in self.ratios) if self.converged else 0
 
 

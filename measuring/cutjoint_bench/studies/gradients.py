@@ -71,18 +71,18 @@ def difference(run: Callable[[float], float]) -> float:
 
 
 def by_cutjoint() -> Iterator[tuple[str, float, float]]:
-    """Along a direction, and from the end on."""
+    """Along a direction, and by the adjoint method."""
     model = read_model_text(OURS, "bar.yaml")
     sim = load_scene(model, find_scene(model, None), integrator="rk4", adjoint=True)
 
     def started(k: float = STIFFNESS) -> Any:
         sim.parameters["k"] = k
-        sim.reset(dt=DT).choose(["crank.angle_rate"])
+        sim.reset(dt=DT).choose_independent(["crank.angle_rate"])
         return sim
 
-    own = difference(lambda k: float(started(k).play(STEPS)[-1, 0]))
-    yield "along a direction", started().play_derivative(STEPS, ["crank.angle"], ["k"], every=STEPS).end[1][0, 0], own
-    yield "from the end on", started().play_adjoint(STEPS, ["crank.angle"], ["k"], "end", every=STEPS).slopes[0, 0], own
+    own = difference(lambda k: float(started(k).run(STEPS)[-1, 0]))
+    yield "along a direction", started().forward_sensitivities(STEPS, ["crank.angle"], ["k"], every=STEPS).end[1][0, 0], own
+    yield "by the adjoint method", started().adjoint_sensitivities(STEPS, ["crank.angle"], ["k"], "end", every=STEPS).derivatives[0, 0], own
 
 
 def _is_single(x: object) -> bool:

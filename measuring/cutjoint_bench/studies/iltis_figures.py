@@ -168,7 +168,7 @@ def _read_reference(path: Path) -> dict[str, np.ndarray]:
 
 
 def _compare(scene: str, reference: Mapping[str, np.ndarray]) -> Iterator[Difference]:
-    run, slope = _run_with_slopes(scene)
+    run, slope = _run_with_derivatives(scene)
     found = {f"chassis.{axis}": (run[f"chassis.{axis}"], axis, "mm", 1e3) for axis in "yz"}
     found |= {f"chassis.{name}": (angle, name, "deg", 180 / math.pi) for name, angle in _turned_about_x_first(run).items()}
     for corner, column in WHEELS.items():
@@ -181,7 +181,7 @@ def _compare(scene: str, reference: Mapping[str, np.ndarray]) -> Iterator[Differ
         )  # fmt: skip
 
 
-def _run_with_slopes(name: str) -> tuple[Trajectory, dict[str, np.ndarray]]:
+def _run_with_derivatives(name: str) -> tuple[Trajectory, dict[str, np.ndarray]]:
     """A run, and the road's slope under each wheel: the reference has vertical wheel loads, ours are along the road's normal."""
     model = read_model(MODEL)
     scene = model.scenes[name]

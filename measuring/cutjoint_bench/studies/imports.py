@@ -3,9 +3,10 @@
 Each file is imported without its dampers and friction, with a fixed joint for each floating one and hinges in a row for the balls and
 Cardan joints of a YAML beside it, and put into random poses that close its loops, at random speeds: Pinocchio has the joints' coordinates
 and rates there.  "place" and "acceleration" are the largest differences of
-centres of mass, the latter by the largest acceleration there.  "by rank" are the freedoms that the rank of Pinocchio's constraints leaves.
-"singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these have a column of
-their own.  "light" and "heavy" are the least and the largest eigenvalue of the mass matrix of the free motions, kg or kg m2.
+centres of mass, the latter by the largest acceleration there.  "by rank" are the degrees_of_freedom that the rank of Pinocchio's
+constraints leaves. "singular" are states near a singular pose, where the singular values of the constraints are as 500 to 1 or worse; these
+have a column of their own.  "light" and "heavy" are the least and the largest eigenvalue of the mass matrix of the free motions, kg or kg
+m2.
 
 From the first state the machine runs for a second.  "gap" is the largest distance of two points that a loop holds together, "slip" the
 largest speed that breaks a constraint, "energy" the largest change of the mechanical energy as a share of the largest kinetic one, at the
@@ -244,7 +245,7 @@ class Worst:
     there: float = 0.0
     light: float = np.inf
     heavy: float = 0.0
-    freedoms: set[int] = field(default_factory=set)
+    degrees_of_freedom: set[int] = field(default_factory=set)
 
     def take(self, subject: Subject, run: Trajectory) -> None:
         """Compare the first row of a run."""
@@ -259,7 +260,7 @@ class Worst:
                 apart = float(np.abs(acceleration - solution.accelerations[link]).max()) / largest
                 self.acceleration = max(self.acceleration, apart if regular else 0.0)
                 self.there = max(self.there, 0.0 if regular else apart)
-        self.freedoms.add(solution.freedom)
+        self.degrees_of_freedom.add(solution.freedom)
         self.light, self.heavy = min(self.light, solution.light), max(self.heavy, solution.heavy)
 
 
@@ -296,7 +297,7 @@ def compare(path: Path, count: int, rows: int, seed: int, tolerance: float) -> t
             break
     return (
         str(len(subject.document.bodies)), str(len(subject.document.joints)), str(subject.freedom),
-        " ".join(map(str, sorted(worst.freedoms))), str(len(states)), f"{worst.place:.1e}", f"{worst.acceleration:.1e}",
+        " ".join(map(str, sorted(worst.degrees_of_freedom))), str(len(states)), f"{worst.place:.1e}", f"{worst.acceleration:.1e}",
         str(worst.singular), f"{worst.there:.1e}" if worst.singular else "", f"{worst.light:.1e}", f"{worst.heavy:.1e}",
         f"{max(s.gap for s in solutions):.1e}", f"{max(s.slip for s in solutions):.1e}", "; ".join(dict.fromkeys((runs[0], runs[-1]))),
         "" if bound is None else f"{bound:g}", "" if run.failure is None else f"{run.failure}"[:90],

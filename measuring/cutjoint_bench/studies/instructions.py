@@ -19,7 +19,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_scene
 from cutjoint.emit.source import Generated
@@ -128,7 +128,7 @@ def collected(done: subprocess.CompletedProcess[str]) -> int:
 
 
 def per_step_alone(artifact: Artifact, ends: tuple[float, float]) -> float:
-    """Instructions of a step of the folder that stands alone, in whole steps of the scene's length."""
+    """Instructions of a step of the C export, in whole steps of the scene's length."""
     standalone = make_standalone(Generated(artifact.equations, artifact.program, artifact.source), equal_steps=True)
     program, dt = standalone.build_simulator(FLAGS), artifact.scene.numerics.of_method(artifact.method).step
     totals, steps = [], [round(end / dt) for end in ends]
@@ -159,7 +159,7 @@ def main() -> None:
             inside = f"{per_step(artifact, ends, EVALUATE):.0f}" if METHODS[method].formulation is Formulation.RECURSIVE else ""
             dt = artifact.scene.numerics.of_method(method).step
             table.add_row(f"{name}: {scene}", method, f"{dt * 1e3:g}", f"{per_step(artifact, ends):.0f}", inside)
-            table.add_row("", f"{method}, folder that stands alone", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
+            table.add_row("", f"{method}, C export", f"{dt * 1e3:g}", f"{per_step_alone(artifact, ends):.0f}", "")
     console = Console(highlight=False, width=140)
     console.print(provenance(FLAGS), markup=False)
     console.print(table)

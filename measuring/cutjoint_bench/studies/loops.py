@@ -48,7 +48,7 @@ def compile_pair(model: Model, scene: Scene, loop_tolerance: float) -> Pair | st
     seconds = perf_counter() - begin
     if not outcome.model.assemblies:
         return next((note.words for note in outcome.left), "no loops")
-    exact, compiled = (compile_scene(model, with_loops(scene, loops)) for loops in (Loops.EXACT, Loops.COMPILED))
+    exact, compiled = (compile_scene(model, with_loops(scene, loops)) for loops in (Loops.EXACT, Loops.EMBEDDED))
     return Pair(exact=exact, compiled=compiled, fit=seconds)
 
 
@@ -76,7 +76,7 @@ def measure(pair: Pair, tolerance: float) -> tuple[str, ...]:
         f"{pair.fit:.2f}", f"{exact.evaluations} -> {compiled.evaluations}", f"{1e3 * exact.seconds:.3g} -> {1e3 * compiled.seconds:.3g}",
         f"{exact.seconds / compiled.seconds:.2f}", f"{apart(exact, compiled):.1e}",
         f"{checked.energy.share:.0e}" if checked.energy is not None else "-",
-        "; ".join(f"{way} to {end:.3g} s" for way, end in zip(("exact", "compiled"), ended, strict=True) if end is not None),
+        "; ".join(f"{way} to {end:.3g} s" for way, end in zip(("exact", "embedded"), ended, strict=True) if end is not None),
     )  # fmt: skip
 
 

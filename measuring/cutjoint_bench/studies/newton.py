@@ -59,7 +59,7 @@ def compare(scene: str, table: Table) -> None:
 
 def iterations(run: Trajectory | None) -> str:
     """Of a step; empty where there is no run that ends."""
-    return f"{run.effort.iterations / run.steps:.2f}" if run is not None and run.failure is None else ""
+    return f"{run.statistics.iterations / run.steps:.2f}" if run is not None and run.failure is None else ""
 
 
 def fastest(artifact: Artifact, truth: Trajectory, ways: list[dict[str, Any]]) -> dict[str, Any] | None:

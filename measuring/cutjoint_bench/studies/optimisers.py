@@ -51,7 +51,7 @@ def main() -> None:
     def cost(x: Any) -> float:
         sim.parameters.update(zip(known["BY"], given + known["REACH"] * np.vstack([x, x * mirror]).ravel(), strict=True))
         start = sim.reset(dt=1e-3).outputs.array[places]
-        rows = np.vstack([start, sim.play(known["STEPS"])[known["EVERY"] - 1 :: known["EVERY"], places]])
+        rows = np.vstack([start, sim.run(known["STEPS"])[known["EVERY"] - 1 :: known["EVERY"], places]])
         return float((weights * rows**2).sum() / len(rows))
 
     begin, bounds = known["begin"], [(-1.0, 1.0)] * len(known["begin"])

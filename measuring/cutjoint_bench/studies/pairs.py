@@ -63,7 +63,7 @@ def rows(case: Case, folder: Path, method: str) -> list[str]:
         cells = [case.text, f"{tolerance:.0e}".replace("e-0", "e-")]
         for integrator in integrators(method):
             found = run(artifact, case, integrator, tolerance)
-            counts = [found.evaluations, *([found.effort.factorisations] if METHODS[method].has_system else [])]
+            counts = [found.evaluations, *([found.statistics.factorisations] if METHODS[method].has_system else [])]
             cells += [*map(str, counts), "stops" if found.failure else "-" if truth is None else f"{apart(found, truth):.1e}"]
         made.append(f"| {' | '.join(cells)} |".replace("e-0", "e-"))
     return made

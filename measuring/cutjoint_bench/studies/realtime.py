@@ -47,7 +47,7 @@ def times(artifact: Artifact) -> Table:
     for iterations in TIMED:
         steps = run_in_real_time(artifact, dt=STEP, iterations=iterations)
         shares = (steps.percentile(share) for share in (50, 99, 99.9, 100))
-        table.add_row(str(iterations or "converged"), *(f"{x * 1e6:.1f}" for x in shares), f"{steps.missed} of {steps.took.size}")
+        table.add_row(str(iterations or "converged"), *(f"{x * 1e6:.1f}" for x in shares), f"{steps.missed} of {steps.durations.size}")
     return table
 
 
@@ -71,7 +71,7 @@ def rolling() -> Table:
 
 def _with_two_rows(model: Model, name: str) -> Artifact:
     """The scene with loops as functions, and rows at start and end alone."""
-    artifact = compile_scene(model, with_loops(find_scene(model, name), Loops.COMPILED))
+    artifact = compile_scene(model, with_loops(find_scene(model, name), Loops.EMBEDDED))
     return replace(artifact, scene=replace(artifact.scene, output_step=artifact.scene.end))
 
 

@@ -130,7 +130,7 @@ def main() -> None:
 
     for tolerance in TOLERANCES:
         run = simulate(artifact, integrator="radau5", tolerance=tolerance)
-        renewed = run.effort.factorisations
+        renewed = run.statistics.factorisations
         error = np.abs(np.interp(times, run.t, run["slider.z"]) - exact).max()
         add("radau5", tolerance, Counted(run.steps, run.evaluations, renewed, renewed), error)
         states, took = rosenbrock(rate, start, times, tolerance)

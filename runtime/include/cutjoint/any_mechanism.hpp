@@ -40,7 +40,7 @@ class AnyMechanism {
   virtual void report(const Real* q, const Real* v, const Real* vdot, const Real* lambda, Real* column) const = 0;
   virtual void energy(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda; only models that need it have it
   virtual void sample(const Real*, const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, vdot, lambda, what controllers hold next; only models with controllers
-  virtual void project(const Real* q, const Real* gap, Real* dz) const { (void)q, (void)gap, (void)dz, throw_no_projection(); }
+  virtual void project(const Real* q, const Real* violation, Real* dz) const { (void)q, (void)violation, (void)dz, throw_no_projection(); }
   virtual void guard(const Real*, const Real*, Real*) const {}   ///< of q and v; only models with guards have it
   virtual void events(const Real*, const Real*, Real*) const {}  ///< of q and v, the values of the switches; only models that have some
   virtual void domains(const Real*, const Real*, const Real*, Real*) const {}  ///< of q, v, lambda, the margins of the domains; only models that have some

@@ -74,7 +74,7 @@ class EnergyBook {
 
   Entry& entry(std::size_t i) { return entries_[i % entries_.size()]; }
 
-  /// Look whether the present energy is far above the known one, which is taken as at least `least`, and comes from nowhere.
+  /// Visual whether the present energy is far above the known one, which is taken as at least `least`, and comes from nowhere.
   void look(Real kinetic, Real least) {
     using std::abs;
     const Entry& oldest = entry(count_ > memory ? count_ : 0);

@@ -73,9 +73,9 @@ class GeneratedMechanism final : public Behind<AnyMechanism<typename Generated::
     generated_.constraint_residual(q, v, residual, rate);
   }
 
-  void project(const Real* q, const Real* gap, Real* dz) const override {
-    if constexpr (requires { generated_.project(q, gap, dz); }) generated_.project(q, gap, dz);
-    else AnyMechanism<Real>::project(q, gap, dz);
+  void project(const Real* q, const Real* violation, Real* dz) const override {
+    if constexpr (requires { generated_.project(q, violation, dz); }) generated_.project(q, violation, dz);
+    else AnyMechanism<Real>::project(q, violation, dz);
   }
 
  private:

@@ -39,7 +39,7 @@ class NearJumps {
   /// Jumps that are at most `within` (s) before or after a row.
   NearJumps(double within, std::size_t columns) : within_(within), before_(columns), after_(columns), probe_(columns) {}
 
-  /// Look at a row at time t, whose values are `here`; `report` gives those of a time after it, or before it if that is negative.
+  /// Visual at a row at time t, whose values are `here`; `report` gives those of a time after it, or before it if that is negative.
   template <class Report>
   void look(Real t, const std::vector<Real>& here, Report report) {
     using std::abs;

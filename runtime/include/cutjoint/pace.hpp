@@ -44,7 +44,7 @@ class Pace {
 
   /// Write the first steps into a table, over the time of their ends.
   void write(Table& table, long steps) const {
-    static constexpr std::string_view columns[] = {"took", "late"};
+    static constexpr std::string_view columns[] = {"duration", "lateness"};
     table.header(std::span(columns));
     std::vector<double> row(2);
     for (std::size_t i = 0; i < static_cast<std::size_t>(steps); ++i) {

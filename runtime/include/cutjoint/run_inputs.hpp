@@ -18,7 +18,7 @@ namespace cutjoint {
 
 /// An input over time: a constant, or samples between which it is straight or a cubic.
 template <class Real>
-struct Course {
+struct Trajectory {
   int input;
   std::vector<Real> t, value;
   std::vector<Real> rate;  ///< empty where the course is straight between samples
@@ -63,11 +63,11 @@ class RunInputs {
   RunInputs(const std::vector<Named>& inputs, const Json& file) {
     if (!file.contains("inputs")) return;
     const double end = file.value("end", 0.0);
-    for (const auto& [name, given] : read_object(file, "inputs").items()) courses_.push_back(read(number_of_input(inputs, name), name, given, end));
+    for (const auto& [name, given] : read_object(file, "inputs").items()) trajectories_.push_back(read(number_of_input(inputs, name), name, given, end));
   }
 
   /// The source; this object must outlive its use.
-  InputSource<Real> source() { return courses_.empty() ? InputSource<Real>{} : InputSource<Real>{&fill, this}; }
+  InputSource<Real> source() { return trajectories_.empty() ? InputSource<Real>{} : InputSource<Real>{&fill, this}; }
 
  private:
   static int number_of_input(const std::vector<Named>& inputs, const std::string& name) {
@@ -76,22 +76,22 @@ class RunInputs {
     return static_cast<int>(found - inputs.begin());
   }
 
-  static Course<Real> read(int input, const std::string& name, const Json& given, double end) {
+  static Trajectory<Real> read(int input, const std::string& name, const Json& given, double end) {
     if (!given.is_object()) return {input, {}, {number_of<Real>(given, name)}, {}};
     require_keys(given, std::to_array<std::string_view>({"t", "value", "rate", "interpolation"}));
     using Kind = std::pair<std::string_view, bool>;
     constexpr std::array kinds{Kind{"cubic", true}, Kind{"linear", false}};
     const bool cubic = !given.contains("interpolation") || read_word(given, "interpolation", kinds);
-    Course<Real> course{input, read_samples(given, "t"), read_samples(given, "value"), {}};
-    require_times(name, course, end);
+    Trajectory<Real> trajectory{input, read_samples(given, "t"), read_samples(given, "value"), {}};
+    require_times(name, trajectory, end);
     if (given.contains("rate")) {
       if (!cubic) refuse(name, "has rates, which a linear interpolation does not read");
-      course.rate = read_samples(given, "rate");
-      if (course.rate.size() != course.t.size()) refuse(name, "has not as many rates as times");
+      trajectory.rate = read_samples(given, "rate");
+      if (trajectory.rate.size() != trajectory.t.size()) refuse(name, "has not as many rates as times");
     } else if (cubic) {
-      course.rate = rates_at(course.t, course.value);
+      trajectory.rate = rates_at(trajectory.t, trajectory.value);
     }
-    return course;
+    return trajectory;
   }
 
   static std::vector<Real> read_samples(const Json& given, const char* key) {
@@ -102,18 +102,18 @@ class RunInputs {
     return samples;
   }
 
-  static void require_times(const std::string& name, const Course<Real>& course, double end) {
-    if (course.t.size() < 2 || course.value.size() != course.t.size()) refuse(name, "needs two times or more and as many values");
-    if (std::adjacent_find(course.t.begin(), course.t.end(), [](Real a, Real b) { return !(a < b); }) != course.t.end())
+  static void require_times(const std::string& name, const Trajectory<Real>& trajectory, double end) {
+    if (trajectory.t.size() < 2 || trajectory.value.size() != trajectory.t.size()) refuse(name, "needs two times or more and as many values");
+    if (std::adjacent_find(trajectory.t.begin(), trajectory.t.end(), [](Real a, Real b) { return !(a < b); }) != trajectory.t.end())
       refuse(name, "has times that do not ascend");
-    if (course.t.front() > Real(0) || course.t.back() < Real(end)) refuse(name, "has times that do not reach from 0 to the end of the run");
+    if (trajectory.t.front() > Real(0) || trajectory.t.back() < Real(end)) refuse(name, "has times that do not reach from 0 to the end of the run");
   }
 
   static void fill(void* host, Real t, Real* input) {
-    for (const Course<Real>& course : static_cast<const RunInputs*>(host)->courses_) course.write(t, input + numbers_per_input * course.input);
+    for (const Trajectory<Real>& trajectory : static_cast<const RunInputs*>(host)->trajectories_) trajectory.write(t, input + numbers_per_input * trajectory.input);
   }
 
-  std::vector<Course<Real>> courses_;
+  std::vector<Trajectory<Real>> trajectories_;
 };
 
 }  // namespace cutjoint

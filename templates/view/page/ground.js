@@ -81,7 +81,7 @@ function layRoad(core, { lines, field }) {
   const at = core.take(8 * (numbers.length + heights.length)), above = at + 8 * numbers.length;
   core.doubles(at, numbers.length).set(numbers);
   core.doubles(above, heights.length).set(heights);
-  core.call('lay_road', at, lines.length, above - 32, above, ...(field?.counts ?? [0, 0]));
+  core.call('set_road', at, lines.length, above - 32, above, ...(field?.counts ?? [0, 0]));
 }
 
 function profile(road, x, y) {

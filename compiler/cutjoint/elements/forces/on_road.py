@@ -10,45 +10,45 @@ from cutjoint.elements.force import Force, ForceField, Mirror, Reader, Shape
 from cutjoint.elements.terms import Scalar, Vector, reads_elements
 
 #: Fields of the ground under a wheel, with their units.
-GROUND = {"ground_height": "m", "ground_slope": "1", "ground_bank": "1", "friction": "1"}
+TERRAIN = {"terrain_height": "m", "terrain_slope": "1", "terrain_bank": "1", "friction": "1"}
 
-GROUND_FIELDS = tuple(ForceField(name, Shape.NUMBER, None, unit=unit) for name, unit in GROUND.items())
+TERRAIN_FIELDS = tuple(ForceField(name, Shape.NUMBER, None, unit=unit) for name, unit in TERRAIN.items())
 
 
-def read_ground(reader: Reader) -> Mapping[str, Any]:
+def read_terrain(reader: Reader) -> Mapping[str, Any]:
     """The expressions of those fields that are given."""
-    return {name: reader.expression(name, unit=unit) for name, unit in GROUND.items() if reader.given(name) is not None}
+    return {name: reader.expression(name, unit=unit) for name, unit in TERRAIN.items() if reader.given(name) is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
 class OnRoad(Force):
     """A wheel on the road: ``centre``, and ``axis``, which points left when the wheel rolls forward.
 
-    ``ground_height`` (m), ``ground_slope`` and ``ground_bank`` (along x and y) under the wheel centre are added to the scene's road, and
+    ``terrain_height`` (m), ``terrain_slope`` and ``terrain_bank`` (along x and y) under the wheel centre are added to the scene's road, and
     ``friction`` is a factor of the road's: expressions that may change, None where there are none.
     """
 
     body: str
     centre: Vector
     axis: Vector
-    ground_height: Scalar | None = None
-    ground_slope: Scalar | None = None
-    ground_bank: Scalar | None = None
+    terrain_height: Scalar | None = None
+    terrain_slope: Scalar | None = None
+    terrain_bank: Scalar | None = None
     friction: Scalar | None = None
 
     @property
-    def ground(self) -> Mapping[str, Scalar]:
+    def terrain(self) -> Mapping[str, Scalar]:
         """The expressions of the ground by the names of their fields."""
-        return {name: value for name in GROUND if (value := getattr(self, name)) is not None}
+        return {name: value for name in TERRAIN if (value := getattr(self, name)) is not None}
 
     @property
-    def ground_reads_elements(self) -> bool:
+    def terrain_reads_elements(self) -> bool:
         """Return whether the ground under the wheel follows from other elements."""
-        return any(map(reads_elements, self.ground.values()))
+        return any(map(reads_elements, self.terrain.values()))
 
-    def with_ground(self, added: Mapping[str, Scalar]) -> Self:
+    def with_added_terrain(self, added: Mapping[str, Scalar]) -> Self:
         """The wheel with ground that is ``added``, by the names of the fields: heights and slopes are summed, frictions multiplied."""
-        own = self.ground
+        own = self.terrain
         both = {name: own[name] * x if name == "friction" else own[name] + x for name, x in added.items() if name in own}
         return replace(self, **{**added, **both})
 
@@ -56,6 +56,6 @@ class OnRoad(Force):
         """The image: the ground falls the other way along the mirrored axis."""
         along, across, _ = mirror.signs
         slope, bank = (
-            None if value is None else sign * value for value, sign in ((self.ground_slope, along), (self.ground_bank, across))
+            None if value is None else sign * value for value, sign in ((self.terrain_slope, along), (self.terrain_bank, across))
         )
-        return replace(super().mirrored(mirror, signs), ground_slope=slope, ground_bank=bank)
+        return replace(super().mirrored(mirror, signs), terrain_slope=slope, terrain_bank=bank)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import Constants, ForceElement, ForceField, Reader, Shape
-from cutjoint.elements.forces.on_road import GROUND_FIELDS, OnRoad, read_ground
+from cutjoint.elements.forces.on_road import TERRAIN_FIELDS, OnRoad, read_terrain
 from cutjoint.elements.interaction import Axis, Carrier, Point
 from cutjoint.elements.interactions import RoadContact
 from cutjoint.elements.terms import Scalar
@@ -40,7 +40,7 @@ class Tyre(OnRoad):
             ForceField("radius", Shape.NUMBER, unit=_UNITS["radius"]), ForceField("stiffness", Shape.NUMBER, unit=_UNITS["stiffness"]),
             ForceField("spin_inertia", Shape.NUMBER, 0, unit=_UNITS["spin_inertia"]),
             ForceField("calspan", Constants("Calspan", "Constants of the Calspan tyre.", CALSPAN)),
-            *GROUND_FIELDS,
+            *TERRAIN_FIELDS,
         ),
         interaction=RoadContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
         laws=(),
@@ -57,7 +57,7 @@ class Tyre(OnRoad):
         constants |= {name: reader.number("calspan", name, unit="") for name in CALSPAN}
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
-            constants=constants, **read_ground(reader),
+            constants=constants, **read_terrain(reader),
         )  # fmt: skip
 
     @property
@@ -68,12 +68,12 @@ class Tyre(OnRoad):
     @property
     def expressions(self) -> tuple[Scalar, ...]:
         """The ground under the wheel, and its friction."""
-        return tuple(self.ground.values())
+        return tuple(self.terrain.values())
 
     @property
     def measured(self) -> frozenset[str]:
         """No quantity of a wheel whose ground reads other elements."""
-        return frozenset() if self.ground_reads_elements else super().measured
+        return frozenset() if self.terrain_reads_elements else super().measured
 
     def image_sign(self, quantity: str, sign: Callable[[str], int], of_coordinate: int) -> int:
         """The sign of a quantity in the tyre's image: -1 of sideways quantities."""

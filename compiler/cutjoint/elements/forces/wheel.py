@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 from cutjoint.elements.force import ForceElement, ForceField, Law, Mirror, Reader, Shape
-from cutjoint.elements.forces.on_road import GROUND_FIELDS, OnRoad, read_ground
+from cutjoint.elements.forces.on_road import TERRAIN_FIELDS, OnRoad, read_terrain
 from cutjoint.elements.interaction import Axis, Carrier, Point
 from cutjoint.elements.interactions import RollingContact
 from cutjoint.elements.terms import Scalar, Vector
@@ -41,7 +41,7 @@ class Wheel(OnRoad):
             ForceField("body", Shape.BODY), ForceField("centre", Shape.POINT),
             ForceField("axis", Shape.DIRECTION, words=" (to the left when rolling forward)"), ForceField("radius", Shape.NUMBER, unit="m"),
             ForceField("force", Shape.TRIPLE), ForceField("moment", Shape.TRIPLE, (0, 0, 0)), ForceField("let", Shape.NAMES, {}),
-            *GROUND_FIELDS,
+            *TERRAIN_FIELDS,
         ),
         interaction=RollingContact(centre=Point(Carrier.BODY, "centre"), axis=Axis(Carrier.BODY, "axis", is_rotation=True)),
         laws=("force", "moment"),
@@ -59,7 +59,7 @@ class Wheel(OnRoad):
         return cls(
             **reader.common(), body=reader.body("body"), centre=reader.point("centre"), axis=reader.direction("axis"),
             free_radius=reader.number("radius", unit="m"), force=reader.triple("force", _FORCE, let="let"),
-            moment=reader.triple("moment", _MOMENT, let="let"), **read_ground(reader),
+            moment=reader.triple("moment", _MOMENT, let="let"), **read_terrain(reader),
         )  # fmt: skip
 
     @property
@@ -70,12 +70,12 @@ class Wheel(OnRoad):
     @property
     def expressions(self) -> tuple[Scalar, ...]:
         """The components, and the ground under the wheel."""
-        return (*super().expressions, *self.ground.values())
+        return (*super().expressions, *self.terrain.values())
 
     @property
     def measured(self) -> frozenset[str]:
         """The motion of the contact, unless the ground reads other elements."""
-        return frozenset() if self.ground_reads_elements else frozenset(_MOTION)
+        return frozenset() if self.terrain_reads_elements else frozenset(_MOTION)
 
     def mirrored(self, mirror: Mirror, signs: Mapping[str, Mapping[str, int]]) -> Self:
         """The image of the wheel, whose sideways motion and forces count the other way."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Axis, Coil, Explanation, Interaction, Look, Mechanics, Page, Point, Sight
+from cutjoint.elements.interaction import Arrow, Axis, Coil, Explanation, Interaction, Mechanics, Page, Point, Visual, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import LawForce
@@ -31,7 +31,7 @@ class AxisForce(Interaction):
         """The law pushes the point along the axis."""
         values = self.values(force, m)
         law = m.law(force.law, values, self.position)
-        m.push_along(self.origin, self.point, self.axis, law["force"])
+        m.apply_force_along(self.origin, self.point, self.axis, law["force"])
         return {**law, **values}
 
     def values(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
@@ -48,13 +48,13 @@ class AxisForce(Interaction):
         )
         return Explanation(
             notes=(f"{note}{page.either('; both velocities are of the bodies at $p$.', '.')}",),
-            actions=(travel, page.push_along("p_o", "p", "a", "d", "F")), laws=page.law("F", force.law, self.position, "s"),
+            actions=(travel, page.apply_force_along("p_o", "p", "a", "d", "F")), laws=page.law("F", force.law, self.position, "s"),
         )  # fmt: skip
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """A spring along the line of the force, as long as its travel."""
         return (Coil(self.origin, self.point, self.axis),)
 
-    def arrow(self, force: LawForce, sight: Sight) -> Arrow:
+    def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
         """The push on the follower."""
-        return sight.push_along(self.point, self.axis, "force")
+        return context.apply_force_along(self.point, self.axis, "force")

@@ -10,12 +10,12 @@ from cutjoint.elements.interaction import (
     Explanation,
     Frame,
     Interaction,
-    Look,
     Mechanics,
     Page,
     Point,
     Ring,
-    Sight,
+    Visual,
+    VisualContext,
     gets,
     on_both,
     pair,
@@ -50,7 +50,7 @@ class Compliance(Interaction):
         push, twist = b.column(laws[:3]), b.column(laws[3:])
         columns = {"F": push, "M": b.mul(b.transpose(by_turn), twist), "d": places[0], "r": places[1]}
         quantities = {f"{name}{axis}": b.element(block, i) for name, block in columns.items() for i, axis in enumerate("xyz")}
-        m.push_along(self.base, self.follower, self.frame, push)
+        m.apply_force_along(self.base, self.follower, self.frame, push)
         m.twist(self.frame, twist)
         return quantities
 
@@ -85,10 +85,10 @@ class Compliance(Interaction):
             notes=(carried + meaning,), actions=actions, laws=(*page.laws("F", along, "d"), *page.laws("M", about, r"\theta"))
         )
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """A ring."""
         return (Ring(self.base, self.frame),)
 
-    def arrow(self, force: Force, sight: Sight) -> Arrow:
+    def arrow(self, force: Force, context: VisualContext) -> Arrow:
         """The force on the follower."""
-        return sight.components(self.follower, self.frame)
+        return context.components(self.follower, self.frame)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Coil, Explanation, Interaction, Look, Mechanics, Page, Point, Sight
+from cutjoint.elements.interaction import Arrow, Coil, Explanation, Interaction, Mechanics, Page, Point, Visual, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.force import LawForce
@@ -57,10 +57,10 @@ class LineForce(Interaction):
             actions=(line, page.pull("p_s", "p_e", "F n")), laws=page.law("F", force.law, self.position, r"\ell"),
         )  # fmt: skip
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """A spring."""
         return (Coil(self.start, self.end),)
 
-    def arrow(self, force: LawForce, sight: Sight) -> Arrow:
+    def arrow(self, force: LawForce, context: VisualContext) -> Arrow:
         """The tension on the follower."""
-        return sight.pull(self.start, self.end, "force")
+        return context.pull(self.start, self.end, "force")

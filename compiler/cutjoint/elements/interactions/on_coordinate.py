@@ -25,7 +25,7 @@ class OnCoordinate(Interaction):
     def act(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
         """The law works on the coordinate, which its joint reports."""
         law = m.law(force.law, m.coordinate(), self.position)
-        m.push_coordinate(law["force"])
+        m.apply_joint_force(law["force"])
         return law
 
     def values(self, force: LawForce, m: Mechanics) -> dict[str, Block]:
@@ -49,11 +49,11 @@ class Rubbing(Interaction):
         """The law waits for a load that the joint carries."""
         law = m.scalar(force.law, {"rate": m.coordinate()["rate"]})
         if force.carried:
-            m.rub_coordinate(law)
+            m.apply_joint_friction(law)
             return {}
         load = m.scalar(force.preload, {})
         found = {"force": m.b.mul(load, law), "load": load}
-        m.push_coordinate(found["force"])
+        m.apply_joint_force(found["force"])
         return found
 
     def explain(self, force: JointFriction, page: Page) -> Explanation:
@@ -85,4 +85,4 @@ def _on_points(kind: str, page: Page) -> tuple[tuple[str, ...], tuple[str, ...]]
         "base's point $p_b$, along the direction $a$ of the base."
     )
     travel = r"d = p_f - p_b, \quad z = a \cdot d, \quad \dot z = a \cdot \dot d + d \cdot \dot a"
-    return (note,), (travel, page.push_along("p_b", "p_f", "a", "d", "F"))
+    return (note,), (travel, page.apply_force_along("p_b", "p_f", "a", "d", "F"))

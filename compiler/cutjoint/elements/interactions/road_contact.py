@@ -20,12 +20,12 @@ from cutjoint.elements.interaction import (
     Axis,
     Explanation,
     Interaction,
-    Look,
     Mechanics,
     Motion,
     Page,
     Point,
-    Sight,
+    Visual,
+    VisualContext,
     Wheel,
     gets,
 )
@@ -50,7 +50,7 @@ class WheelContact(Interaction):
     has_road: ClassVar[bool] = True
     turns: ClassVar[bool]
 
-    def looks(self) -> tuple[Look, ...]:
+    def visuals(self) -> tuple[Visual, ...]:
         """A wheel."""
         return (Wheel(self.centre, self.axis, self.turns),)
 
@@ -58,9 +58,9 @@ class WheelContact(Interaction):
         """The road under the wheel."""
         return meet_road(m, force, m.point(self.centre).x, m.direction(self.axis).x)
 
-    def arrow(self, force: Any, sight: Sight) -> Arrow:
+    def arrow(self, force: Any, context: VisualContext) -> Arrow:
         """The load on the wheel, from the road under its centre."""
-        return sight.lift(self.centre, force.radius, "Fz")
+        return context.lift(self.centre, force.radius, "Fz")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class RoadContact(WheelContact):
     def act(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
         """The road pushes the wheel at the contact; spin and road turn it."""
         contact = self._contact(force, m)
-        m.push_beside(self.centre, contact.arm, contact.force, contact.moment)
+        m.apply_force_at_offset(self.centre, contact.arm, contact.force, contact.moment)
         return contact.quantities
 
     def values(self, force: Tyre, m: Mechanics) -> dict[str, Block]:
@@ -89,7 +89,7 @@ class RoadContact(WheelContact):
         return Explanation(
             notes=(*_NOTES, *(_GROUND if force.expressions else ()), *page.either((), ("$c$ is the wheel centre.",))),
             actions=(*_CONTACT, *page.calspan(), page.either(_WRENCH, _ON_POINTS)),
-            constants=tuple((letters.get(name, name), page.number(x)) for name, x in (*force.constants.items(), *explain_ground(force))),
+            constants=tuple((letters.get(name, name), page.number(x)) for name, x in (*force.constants.items(), *explain_terrain(force))),
         )
 
 
@@ -123,10 +123,10 @@ _GROUND = (
 )
 
 
-def explain_ground(wheel: OnRoad) -> tuple[tuple[str, Scalar], ...]:
+def explain_terrain(wheel: OnRoad) -> tuple[tuple[str, Scalar], ...]:
     """The ground under a wheel, by words."""
-    words = {"ground_height": "ground height", "ground_slope": "ground slope", "ground_bank": "bank b", "friction": "friction"}
-    return tuple((words[name], value) for name, value in wheel.ground.items())
+    words = {"terrain_height": "ground height", "terrain_slope": "ground slope", "terrain_bank": "bank b", "friction": "friction"}
+    return tuple((words[name], value) for name, value in wheel.terrain.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,11 +176,11 @@ def meet_road(m: Mechanics, wheel: OnRoad, place: Block, axis: Block) -> Ground:
     if "surface" in m.road:
         height, slope = b.add(height, lookup("road_surface")), b.add(slope, lookup("road_surface_x"))
         bank = lookup("road_surface_y")
-    slope = _with(m, b.add, slope, wheel.ground_slope)
-    clearance = b.sub(z, _with(m, b.add, height, wheel.ground_height))
+    slope = _with(m, b.add, slope, wheel.terrain_slope)
+    clearance = b.sub(z, _with(m, b.add, height, wheel.terrain_height))
     steep = b.add(b.number(1.0), b.mul(slope, slope))
-    if wheel.ground_bank is not None:
-        own = m.scalar(wheel.ground_bank, {})
+    if wheel.terrain_bank is not None:
+        own = m.scalar(wheel.terrain_bank, {})
         bank = own if bank is None else b.add(bank, own)
     n_z = b.call("div", b.number(1.0), b.call("sqrt", steep if bank is None else b.add(steep, b.mul(bank, bank))))
     friction = lookup("road_friction") if "friction" in m.road else b.number(1.0)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from cutjoint.elements.interaction import Explanation, Mechanics, Page, gets
-from cutjoint.elements.interactions.road_contact import Ground, WheelContact, explain_ground, meet_road
+from cutjoint.elements.interactions.road_contact import Ground, WheelContact, explain_terrain, meet_road
 
 if TYPE_CHECKING:
     from cutjoint.elements import forces
@@ -39,7 +39,7 @@ class RollingContact(WheelContact):
         ]  # fmt: skip
         directions = (road.e_x, road.e_y, road.n)
         push, turn = (b.total([b.scale(x, e) for x, e in zip(part, directions, strict=True)]) for part in (components[:3], components[3:]))
-        m.push_beside(self.centre, b.neg(b.scale(values["loaded_radius"], road.e_z)), push, turn)
+        m.apply_force_at_offset(self.centre, b.neg(b.scale(values["loaded_radius"], road.e_z)), push, turn)
         return dict(zip(("Fx", "Fy", "Fz", "Mx", "My", "Mz"), components, strict=True)) | values
 
     def values(self, force: forces.Wheel, m: Mechanics) -> dict[str, Block]:
@@ -68,7 +68,7 @@ class RollingContact(WheelContact):
 
     def explain(self, force: forces.Wheel, page: Page) -> Explanation:
         """The motion of the contact, and the components over it."""
-        named = ((name, page.number(value)) for name, value in (("radius R", force.free_radius), *explain_ground(force)))
+        named = ((name, page.number(value)) for name, value in (("radius R", force.free_radius), *explain_terrain(force)))
         return Explanation(
             notes=(_NOTES, *page.either((), ("$c$ is the wheel centre.",))),
             actions=(*_CONTACT, page.either(_WRENCH, _ON_POINTS)),

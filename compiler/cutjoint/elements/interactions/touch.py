@@ -16,7 +16,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Axis, Carrier, Explanation, Interaction, Mechanics, Page, Point, Sight, gets, on_both
+from cutjoint.elements.interaction import (
+    Arrow,
+    Axis,
+    Carrier,
+    Explanation,
+    Interaction,
+    Mechanics,
+    Page,
+    Point,
+    VisualContext,
+    gets,
+    on_both,
+)
 
 if TYPE_CHECKING:
     from cutjoint.elements import forces
@@ -53,8 +65,8 @@ class Touch(Interaction):
         components = [b.call("where", touches, m.scalar(component, values), b.zero(1)) for component in force.force]
         push = b.total([b.scale(x, e) for x, e in zip(components, (at.e_x, b.cross(at.n, at.e_x), at.n), strict=True)])
         arm = b.neg(b.scale(at.distance, at.n))
-        m.push_beside(self.centre, arm, push, b.zero(3))
-        m.push_beside(self.start, b.add(at.way, arm), b.neg(push), b.zero(3))
+        m.apply_force_at_offset(self.centre, arm, push, b.zero(3))
+        m.apply_force_at_offset(self.start, b.add(at.way, arm), b.neg(push), b.zero(3))
         return dict(zip(("Fx", "Fy", "Fz"), components, strict=True)) | values
 
     def values(self, force: forces.Contact, m: Mechanics) -> dict[str, Block]:
@@ -104,9 +116,9 @@ class Touch(Interaction):
             laws=page.vector("F", force.force, {}), constants=tuple(numbers),
         )  # fmt: skip
 
-    def arrow(self, force: forces.Contact, sight: Sight) -> Arrow:
+    def arrow(self, force: forces.Contact, context: VisualContext) -> Arrow:
         """The normal force on a plane."""
-        return None if force.normal is None else sight.push_along(self.centre, self.normal, "Fz")
+        return None if force.normal is None else context.apply_force_along(self.centre, self.normal, "Fz")
 
 
 _NOTES = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from cutjoint.elements.interaction import Arrow, Explanation, Interaction, Mechanics, Page, Point, Sight
+from cutjoint.elements.interaction import Arrow, Explanation, Interaction, Mechanics, Page, Point, VisualContext
 
 if TYPE_CHECKING:
     from cutjoint.elements.forces.body_load import BodyLoad
@@ -34,7 +34,7 @@ class Wrench(Interaction):
         if force.point is None:
             m.turn(self.point.carrier, vector)
         else:
-            m.push_at(self.point, vector)
+            m.apply_force(self.point, vector)
         return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
 
     def values(self, force: BodyLoad, m: Mechanics) -> dict[str, Block]:
@@ -57,7 +57,7 @@ class Wrench(Interaction):
             notes.append("Absent while the equilibrium is sought.")
         turned = page.either("R F", r"E F, \quad E = [e_x, e_y, e_z]") if force.in_body else "F"
         spin = page.either("", r", \quad \omega = \sum\nolimits_{i} e_i \times \dot e_i / 2")
-        action = page.turn(turned) + spin if force.point is None else page.push_at("p", turned)
+        action = page.turn(turned) + spin if force.point is None else page.apply_force("p", turned)
         return Explanation(
             notes=tuple(notes), actions=(action,), laws=page.vector("F", force.components, {"r": "x y z", "v": "vx vy vz"})
         )
@@ -66,6 +66,6 @@ class Wrench(Interaction):
         """The heading of a load or a torque."""
         return "Torque" if force.point is None else super().title(force)
 
-    def arrow(self, force: BodyLoad, sight: Sight) -> Arrow:
+    def arrow(self, force: BodyLoad, context: VisualContext) -> Arrow:
         """The force on the body."""
-        return None if force.point is None else sight.components(self.point, self.point.carrier if force.in_body else None)
+        return None if force.point is None else context.components(self.point, self.point.carrier if force.in_body else None)

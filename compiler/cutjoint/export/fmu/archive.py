@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
-from cutjoint.compile.folders import Standalone, for_hosts, frozen_words, make_standalone
+from cutjoint.compile.c_export import Standalone, for_hosts, frozen_words, make_standalone
 from cutjoint.compile.pipeline import derive, generate
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
@@ -21,7 +21,7 @@ from cutjoint.methods import DEFAULT_METHOD, METHODS, join_or
 from cutjoint.model.records import Model, Scene
 from cutjoint.package.errors import RunError
 from cutjoint.package.locations import licence, without_mark
-from cutjoint.run.scenes import held_as_usual
+from cutjoint.run.scenes import with_default_closure
 from cutjoint.toolchain.build import build_files
 from cutjoint.toolchain.platforms import PLATFORMS, name_here
 from cutjoint.topology.records import Topology
@@ -115,13 +115,13 @@ def make_fmu(
         others: as of `pipeline.generate`, `make_standalone`.
     """
     _require_method(method, kind)
-    scene = held_as_usual(scene, method, integrator)
+    scene = with_default_closure(scene, method, integrator)
     model = for_hosts(model, scene)
     generated = generate(model, scene, scene.outputs, method=method, poses=poses)
     equations = generated.equations
     described = equations if isinstance(equations, RecursiveEquations) else derive(model, scene, scene.outputs)
     standalone = make_standalone(generated, integrator=integrator, linearise=KINDS[kind][1], derives_steps=False)
-    interface = make_interface(described, standalone.run_file, standalone.freedoms, standalone.poses)
+    interface = make_interface(described, standalone.run_file, standalone.dofs, standalone.poses)
     stops = version == 3 and KINDS[kind][0] and standalone.steps.finds_events and bool(described.switches)
     page, view = Page.of(described, method), _view(standalone, interface, version, kind, stops)
     layer = page.render(f"fmu/fmi{version}.cpp.jinja", **view, token="")

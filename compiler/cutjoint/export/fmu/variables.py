@@ -87,7 +87,7 @@ def _beside(taken: set[str], variable: Variable) -> Variable:
 
 
 def make_interface(
-    equations: RecursiveEquations, run_file: RunFile, freedoms: int | None = None, posed: Sequence[str] = ()
+    equations: RecursiveEquations, run_file: RunFile, dofs: int | None = None, posed: Sequence[str] = ()
 ) -> Interface:
     """The variables of a mechanism's folder that begins as a run file says; with its degrees of freedom those for model exchange too, and
     of elements that are ``posed`` their poses.
@@ -107,19 +107,19 @@ def make_interface(
     outputs = _outputs(equations, starts, counts)
     poses = tuple(variable for name in posed for variable in _pose(name))
     interface = Interface(parameters=parameters, settings=settings, starts=starts, inputs=inputs, outputs=outputs, poses=poses)
-    return interface if freedoms is None else _with_states(interface, equations, freedoms)
+    return interface if dofs is None else _with_states(interface, equations, dofs)
 
 
-def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: int) -> Interface:
+def _with_states(interface: Interface, equations: RecursiveEquations, dofs: int) -> Interface:
     """The interface with rates of inputs, states, their derivatives and event indicators; outputs follow from states."""
     first_input = 1 + len(interface.parameters) + len(interface.settings) + len(interface.starts)
     first_rate = first_input + len(interface.inputs) + len(interface.outputs) + len(interface.poses)
     model = equations.topology.model
     rated = tuple(i for i, p in enumerate(equations.inputs) if guided_by(model, p) is not None)
     first_state = first_rate + 2 * len(rated)
-    count = 2 * freedoms + len(equations.state.states)
-    places = tuple(range(first_state, first_state + freedoms))
-    speeds = tuple(range(first_state + freedoms, first_state + count))
+    count = 2 * dofs + len(equations.state.states)
+    places = tuple(range(first_state, first_state + dofs))
+    speeds = tuple(range(first_state + dofs, first_state + count))
     accelerations, columns = find_following(equations)
 
     def with_rates(given: Iterable[int]) -> tuple[int, ...]:
@@ -132,12 +132,12 @@ def _with_states(interface: Interface, equations: RecursiveEquations, freedoms: 
         return (*time, *given, *(places if following.positions else ()), *(speeds if following.rates else ()))
 
     start = with_rates(range(1, first_input + len(interface.inputs)))  # a state is chosen in the pose that all of it leads to
-    kinds = [_STATES[0]] * freedoms + [_STATES[1]] * freedoms + [_STATES[2]] * (count - 2 * freedoms)
+    kinds = [_STATES[0]] * dofs + [_STATES[1]] * dofs + [_STATES[2]] * (count - 2 * dofs)
     states = tuple(_local(f"state[{i}]", about, start) for i, about in enumerate(kinds, 1))
     derivatives = tuple(
         replace(
             _local(f"der(state[{i + 1}])", f"Derivative of state[{i + 1}]", start), derives=first_state + i,
-            following=(speeds[i],) if i < freedoms else known(accelerations),
+            following=(speeds[i],) if i < dofs else known(accelerations),
         )
         for i in range(count)
     )  # fmt: skip

@@ -150,7 +150,7 @@ def formulate_implicit(start: RecursiveEquations, outputs: tuple[Output, ...]) -
     )  # fmt: skip
 
 
-def formulate_balance(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
+def formulate_residual(start: RecursiveEquations, closure: str = DEFAULT_CLOSURE) -> RecursiveEquations:
     """The function ``balance`` of a mechanism: q, v, vdot, lambda -> what is left of the balance of forces, with those of loops, and of the
     second rates of these, in the axes of its recursive equations ``start``."""
     topology, scene = start.topology, start.scene

@@ -245,7 +245,7 @@ class NodalMechanics(Laws):
         self._act(end[0], layout.point(*end), pull)
         self._act(start[0], layout.point(*start), self.b.neg(pull))
 
-    def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+    def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """A force on both points, and on the directions."""
         first, last, directions = self._at(start), self._at(end), self._directions(start.body(self.force), direction)
         if isinstance(direction, Axis):
@@ -262,13 +262,13 @@ class NodalMechanics(Laws):
         self._pair(start, end, self.b.scale(force, e.x))
         self._act(start[0], form, turn)
 
-    def push_at(self, at: Point, force: Block) -> None:
+    def apply_force(self, at: Point, force: Block) -> None:
         """A force on a point."""
         self._act(at.body(self.force), self._way(_ORIGIN, self._at(at))[0], force)
 
-    def push_beside(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+    def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
         """A force on the point, and the torque of what is beside it."""
-        self.push_at(at, force)
+        self.apply_force(at, force)
         self.turn(at.carrier, self.b.add(self.b.cross(arm, force), moment))
 
     def turn(self, carrier: Carrier, torque: Block) -> None:
@@ -327,7 +327,7 @@ class NodalMechanics(Laws):
         position, rate, _ = (self.translator.scalar(e) for e in guide_rates(guide, self.model))
         return {"position": position, "rate": self.in_motion(rate)}
 
-    def push_coordinate(self, force: Block) -> None:
+    def apply_joint_force(self, force: Block) -> None:
         """A force on an angle's node or along a displacement; it does not move a guided joint."""
         if self._joint.guide is not None:
             return
@@ -336,7 +336,7 @@ class NodalMechanics(Laws):
         else:
             self._push_on_axis(*self._slide(), force)
 
-    def rub_coordinate(self, law: Block) -> None:
+    def apply_joint_friction(self, law: Block) -> None:
         """Natural coordinates do not have the loads of joints.
 
         Raises:

@@ -314,7 +314,7 @@ class WrenchMechanics(Laws):
         """Opposite wrenches of a force at the end."""
         self._pair((start.body(self.force), end.body(self.force)), self._point(end), force)
 
-    def push_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
+    def apply_force_along(self, start: Point, end: Point, direction: Axis | Frame, force: Block) -> None:
         """Opposite wrenches of a force at the end."""
         if isinstance(direction, Axis):
             self.pull(start, end, self.b.scale(force, self.k.direction(start.body(self.force), direction.of(self.force))))
@@ -332,11 +332,11 @@ class WrenchMechanics(Laws):
             apply_at(self.system, self.k, base, b.add(point, step), b.neg(pull))
         return wrench
 
-    def push_at(self, at: Point, force: Block) -> None:
+    def apply_force(self, at: Point, force: Block) -> None:
         """The wrench of a force at a point."""
         apply_at(self.system, self.k, at.body(self.force), self._point(at), force)
 
-    def push_beside(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
+    def apply_force_at_offset(self, at: Point, arm: Block, force: Block, moment: Block) -> None:
         """The wrench of a force beside a point, and of a moment."""
         b = self.b
         torque = b.add(b.cross(b.add(self._point(at), arm), force), moment)
@@ -363,7 +363,7 @@ class WrenchMechanics(Laws):
         self._turn(ends[0], self.b.neg(torque))
         return wrench
 
-    def push_coordinate(self, force: Block) -> None:
+    def apply_joint_force(self, force: Block) -> None:
         """A force on an unknown of a tree joint, or on both bodies of a cut joint; it does not move a guided joint."""
         joint, coordinate, b = self.force.joint_of, self.force.coordinate_of, self.b
         motion = tree_motion(self.k, joint)
@@ -374,7 +374,7 @@ class WrenchMechanics(Laws):
             column = b.column([force if i == index else b.zero(1) for i in range(len(motion.rate))])
             add_to(b, self.system.joint_forces, motion.tree_joint.child, column)
 
-    def rub_coordinate(self, law: Block) -> None:
+    def apply_joint_friction(self, law: Block) -> None:
         """A force that waits for its load."""
         self.system.rubbing[self.force.name] = self.b.name(law, "rubbing", self.force.name)
 

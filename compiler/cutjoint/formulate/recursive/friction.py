@@ -55,7 +55,7 @@ class Rubbed:
         """Add the force of a load to a system, and return it."""
         b, system.source = k.builder, self.force.name
         force = b.mul(load, self.law)
-        WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=self.force).push_coordinate(force)
+        WrenchMechanics(b=b, translator=k.translator, system=system, k=k, force=self.force).apply_joint_force(force)
         return force
 
     def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:

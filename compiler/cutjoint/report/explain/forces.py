@@ -105,11 +105,11 @@ class BodyPage(LawPage):
         """Opposite wrenches."""
         return on_both("-", force, rf"{end} \times {force}")
 
-    def push_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
+    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
         """Opposite wrenches."""
         return on_both("+", f"{force} {axis}", rf"{end} \times {force} {axis}")
 
-    def push_at(self, at: str, force: str, body: str = "") -> str:
+    def apply_force(self, at: str, force: str, body: str = "") -> str:
         """The wrench of a force."""
         return _joins(body, force, rf"{at} \times {force}")
 
@@ -134,11 +134,11 @@ class PointPage(LawPage):
         """Opposite forces on both points."""
         return pair(end, start, "-", force)
 
-    def push_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
+    def apply_force_along(self, start: str, end: str, axis: str, way: str, force: str) -> str:
         """Opposite forces on both points, and one on the axis."""
         return rf"{pair(end, start, '+', f'{force} {axis}')}, \quad {gets(axis, '+', f'{force} {way}')}"
 
-    def push_at(self, at: str, force: str, body: str = "") -> str:
+    def apply_force(self, at: str, force: str, body: str = "") -> str:
         """A force on a point."""
         return gets(at, "+", force)
 

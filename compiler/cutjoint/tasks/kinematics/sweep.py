@@ -24,7 +24,7 @@ from cutjoint.run.inputs import given_inputs
 from cutjoint.run.modes import NotReachedError, linearise_at
 from cutjoint.run.results import Columns
 from cutjoint.run.run_file import parameter_values
-from cutjoint.run.scenes import Given, model_of, take_model, with_loops
+from cutjoint.run.scenes import ModelLike, load_model, model_of, with_loops
 from cutjoint.tasks.kinematics.axles import Axle, Values, Wheel, find_axle
 from cutjoint.tasks.kinematics.figures import contact, find_figures, units_of
 from cutjoint.tasks.kinematics.linkage import Linkage, Pose, WheelState, side_of, wheel_blocks
@@ -51,17 +51,21 @@ class AxleKinematics:
 
 
 def find_kinematics(
-    model: Given, *, axle: str | None = None, travel: float = 0.05, turn: float | None = None, points: int = 21,
+    model: ModelLike, *, axle: str | None = None, travel: float = 0.05, steer_travel: float | None = None, points: int = 21,
     steer: str | None = None, radius: float | None = None, share: float = 1.0, parameters: Mapping[str, float] | None = None,
 ) -> AxleKinematics:  # fmt: skip
-    """The kinematics of an axle of a model, the only one if none is named, over ``travel`` (m) up and down and ``turn`` (m or rad) of
-    its steering joint to either side, at so many ``points`` each.
+    """Kinematics of an axle over travel, roll and steer.
+
+    Args:
+        travel: m up and down.
+        steer_travel: m or rad of the steering joint to either side.
+        points: poses of each sweep.
 
     Raises:
         ModelError: the file is wrong.
         RunError: there is no such axle or joint, the axle has a freedom of its own, or a parameter cannot be set.
     """
-    for name, value in (("travel", travel), ("turn", turn), ("points", points), ("radius", radius), ("share", share)):
+    for name, value in (("travel", travel), ("steer_travel", steer_travel), ("points", points), ("radius", radius), ("share", share)):
         if value is not None and (fault := fault_of_setting(name, value)):
             raise RunError(f"{name}: {fault}")
     model, changes = model_of(model), parameters or {}
@@ -70,7 +74,7 @@ def find_kinematics(
     linkage = Linkage(found)
     ends = {TRAVEL: np.array([travel, travel, 0.0]), ROLL: np.array([-travel, travel, 0.0])}
     if found.steering is not None:
-        ends[STEERING] = np.array([0.0, 0.0, _TURNS[found.steering_unit] if turn is None else turn])
+        ends[STEERING] = np.array([0.0, 0.0, _TURNS[found.steering_unit] if steer_travel is None else steer_travel])
     units, start = units_of(found), linkage.design()
     sweeps: dict[str, Mapping[str, Array]] = {}
     limits: list[str] = []
@@ -119,17 +123,18 @@ class AxleCompliance:
 
 
 def find_compliance(
-    model: Given, *, scene: str | None = None, axle: str | None = None, steer: str | None = None, radius: float | None = None,
+    model: ModelLike, *, scene: str | None = None, axle: str | None = None, steer: str | None = None, radius: float | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> AxleCompliance:  # fmt: skip
-    """The changes of the wheels of an axle by loads on them, from the model linearised at the static equilibrium of a scene, with chassis,
-    wheel heights and steering joint held.
+    """Compliance of an axle: changes of its wheels by loads, linearised at the static equilibrium of a scene.
+
+    Chassis, wheel heights and steering joint are fixed.
 
     Raises:
         ModelError: the file is wrong.
         RunError: there is no such axle, joint or scene, no equilibrium, a parameter cannot be set, or nothing holds a wheel.
     """
-    model, chosen = take_model(model, scene)
+    model, chosen = load_model(model, scene)
     changes = parameters or {}
     numbers = parameter_values(model, changes)
     found = find_axle(model, Values(model, numbers | given_inputs(model, changes)), axle, radius=radius, steer=steer)

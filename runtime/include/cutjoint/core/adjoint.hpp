@@ -22,12 +22,12 @@ struct NoFits {
 };
 
 template <class Fits>
-struct FitsWithSlopes {
+struct FitsWithDerivatives {
   using type = LoopFits<Dual, Fits>;
 };
 
 template <>
-struct FitsWithSlopes<NoFits> {
+struct FitsWithDerivatives<NoFits> {
   using type = NoFits;
 };
 
@@ -49,16 +49,16 @@ struct ColumnsOf<Balance, true> {
 ///
 /// A run is recorded part by part.  From its end on, the slopes of an objective by all at the end of a part become those by all at its beginning.  The
 /// solution of an implicit step has one of the transposed equations, found by iteration from that of the step behind it.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class T, std::size_t loaded, class Fits = NoFits, class Balance = NoBalance>
-class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class T, std::size_t loaded, class Fits = NoFits, class Balance = NoResidual>
+class Adjoint : public StepDerivatives<Simulation, D, S, dofs, Balance> {
  public:
-  using Base = StepDerivatives<Simulation, D, S, freedoms, Balance>;
-  using typename Base::Course, typename Base::M, typename Base::Minimal;
+  using Base = StepDerivatives<Simulation, D, S, dofs, Balance>;
+  using typename Base::Trajectory, typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::parameters, Base::states;
 
  private:
-  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::has_stages, Base::carries_slope, Base::is_slope_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
-  static constexpr std::size_t orders = InputCourses<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
+  using Base::m, Base::n, Base::switches, Base::is_explicit, Base::has_stages, Base::carries_derivative, Base::is_derivative_known_, Base::seeks_multipliers, Base::given, Base::charts, Base::simulation_, Base::blocks_;
+  static constexpr std::size_t orders = InputTrajectories<inputs>::orders, coordinates = M::sizes.coordinates, held = M::sizes.held, length = coordinates + 2 * n + m;
 
  public:
   /// Doubles of a record: a part of a step, a sample or a row.
@@ -80,22 +80,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   /// Step the simulation so many times, and find how objectives change with the states at the beginning, with a shift of each input all the time, and
   /// with parameters.
-  Fault play_adjoint(Simulation& simulation, Minimal& minimal, long steps, Course course, const Objectives& objectives, const Tape& tape) {
+  Fault adjoint_sensitivities(Simulation& simulation, Minimal& minimal, long steps, Trajectory trajectory, const Objectives& objectives, const Tape& tape) {
     const auto begun = simulation.memory();
     this->open(simulation, minimal, nullptr);
     tape_ = tape;
     records_ = 0;
-    const Fault missed = write_run(steps, course);
+    const Fault missed = write_run(steps, trajectory);
     const auto ended = simulation.memory();
     simulation.restore(begun);
     if (missed) return missed;
     load_transposed();
-    const std::size_t rows = static_cast<std::size_t>(steps / course.every) + 1;
+    const std::size_t rows = static_cast<std::size_t>(steps / trajectory.every) + 1;
     begun_at_ = simulation.state().t;
     Fault fault;
     for (std::size_t i = 0; i < objectives.number && !fault; ++i) {
       objective_ = i;
-      fault = go_back(course.number, objectives.weights + i * rows * course.number, rows);
+      fault = go_back(trajectory.number, objectives.weights + i * rows * trajectory.number, rows);
       if (!fault) fault = begin_of(objectives, i);
     }
     simulation.restore(fault ? begun : ended);
@@ -110,8 +110,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   static constexpr std::size_t balls = coordinates - M::sizes.joint_speeds();
   static constexpr std::size_t unknowns = n + m;
-  static constexpr bool by_balance = has_stages || seeks_multipliers;  ///< parts go back by balances of forces
-  using ByColumns = typename ColumnsOf<Balance, by_balance>::type;
+  static constexpr bool by_residual = has_stages || seeks_multipliers;  ///< parts go back by balances of forces
+  using ByColumns = typename ColumnsOf<Balance, by_residual>::type;
   using Unknowns = Fixed<double, unknowns>;
 
   /// A state without its time, or slopes by one.
@@ -158,7 +158,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   // The record
 
-  Fault write_run(long steps, Course& course) {
+  Fault write_run(long steps, Trajectory& trajectory) {
     Simulation& simulation = *simulation_;
     blocks_ = {};
     blocks_[0].held = held;
@@ -170,12 +170,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
           if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
             if (const Fault fault = write_sample(this, sampling.first_of(i), sampling.held_by(i))) return fault;
       }
-      if (const Fault fault = write_row(course)) return fault;
+      if (const Fault fault = write_row(trajectory)) return fault;
       this->is_loaded_ = false;
       for (long i = 1; i <= steps; ++i) {
         if (const Fault fault = this->take(simulation)) return fault;
-        if (i % course.every == 0)
-          if (const Fault fault = write_row(course)) return fault;
+        if (i % trajectory.every == 0)
+          if (const Fault fault = write_row(trajectory)) return fault;
       }
       return {};
     };
@@ -184,10 +184,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     return fault;
   }
 
-  Fault write_row(Course& course) {
+  Fault write_row(Trajectory& trajectory) {
     const double* known = simulation_->report();
-    for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
-    outputs_ = course.outputs;
+    for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
+    outputs_ = trajectory.outputs;
     record_.number = 0;
     record_.from.take(simulation_->complete_state());
     return write(Kind::row, simulation_->state().t, 0.0);
@@ -198,10 +198,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     x.record_.from.take(from);
     x.record_.end.take(end);
     x.record_.number = 0;
-    if constexpr (carries_slope) {
-      x.record_.number = x.is_slope_known_;
-      std::copy_n(x.first_slope_.begin(), coordinates, x.record_.end.q.begin());
-      std::copy_n(x.first_slope_.begin() + coordinates, n, x.record_.end.vdot.begin());
+    if constexpr (carries_derivative) {
+      x.record_.number = x.is_derivative_known_;
+      std::copy_n(x.first_derivative_.begin(), coordinates, x.record_.end.q.begin());
+      std::copy_n(x.first_derivative_.begin() + coordinates, n, x.record_.end.vdot.begin());
     }
     if constexpr (seeks_multipliers) x.record_.number = x.is_short(h);
     if constexpr (has_stages) {
@@ -216,7 +216,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   /// Where the last part is cut: at a share of its length, in a state, where switches leave their formulas.
   Fault write_cut(const StateOf<M>& end) {
     const auto& cut = this->cut_;
-    if (cut.left > length) return cut.fault(Cause::step_divided, end.t);
+    if (cut.left > length) return cut.fault(Cause::step_subdivided, end.t);
     record_.from.take(end);
     record_.number = static_cast<int>(cut.left);
     if (const Fault fault = write(Kind::cut, end.t, cut.share)) return fault;
@@ -290,9 +290,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   Fault go_back(std::size_t number, const double* weights, std::size_t rows) {
     by_.clear();
     by_loaded_.fill(0.0), by_parameter_.fill(0.0), by_input_.fill(0.0), by_held_.fill(0.0);
-    if (this->courses_) this->courses_->clear_slopes(objective_);
+    if (this->trajectories_) this->trajectories_->clear_derivatives(objective_);
     solved_ = 0;
-    owes_slope_ = false;
+    owes_derivative_ = false;
     read(records_ - 1);
     by_rows_.fill(0.0);
     for (std::size_t place = records_; place-- > 0;) {
@@ -337,10 +337,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   /// Courses of inputs are in the part of a record, or where one ends or the run begins.
   void be_within(const Record& at) {
-    if (!this->courses_) return;
-    if (at.kind == Kind::part) this->courses_->be_within(at.t, at.t + at.h);
-    else if (at.t > begun_at_) this->courses_->be_behind(at.t);
-    else this->courses_->be_within(at.t, std::numeric_limits<double>::infinity());
+    if (!this->trajectories_) return;
+    if (at.kind == Kind::part) this->trajectories_->be_within(at.t, at.t + at.h);
+    else if (at.t > begun_at_) this->trajectories_->be_behind(at.t);
+    else this->trajectories_->be_within(at.t, std::numeric_limits<double>::infinity());
   }
 
   void put(const Point& point, double t) {
@@ -391,12 +391,12 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
 
   void add_inputs() {
     for (std::size_t i = 0; i < given - held; ++i) by_input_[i] += more_input_[i];
-    if (this->courses_) this->courses_->pull(objective_, more_input_.data());
+    if (this->trajectories_) this->trajectories_->pull(objective_, more_input_.data());
     for (std::size_t i = 0; i < held; ++i) by_held_[i] += more_input_[given - held + i];
   }
 
   bool go_over_part() {
-    if constexpr (is_explicit) return go_over_slopes<typename Simulation::Steps::Method>();
+    if constexpr (is_explicit) return go_over_derivatives<typename Simulation::Steps::Method>();
     else if constexpr (has_stages) return go_over_stages();
     else if constexpr (seeks_multipliers) return go_over_closed_end();
     else return go_over_rule();
@@ -416,19 +416,19 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     const std::size_t last = place;
     place -= kind_at(place) == Kind::cut ? 1 : 0;
     while (place > 0 && ends_at_event(place - 1)) place -= 2;
-    constexpr std::size_t moving = coordinates + n + (carries_slope ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
+    constexpr std::size_t moving = coordinates + n + (carries_derivative ? n + coordinates : has_stages ? n : 0), all = moving + held + inputs + parameters;
     Fixed<double, all> found;
     std::array<int, directions> by{};
-    const auto follow = [&](std::size_t number, double* slopes) {
+    const auto follow = [&](std::size_t number, double* derivatives) {
       if (const Fault fault = follow_parts(place, last, number)) return fault;
       for (std::size_t k = 0; k < number; ++k) {
         const double* row = this->carried_ + k;
         const auto add_rows = [&](const auto& by_end) {
-          for (const double slope : by_end) slopes[k] += slope * *row, row += number;
+          for (const double derivative : by_end) derivatives[k] += derivative * *row, row += number;
         };
         add_rows(by_.q), add_rows(by_.v);
-        if constexpr (carries_slope)
-          if (owes_slope_) add_rows(by_slope_), add_rows(by_turn_);
+        if constexpr (carries_derivative)
+          if (owes_derivative_) add_rows(by_derivative_), add_rows(by_turn_);
       }
       return Fault{};
     };
@@ -443,22 +443,22 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       }
       if (const Fault fault = follow(number, found.data() + first)) return fault;
     }
-    const auto by_piece = [&](double* slopes) {
+    const auto by_piece = [&](double* derivatives) {
       open_rows(orders, by);
-      return follow(orders, slopes);
+      return follow(orders, derivatives);
     };
     if (const Fault fault = visit_pieces(place, last, by_piece)) return fault;
     read(place);
     const double* x = found.data();
-    const auto take = [&x](auto& slopes) { std::copy_n(x, slopes.size(), slopes.begin()), x += slopes.size(); };
+    const auto take = [&x](auto& derivatives) { std::copy_n(x, derivatives.size(), derivatives.begin()), x += derivatives.size(); };
     by_.clear();
     take(by_.q), take(by_.v);
     if constexpr (has_stages) take(by_.vdot);
-    if constexpr (carries_slope) take(by_slope_), take(by_turn_);
-    owes_slope_ = carries_slope && record_.number == 1;
-    for (double& slope : by_held_) slope += *x++;
+    if constexpr (carries_derivative) take(by_derivative_), take(by_turn_);
+    owes_derivative_ = carries_derivative && record_.number == 1;
+    for (double& derivative : by_held_) derivative += *x++;
     for (std::size_t i = 0; i < inputs; ++i) by_input_[numbers_per_input * i] += *x++;
-    for (double& slope : by_parameter_) slope += *x++;
+    for (double& derivative : by_parameter_) derivative += *x++;
     return {};
   }
 
@@ -476,20 +476,20 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   template <class Follow>
   Fault visit_pieces([[maybe_unused]] std::size_t first, [[maybe_unused]] std::size_t last, [[maybe_unused]] Follow follow) {
     if constexpr (inputs > 0) {
-      auto* const courses = this->courses_;
-      for (std::size_t i = 0; courses && i < courses->number(); ++i) {
+      auto* const trajectories = this->trajectories_;
+      for (std::size_t i = 0; trajectories && i < trajectories->number(); ++i) {
         const auto piece_at = [&](std::size_t place, bool is_end) {
           read(place);
           be_within(record_);
-          return courses->find(i, record_.t + (is_end && record_.kind == Kind::part ? record_.h : 0.0));
+          return trajectories->find(i, record_.t + (is_end && record_.kind == Kind::part ? record_.h : 0.0));
         };
         const std::size_t end = piece_at(last, true);
         for (std::size_t piece = piece_at(first, false); piece <= end; ++piece) {
-          double* const slopes = courses->slopes_of(objective_, i, piece);
-          if (!slopes) continue;
-          courses->change_piece(i, piece);
-          const Fault fault = follow(slopes);
-          courses->change_along(InputCourses<inputs>::Along::nothing);
+          double* const derivatives = trajectories->derivatives_of(objective_, i, piece);
+          if (!derivatives) continue;
+          trajectories->change_piece(i, piece);
+          const Fault fault = follow(derivatives);
+          trajectories->change_along(InputTrajectories<inputs>::Along::nothing);
           if (fault) return fault;
         }
       }
@@ -508,10 +508,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       StateOf<M> end = from;
       const double h = record_.h;
       end.t = from.t + h;
-      is_slope_known_ = carries_slope && record_.number == 1;
-      if constexpr (carries_slope) {
-        std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_slope_.begin());
-        std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_slope_.begin() + coordinates);
+      is_derivative_known_ = carries_derivative && record_.number == 1;
+      if constexpr (carries_derivative) {
+        std::copy(record_.end.q.begin(), record_.end.q.end(), this->first_derivative_.begin());
+        std::copy(record_.end.vdot.begin(), record_.end.vdot.end(), this->first_derivative_.begin() + coordinates);
       }
       if constexpr (held > 0) simulation_->hold(record_.values);
       if constexpr (has_stages) {
@@ -520,7 +520,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         if (record_.number == 1) std::copy(from.vdot.begin(), from.vdot.end(), this->known_.begin());
       }
       this->cut_ = {};
-      this->wants_slope_ = owes_slope_ && place == last;
+      this->wants_derivative_ = owes_derivative_ && place == last;
       if (place < last && kind_at(place + 1) == Kind::cut) {
         read(++place);
         put(record_.from, record_.t);
@@ -531,7 +531,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if constexpr (has_stages)
         if (!this->find_part(*simulation_, from, end, h)) return no_end();
       const Fault fault = this->follow_row(from, end, h, 0, number);
-      is_slope_known_ = false;
+      is_derivative_known_ = false;
       this->begins_at_event_ = this->cut_.left > 0;
       Base::last_.t = end.t;
       if (fault) return fault;
@@ -569,7 +569,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       if (!this->balance_.solve_transposed(this->stages_.matrix(), solution)) return false;
       for (std::size_t i = 0; i < stages; ++i) {
         ByColumns by_all;
-        this->balance_.pull(this->stages_.slope(i), solution.data() + i * unknowns, by_all);
+        this->balance_.pull(this->stages_.derivative(i), solution.data() + i * unknowns, by_all);
         by_q[i].fill(0.0), by_v[i].fill(0.0);
         find(i);
         add_columns(by_all, by_q[i], by_v[i]);
@@ -583,8 +583,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   /// Add slopes by all that the balance of forces reads to those by coordinates, speeds, inputs, held values and values of parameters.
   void add_columns(const ByColumns& by, Fixed<double, coordinates>& by_q, Numbers& by_v) {
     const double* x = by.data();
-    const auto add_next = [&x](auto& slopes, std::size_t number) {
-      for (std::size_t i = 0; i < number; ++i) slopes[i] += *x++;
+    const auto add_next = [&x](auto& derivatives, std::size_t number) {
+      for (std::size_t i = 0; i < number; ++i) derivatives[i] += *x++;
     };
     more_input_.fill(0.0);
     add_next(by_q, coordinates), add_next(by_v, n), add_next(more_input_, given), add_next(by_rows_, by_rows_.size());
@@ -596,16 +596,16 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     if constexpr (m > 0) {
       const Point &open = record_.between.back(), &end = record_.end;
       this->balance_.find(record_.t + record_.h, end.q, end.v, end.vdot, end.lambda, this->u_);
-      if (!this->balance_.pull_gaps(by_.v, by_gap_)) return false;
-      pull_residual(open, nothing_, by_gap_);
+      if (!this->balance_.pull_violations(by_.v, by_violation_)) return false;
+      pull_residual(open, nothing_, by_violation_);
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       Fixed<double, coordinates> behind = by_.q;
       Numbers by_delta;
       by_.q.fill(0.0);
-      RetractionSlopes<balls>(charts(), open.q.data(), by_delta.data()).pull(behind.data(), by_.q.data(), by_delta.data());
-      if (!this->balance_.pull_gaps(by_delta, by_gap_)) return false;
-      pull_residual(open, by_gap_, nothing_);
+      RetractionDerivatives<balls>(charts(), open.q.data(), by_delta.data()).pull(behind.data(), by_.q.data(), by_delta.data());
+      if (!this->balance_.pull_violations(by_delta, by_violation_)) return false;
+      pull_residual(open, by_violation_, nothing_);
       add(more_.q, by_.q);
       add_sums();
     }
@@ -629,20 +629,20 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       std::copy(by_.lambda.begin(), by_.lambda.end(), std::copy(by_.vdot.begin(), by_.vdot.end(), by_first.begin()));
       if (!this->ends_.pull_accelerations(balance, by_.vdot, by, projected, by_first)) return false;
       add_columns(projected, by_.q, by_.v);
-      if (!this->ends_.pull_speeds(balance, by_.v, by, by_first, by_gap_)) return false;
-      pull_residual(record_.end, nothing_, by_gap_);
+      if (!this->ends_.pull_speeds(balance, by_.v, by, by_first, by_violation_)) return false;
+      pull_residual(record_.end, nothing_, by_violation_);
       add(more_.q, by_.q), add(more_.v, by_.v);
       add_sums();
       add_columns(by, by_.q, by_.v);
       Point rule, begun;
       rule.take(stage_);
       Numbers by_delta;
-      const RetractionSlopes<balls> turning(charts(), from.q.data(), this->ends_.delta());
+      const RetractionDerivatives<balls> turning(charts(), from.q.data(), this->ends_.delta());
       turning.pull(by_.q.data(), begun.q.data(), by_delta.data());
       for (std::size_t i = 0; i < n; ++i) by_first[i] += h / 2 * by_.v[i] + h * h / 4 * by_delta[i];
       by.fill(0.0);
-      if (!this->ends_.pull_rule(balance, by_first, by, by_gap_)) return false;
-      pull_residual(rule, by_gap_, nothing_);
+      if (!this->ends_.pull_rule(balance, by_first, by, by_violation_)) return false;
+      pull_residual(rule, by_violation_, nothing_);
       by_.q = more_.q;
       add_sums();
       add_columns(by, by_.q, by_.v);
@@ -666,7 +666,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     if (!settle(from, h) || !pull_closed_loops()) return false;
     Numbers by_delta;
     Fixed<double, coordinates> by_before;
-    const RetractionSlopes<balls> turning(charts(), from.q.data(), way_of_.data());
+    const RetractionDerivatives<balls> turning(charts(), from.q.data(), way_of_.data());
     const auto measure = [&] {
       evaluate_transposed(solution_.data());
       add(by_.q, more_.q), add(by_.v, more_.v), add(by_.lambda, more_.lambda);
@@ -695,7 +695,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         way_of_[i] = h * from.v[i] + h * h / 4 * (from.vdot[i] + stage_.vdot[i]);
       }
       retract<double>(charts(), from.q.data(), way_of_.data(), stage_.q.data());
-      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), gap_.data());
+      simulation_->mechanism().evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), found_values_.data(), violation_.data());
       double change = 0.0, size = 0.0;
       for (std::size_t i = 0; i < n; ++i) {
         change = std::max(change, std::abs(found_values_[i] - stage_.vdot[i]));
@@ -720,7 +720,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       for (std::size_t i = 0; i < n; ++i) stage_.vdot[i] += step[i];
     } else {
       std::copy(found_values_.begin(), found_values_.end(), stage_.vdot.begin());
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += gap_[i];
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += violation_[i];
     }
   }
 
@@ -799,10 +799,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   // Explicit methods
 
   template <class Table>
-  bool go_over_slopes() {
+  bool go_over_derivatives() {
     constexpr std::size_t stages = Table::stages - 1;
     const double h = record_.h;
-    const bool begins_with_slope = carries_slope && record_.number == 1;
+    const bool begins_with_derivative = carries_derivative && record_.number == 1;
     M& mechanism = simulation_->mechanism();
     std::array<Point, stages> points;
     std::array<Fixed<double, coordinates>, stages> turns;
@@ -820,7 +820,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         for (std::size_t i = 0; i < n; ++i) stage_.v[i] += weight * points[j].vdot[i];
       }
       if (stage == stages) break;
-      if (stage == 0 && begins_with_slope) {
+      if (stage == 0 && begins_with_derivative) {
         points[0] = record_.from;
         points[0].vdot = record_.end.vdot;
         turns[0] = record_.end.q;
@@ -838,27 +838,27 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     normalise<double>(charts(), stage_.q.data());
     if (!pull_closed_loops()) return false;
     pull_lengths(charts(), end.q.data(), by_.q.data());
-    if (owes_slope_) {
+    if (owes_derivative_) {
       stage_ = end;
       begin_step(stage_.t, record_.values);
       if (!this->enter(mechanism, stage_)) return false;
       pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turn_.data(), by_.q.data(), by_.v.data());
-      if (!pull_accelerations(by_slope_, Fixed<double, m>(), by_)) return false;
+      if (!pull_accelerations(by_derivative_, Fixed<double, m>(), by_)) return false;
     }
-    owes_slope_ = begins_with_slope;
+    owes_derivative_ = begins_with_derivative;
     std::array<Fixed<double, coordinates>, stages> by_turns{};
-    std::array<Numbers, stages> by_slopes{};
+    std::array<Numbers, stages> by_derivatives{};
     Point by = by_, whole = by_;
     for (std::size_t stage = stages; stage > 0; --stage) {
       for (std::size_t j = 0; j < stage; ++j) {
         const double weight = h * row(stage)[j];
         for (std::size_t i = 0; i < coordinates; ++i) by_turns[j][i] += weight * by.q[i];
-        for (std::size_t i = 0; i < n; ++i) by_slopes[j][i] += weight * by.v[i];
+        for (std::size_t i = 0; i < n; ++i) by_derivatives[j][i] += weight * by.v[i];
       }
       const std::size_t at = stage - 1;
-      if (at == 0 && begins_with_slope) {
+      if (at == 0 && begins_with_derivative) {
         by_turn_ = by_turns[0];
-        by_slope_ = by_slopes[0];
+        by_derivative_ = by_derivatives[0];
         break;
       }
       by.clear();
@@ -866,7 +866,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       std::copy(stage_.lambda.begin(), stage_.lambda.end(), this->force_.begin());
       begin_step(stage_.t, record_.values);
       pull_rates(charts(), stage_.q.data(), stage_.v.data(), by_turns[at].data(), by.q.data(), by.v.data());
-      if (!pull_accelerations(by_slopes[at], Fixed<double, m>(), by)) return false;
+      if (!pull_accelerations(by_derivatives[at], Fixed<double, m>(), by)) return false;
       add(by.q, whole.q), add(by.v, whole.v);
     }
     by_ = whole;
@@ -881,14 +881,14 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     if constexpr (m > 0) {
       if (!is_explicit && !simulation_->settings().fixed_point.proximal) return true;
       std::array<Point, most_moves> places, speeds;
-      std::array<Fixed<double, m>, most_moves> gaps, rates;
+      std::array<Fixed<double, m>, most_moves> violations, rates;
       StateOf<M> now = stage_;
       std::size_t moved = 0, sped = 0;
-      if (!follow_moves(now, places, gaps, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
+      if (!follow_moves(now, places, violations, moved, true) || !follow_moves(now, speeds, rates, sped, false)) return false;
       for (std::size_t i = sped; i-- > 0;) {
         const Point& x = speeds[i];
         pull_move(x, rates[i], by_.v);
-        pull_residual(x, nothing_, by_gap_);
+        pull_residual(x, nothing_, by_violation_);
         add(more_.q, by_.q), add(more_.v, by_.v);
         add_sums();
       }
@@ -897,10 +897,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
         Fixed<double, coordinates> behind = by_.q;
         Numbers by_delta;
         by_.q.fill(0.0);
-        simulation_->mechanism().project(x.q.data(), gaps[i].data(), found_values_.data());
-        RetractionSlopes<balls>(charts(), x.q.data(), found_values_.data()).pull(behind.data(), by_.q.data(), by_delta.data());
-        pull_move(x, gaps[i], by_delta);
-        pull_residual(x, by_gap_, nothing_);
+        simulation_->mechanism().project(x.q.data(), violations[i].data(), found_values_.data());
+        RetractionDerivatives<balls>(charts(), x.q.data(), found_values_.data()).pull(behind.data(), by_.q.data(), by_delta.data());
+        pull_move(x, violations[i], by_delta);
+        pull_residual(x, by_violation_, nothing_);
         add(more_.q, by_.q);
         add_sums();
       }
@@ -909,8 +909,8 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   }
 
   /// From slopes by a move that closes a gap to those by the gap, and by coordinates, which are added.
-  void pull_move(const Point& at, const Fixed<double, m>& gap, const Numbers& by_move) {
-    transposed_.project_transposed(at.q.data(), gap.data(), by_move.data(), more_.q.data(), by_gap_.data(), more_loaded_.data(), more_input_.data());
+  void pull_move(const Point& at, const Fixed<double, m>& violation, const Numbers& by_move) {
+    transposed_.project_transposed(at.q.data(), violation.data(), by_move.data(), more_.q.data(), by_violation_.data(), more_loaded_.data(), more_input_.data());
     add(more_.q, by_.q);
     add_sums();
   }
@@ -922,7 +922,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   }
 
   /// The moves that close the loops of a state, or their rates; false where they stay open.
-  bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& gaps, std::size_t& number,
+  bool follow_moves(StateOf<M>& now, std::array<Point, most_moves>& before, std::array<Fixed<double, m>, most_moves>& violations, std::size_t& number,
                     bool is_place) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
     M& mechanism = simulation_->mechanism();
@@ -930,17 +930,17 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
     double last = std::numeric_limits<double>::infinity();
     for (;;) {
       mechanism.constraint_residual(now.q.data(), now.v.data(), residual.data(), rate.data());
-      const Fixed<double, m>& gap = is_place ? residual : rate;
+      const Fixed<double, m>& violation = is_place ? residual : rate;
       double left = 0.0, size = 1.0;
-      for (const double x : gap) left = std::max(left, std::abs(x));
+      for (const double x : violation) left = std::max(left, std::abs(x));
       for (const double x : now.v) size = is_place ? size : std::max(size, std::abs(x));
       if (!(left - left == 0.0)) return false;
       if (left <= rounding * size || (left > last / 2 && left <= 1e-9 * size)) return true;
       if (number == most_moves) return false;
       last = left;
       before[number].take(now);
-      gaps[number] = gap;
-      mechanism.project(now.q.data(), gap.data(), found_values_.data());
+      violations[number] = violation;
+      mechanism.project(now.q.data(), violation.data(), found_values_.data());
       if (is_place) retract<double>(charts(), before[number].q.data(), found_values_.data(), now.q.data());
       else
         for (std::size_t i = 0; i < n; ++i) now.v[i] += found_values_[i];
@@ -969,10 +969,10 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       for (std::size_t k = 0; k < number; ++k) {
         double sum = 0.0;
         const double* row = carried + k;
-        const auto add_rows = [&](const auto& slopes) {
-          for (const double slope : slopes) sum += slope * *row, row += number;
+        const auto add_rows = [&](const auto& derivatives) {
+          for (const double derivative : derivatives) sum += derivative * *row, row += number;
         };
-        for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].slope[k];
+        for (std::size_t i = 0; series && i < by_series_.size(); ++i) sum += by_series_[i] * series[i].derivative[k];
         add_rows(by_.q), add_rows(by_.v), add_rows(by_.vdot), add_rows(by_.lambda);
         put(k, sum);
       }
@@ -994,9 +994,9 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
       };
       if (const Fault fault = follow(number, put)) return fault;
     }
-    const auto by_piece = [&](double* slopes) {
+    const auto by_piece = [&](double* derivatives) {
       open_rows(orders, by);
-      return follow(orders, [&](std::size_t k, double sum) { slopes[k] += sum; });
+      return follow(orders, [&](std::size_t k, double sum) { derivatives[k] += sum; });
     };
     return visit_pieces(0, 0, by_piece);
   }
@@ -1005,7 +1005,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   double by_rows([[maybe_unused]] std::size_t k) const {
     double sum = 0.0;
     if constexpr (decltype(by_rows_)::size() > 0)
-      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].slope[k];
+      for (std::size_t i = 0; i < by_rows_.size(); ++i) sum += by_rows_[i] * this->balance_.changes()[i].derivative[k];
     return sum;
   }
 
@@ -1014,7 +1014,7 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   static constexpr bool has_fits = Fits::length > 0;
 
   T transposed_;
-  [[no_unique_address]] typename FitsWithSlopes<Fits>::type fits_{};
+  [[no_unique_address]] typename FitsWithDerivatives<Fits>::type fits_{};
   Fixed<double, static_cast<std::size_t>(Fits::length)> by_series_;
   Tape tape_{};
   std::size_t records_ = 0, objective_ = 0;
@@ -1023,15 +1023,15 @@ class Adjoint : public StepDerivatives<Simulation, D, S, freedoms, Balance> {
   Record record_{};
   Point by_, more_;
   Fixed<double, coordinates> by_turn_;  ///< slopes by that with which the part behind begins, which the end of the part before owes
-  Numbers by_slope_;
-  bool owes_slope_ = false;
+  Numbers by_derivative_;
+  bool owes_derivative_ = false;
   Fixed<double, loaded> by_loaded_, more_loaded_;
   Fixed<double, parameters> by_parameter_;  ///< by events
-  typename ColumnsOf<Balance, by_balance>::OfLoaded by_rows_;  ///< by values of parameters in balances of forces
+  typename ColumnsOf<Balance, by_residual>::OfLoaded by_rows_;  ///< by values of parameters in balances of forces
   Fixed<double, given> by_input_, more_input_;
   Fixed<double, held> by_held_;
   Fixed<double, Base::columns> by_columns_;
-  Fixed<double, m> gap_, by_gap_, nothing_;
+  Fixed<double, m> violation_, by_violation_, nothing_;
   Numbers way_of_, found_values_;
   Unknowns solution_, last_;
   typename SecantInverse<unknowns>::Numbers left_;

@@ -72,9 +72,9 @@ struct Sides<side, Along, std::index_sequence<l...>> {
   [[gnu::always_inline]] static Sides of(Of each) {
     return {{each(l)...}};
   }
-  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].slope -= factor[l] * b.x[l].slope), ...); }
-  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Along& b) { ((x[l].slope -= factor[l] * b.slope), ...); }
-  [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].slope *= factor[l]), ...); }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Sides& b) { ((x[l].derivative -= factor[l] * b.x[l].derivative), ...); }
+  [[gnu::always_inline]] void subtract(const Beside<side>& factor, const Along& b) { ((x[l].derivative -= factor[l] * b.derivative), ...); }
+  [[gnu::always_inline]] void scale(const Beside<side>& factor) { ((x[l].derivative *= factor[l]), ...); }
   [[gnu::always_inline]] Along sum() const {
     Along total = x[0];
     for (std::size_t k = 1; k < side; ++k) total += x[k];

@@ -9,9 +9,9 @@
 #include <span>
 #include <type_traits>
 
-#include "cutjoint/core/effort.hpp"
+#include "cutjoint/core/step_statistics.hpp"
 #include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/gap.hpp"
+#include "cutjoint/core/constraint_violation.hpp"
 #include "cutjoint/core/simulation.hpp"
 #include "cutjoint/core/simulation_settings.hpp"
 
@@ -108,7 +108,7 @@ inline const char* text_of_status(int status) {
 /// A simulation of a `Model`, which has
 /// - `Sim`, the type of the simulation, and `mark`, a number that tells its memory from other memory,
 /// - numbers of its lists: `parameters`, `inputs`, `coordinates`, `speeds`, `start_coordinates`, `start_speeds`, `outputs`,
-/// - `settings`, `values` of the parameters, `roads`, `gap_limits`, and the start, `coordinates_given`, `coordinates_near` if there are some, and `speeds_given`,
+/// - `settings`, `values` of the parameters, `roads`, `violation_limits`, and the start, `coordinates_given`, `coordinates_near` if there are some, and `speeds_given`,
 /// - tables of names and places,
 /// - `set_step`, which sets the length of steps and the settings that follow from it.
 ///
@@ -119,7 +119,7 @@ class CheckedSimulation {
   using Sim = typename Model::Sim;
 
   unsigned long long mark = Model::mark;
-  Sim sim{Model::settings, Model::values, Model::roads, Model::gap_limits};
+  Sim sim{Model::settings, Model::values, Model::roads, Model::violation_limits};
   Fault fault{};
 
   /// A simulation in memory of so many bytes, with the scene's start; a null pointer where the memory is too small.
@@ -129,7 +129,7 @@ class CheckedSimulation {
     const std::size_t skip = (aligned - reinterpret_cast<std::uintptr_t>(memory) % aligned) % aligned;
     if (!memory || bytes < skip + sizeof(Own)) return nullptr;
     auto* own = ::new (static_cast<char*>(memory) + skip) Own{};
-    give_scene(own);
+    reset_start(own);
     return own;
   }
 
@@ -164,7 +164,7 @@ class CheckedSimulation {
     return call_ok;
   }
 
-  static int set_most_steps(CheckedSimulation* s, long steps) {
+  static int set_max_steps(CheckedSimulation* s, long steps) {
     if (!holds_one(s)) return no_simulation;
     if (steps < 1) return not_finite;
     s->sim.settings().most_steps = steps;
@@ -202,12 +202,12 @@ class CheckedSimulation {
 
   static double input(CheckedSimulation* s, int index) {
     const bool known = is_started(s) && index >= 0 && index < Model::inputs;
-    return known ? s->sim.present_input(static_cast<std::size_t>(index)) : std::numeric_limits<double>::quiet_NaN();
+    return known ? s->sim.get_input(static_cast<std::size_t>(index)) : std::numeric_limits<double>::quiet_NaN();
   }
 
   static double* inputs(CheckedSimulation* s) { return holds_one(s) ? s->sim.inputs().values.data() : nullptr; }
 
-  static int give_coordinate(CheckedSimulation* s, int index, double value) {
+  static int set_start_coordinate(CheckedSimulation* s, int index, double value) {
     if (!holds_one(s)) return no_simulation;
     if (index < 0 || index >= Model::start_coordinates) return no_such_index;
     if (!is_finite(value)) return not_finite;
@@ -216,7 +216,7 @@ class CheckedSimulation {
     return call_ok;
   }
 
-  static int give_speed(CheckedSimulation* s, int index, double value) {
+  static int set_start_speed(CheckedSimulation* s, int index, double value) {
     if (!holds_one(s)) return no_simulation;
     if (index < 0 || index >= Model::start_speeds) return no_such_index;
     if (!is_finite(value)) return not_finite;
@@ -225,15 +225,15 @@ class CheckedSimulation {
     return call_ok;
   }
 
-  static int give_scene(CheckedSimulation* s) {
+  static int reset_start(CheckedSimulation* s) {
     if (!holds_one(s)) return no_simulation;
     s->sim.forget_start();
     if constexpr (requires { Model::coordinates_near; })
       for (const int index : Model::coordinates_near) s->sim.given_coordinates()[static_cast<std::size_t>(index)] = given_as_guess;
     for (const Given& given : Model::coordinates_given)
-      if (given.index >= 0) give_coordinate(s, given.index, given.value);
+      if (given.index >= 0) set_start_coordinate(s, given.index, given.value);
     for (const Given& given : Model::speeds_given)
-      if (given.index >= 0) give_speed(s, given.index, given.value);
+      if (given.index >= 0) set_start_speed(s, given.index, given.value);
     if constexpr (!Model::settings.equilibrium) s->sim.leave_states();
     return call_ok;
   }
@@ -261,7 +261,7 @@ class CheckedSimulation {
   static double next_time(CheckedSimulation* s) { return is_started(s) ? s->sim.next_time() : 0.0; }
 
   /// `outputs`, unless it is a null pointer, receives those at the end of each step.
-  static int play(CheckedSimulation* s, long steps, double* outputs) {
+  static int run(CheckedSimulation* s, long steps, double* outputs) {
     if (const int status = ask_started(s)) return status;
     for (long i = 0; i < steps; ++i) {
       if (const int status = status_of(s, s->sim.step())) return status;
@@ -292,26 +292,26 @@ class CheckedSimulation {
     return status_of(s, s->sim.displace(displacements));
   }
 
-  static int jacobian(CheckedSimulation* s, double* jacobian) {
+  static int constraint_jacobian(CheckedSimulation* s, double* jacobian) {
     if (const int status = ask_started(s)) return status;
     if (!jacobian) return no_array;
     s->sim.jacobian(jacobian);
     return call_ok;
   }
 
-  static double gap(CheckedSimulation* s, int* equation) {
-    const Gap gap = is_started(s) ? s->sim.gap() : Gap{};
-    if (equation) *equation = gap.equation;
-    return gap.size;
+  static double constraint_violation(CheckedSimulation* s, int* equation) {
+    const ConstraintViolation violation = is_started(s) ? s->sim.violation() : ConstraintViolation{};
+    if (equation) *equation = violation.equation;
+    return violation.size;
   }
 
-  /// `effort` is a record of C with the members of `Effort`.
+  /// `statistics` is a record of C with the members of `StepStatistics`.
   template <class Record>
-  static int last_step(CheckedSimulation* s, Record* effort) {
+  static int last_step(CheckedSimulation* s, Record* statistics) {
     if (const int status = ask_started(s)) return status;
-    if (!effort) return no_array;
-    const Effort found = s->sim.effort();
-    *effort = {found.gap, found.rate, found.change, found.pivot, found.iterations, found.evaluations, found.equation};
+    if (!statistics) return no_array;
+    const StepStatistics found = s->sim.statistics();
+    *statistics = {found.violation, found.violation_rate, found.change, found.pivot, found.iterations, found.evaluations, found.equation};
     return call_ok;
   }
 
@@ -345,7 +345,7 @@ class CheckedSimulation {
   }
 
   /// The meaning of the last status, the name and place of the failed element, and advice, in at most so many bytes.
-  static int explain(const CheckedSimulation* s, char* text, std::size_t bytes) {
+  static int failure_text(const CheckedSimulation* s, char* text, std::size_t bytes) {
     if (!text || bytes == 0) return holds_one(s) ? no_array : no_simulation;
     if (!holds_one(s)) {
       Text{text, bytes} << text_of_status(no_simulation);

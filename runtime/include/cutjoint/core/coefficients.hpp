@@ -37,12 +37,12 @@ template <std::size_t stages>
 using Decimals = std::array<Decimal, stages>;
 
 /// sum += h times the weighted slopes.
-template <class Real, class Weight, std::size_t stages, class Slopes, class Numbers>
-void add_slopes(Real h, const std::array<Weight, stages>& weights, const Slopes& slopes, Numbers& sum) {
+template <class Real, class Weight, std::size_t stages, class Tangents, class Numbers>
+void add_derivatives(Real h, const std::array<Weight, stages>& weights, const Tangents& derivatives, Numbers& sum) {
   for (std::size_t j = 0; j < stages; ++j) {
     if (weights[j].is_zero()) continue;
     const Real weight = h * weights[j].template as<Real>();
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += weight * slopes[j][i];
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += weight * derivatives[j][i];
   }
 }
 

@@ -9,10 +9,10 @@
 #include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/balance_slopes.hpp"
+#include "cutjoint/core/residual_jacobian.hpp"
 #include "cutjoint/core/dual_road.hpp"
 #include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/input_courses.hpp"
+#include "cutjoint/core/input_trajectories.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/minimal.hpp"
@@ -30,25 +30,25 @@ namespace cutjoint {
 /// change so that loops stay closed, J_d dz_d = -(J dz + dPhi/du du).  Their rates follow from the residual's rate, which stays zero,
 /// accelerations and multipliers from the balance of forces `Balance` where there is one, else from the fixed point of the augmented update, taken
 /// for their derivatives.  What controllers hold stays.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
 class Derivatives {
  public:
   using M = typename Simulation::Mechanism;
-  using Minimal = MinimalCoordinates<M, freedoms>;
+  using Minimal = MinimalCoordinates<M, dofs>;
 
-  static constexpr std::size_t states = 2 * freedoms + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
+  static constexpr std::size_t states = 2 * dofs + M::sizes.states, inputs = M::sizes.inputs, columns = S::sizes.columns;
 
   /// Derivatives x' and outputs y along a direction: `states` numbers of x, of each input its value, rate and acceleration, and parameters; a null
   /// pointer for what stays.
   Fault along(Simulation& simulation, Minimal& minimal, const double* dx, const double* du, const double* dp, double* dxdot, double* dy) {
     if (const Fault fault = begin(simulation, minimal)) return fault;
-    for (std::size_t i = 0; dp && i < parameters_.size(); ++i) parameters_[i].slope[0] = dp[i];
+    for (std::size_t i = 0; dp && i < parameters_.size(); ++i) parameters_[i].derivative[0] = dp[i];
     if (dp) load_parameters(simulation);
-    for (std::size_t i = 0; dx && i < states; ++i) dx_[i].slope[0] = dx[i];
-    for (std::size_t i = 0; du && i < du_.size(); ++i) du_[i].slope[0] = du[i];
+    for (std::size_t i = 0; dx && i < states; ++i) dx_[i].derivative[0] = dx[i];
+    for (std::size_t i = 0; du && i < du_.size(); ++i) du_[i].derivative[0] = du[i];
     if (const Fault fault = derive(simulation.mechanism(), minimal, 1)) return fault;
-    for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].slope[0];
-    for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].slope[0];
+    for (std::size_t i = 0; i < states; ++i) dxdot[i] = dxdot_[i].derivative[0];
+    for (std::size_t i = 0; i < columns; ++i) dy[i] = columns_[i].derivative[0];
     return {};
   }
 
@@ -75,7 +75,7 @@ class Derivatives {
     if (const Fault fault = begin(simulation, minimal)) return fault;
     constexpr std::size_t before = states + inputs, number = M::sizes.parameters;
     const Fault fault = derive_columns(simulation, minimal, before, before + number, [&](std::size_t j) { return Columns{E, F, j - before, number}; });
-    for (Dual& x : parameters_) x.slope = Slopes{};
+    for (Dual& x : parameters_) x.derivative = Tangents{};
     return fault;
   }
 
@@ -99,15 +99,15 @@ class Derivatives {
       const std::size_t number = std::min(directions, end - from);
       dx_.fill(Dual());
       du_.fill(Dual());
-      for (Dual& x : parameters_) x.slope = Slopes{};
+      for (Dual& x : parameters_) x.derivative = Tangents{};
       for (std::size_t k = 0, j = from; k < number; ++k, ++j)
-        number_at(j).slope[k] = 1.0;
+        number_at(j).derivative[k] = 1.0;
       if (from < after && from + number > states + inputs) load_parameters(simulation);
       if (const Fault fault = derive(simulation.mechanism(), minimal, number)) return fault;
       for (std::size_t k = 0, j = from; k < number; ++k, ++j) {
         const Columns to = place(j);
-        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + to.column] = dxdot_[i].slope[k];
-        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + to.column] = columns_[i].slope[k];
+        for (std::size_t i = 0; to.of_rates && i < states; ++i) to.of_rates[i * to.width + to.column] = dxdot_[i].derivative[k];
+        for (std::size_t i = 0; to.of_outputs && i < columns; ++i) to.of_outputs[i * to.width + to.column] = columns_[i].derivative[k];
       }
     }
     return {};
@@ -160,7 +160,7 @@ class Derivatives {
   bool enter(M& mechanism, const StateOf<M>& state) {
     state_ = &state;
     take_inputs(mechanism);
-    gap_.fill(0.0);
+    violation_.fill(0.0);
     return find_values(mechanism);
   }
 
@@ -168,14 +168,14 @@ class Derivatives {
   void take_inputs([[maybe_unused]] M& mechanism) {
     if constexpr (given > 0) std::copy_n(mechanism.last_inputs(), u_.size(), u_.begin());
     if constexpr (inputs > 0)
-      if (courses_ && along_.number > 0) {
+      if (trajectories_ && along_.number > 0) {
         du_ = shift_;
-        courses_->add_changes(along_.first, along_.number, du_);
+        trajectories_->add_changes(along_.first, along_.number, du_);
       }
   }
 
   /// From here on inputs change along so many directions from one on, beside shifts that have been set, as their courses do.
-  void change_courses(std::size_t first, std::size_t number) {
+  void change_trajectories(std::size_t first, std::size_t number) {
     along_ = {first, number};
     shift_ = du_;
   }
@@ -185,12 +185,12 @@ class Derivatives {
   static void fill(void* self, Dual t, Dual* input) {
     const Derivatives& x = *static_cast<const Derivatives*>(self);
     for (std::size_t i = 0; i < x.du_.size(); ++i) {
-      Slopes by_time{};
-      if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.slope;
-      else if (const double* const jerk = x.courses_ ? x.courses_->jerk(i - 2) : nullptr) by_time = *jerk * t.slope;
+      Tangents by_time{};
+      if ((i + 1) % std::size_t{numbers_per_input} != 0) by_time = x.u_[i + 1] * t.derivative;
+      else if (const double* const jerk = x.trajectories_ ? x.trajectories_->jerk(i - 2) : nullptr) by_time = *jerk * t.derivative;
       else if (input[i].value == x.u_[i])  // an acceleration by the law of the scene; others stay
-        for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.slope[k] == 0.0 ? 0.0 : input[i].slope[k];
-      input[i] = {x.u_[i], x.du_[i].slope + by_time};
+        for (std::size_t k = 0; k < directions; ++k) by_time[k] = t.derivative[k] == 0.0 ? 0.0 : input[i].derivative[k];
+      input[i] = {x.u_[i], x.du_[i].derivative + by_time};
     }
     for (std::size_t i = 0; i < M::sizes.held; ++i) input[x.du_.size() + i] = {x.u_[x.du_.size() + i], x.dheld_[i]};
   }
@@ -204,9 +204,9 @@ class Derivatives {
   Fault derive(M& mechanism, Minimal& minimal, std::size_t number) {
     if (!derive_motion(mechanism, minimal, number)) return not_finite();
     chart_accelerations<Dual>(charts(), delta_.data(), v_.data(), vdot_.data(), second_.data());
-    take_slopes(rate_, minimal, dxdot_.data());
-    take_slopes(second_, minimal, dxdot_.data() + freedoms);
-    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * freedoms + i] = vdot_[joints + i];
+    take_derivatives(rate_, minimal, dxdot_.data());
+    take_derivatives(second_, minimal, dxdot_.data() + dofs);
+    for (std::size_t i = 0; i < M::sizes.states; ++i) dxdot_[2 * dofs + i] = vdot_[joints + i];
     report(state_->t);
     return {};
   }
@@ -234,7 +234,7 @@ class Derivatives {
   /// Coordinates whose loops stay closed.
   void find_coordinates(Minimal& minimal) {
     displacement<double>(charts(), minimal.choice().reference.data(), state_->q.data(), values_.data());
-    give_slopes(dx_.data(), minimal, delta_);
+    give_derivatives(dx_.data(), minimal, delta_);
     retract<Dual>(charts(), reference_.data(), delta_.data(), q_.data());
     if constexpr (m > 0) {
       std::copy(state_->v.begin(), state_->v.end(), v_.begin());
@@ -246,10 +246,10 @@ class Derivatives {
 
   /// Speeds that keep them closed.
   void find_speeds(Minimal& minimal) {
-    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * freedoms + i]};
+    for (std::size_t i = 0; i < M::sizes.states; ++i) v_[joints + i] = {state_->v[joints + i], dx_[2 * dofs + i]};
     for (std::size_t i = 0; i < n; ++i) place_[i] = delta_[i].value;
     chart_rates<double>(charts(), place_.data(), state_->v.data(), values_.data());
-    give_slopes(dx_.data() + freedoms, minimal, rate_);
+    give_derivatives(dx_.data() + dofs, minimal, rate_);
     chart_speeds<Dual>(charts(), delta_.data(), rate_.data(), v_.data());
     if constexpr (m > 0) {
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
@@ -266,13 +266,13 @@ class Derivatives {
     Progress progress(factor_);
     for (int iteration = 0; iteration < (m == 0 ? 1 : 200) && !progress.is_over(); ++iteration) {
       std::copy(still_.begin(), still_.end(), changed_.begin());
-      for (std::size_t i = 0; i < m; ++i) force_[i] += gap_[i];
-      mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), gap_.data());
+      for (std::size_t i = 0; i < m; ++i) force_[i] += violation_[i];
+      mechanism.evaluate(state_->q.data(), state_->v.data(), force_.data(), still_.data(), violation_.data());
       for (std::size_t i = 0; i < n; ++i) changed_[i] -= still_[i];
       progress.add(size_of(changed_), size_of(still_));
     }
     for (std::size_t i = 0; i < n; ++i) vdot_[i] = still_[i];
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i], left_[i] = gap_[i];
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = force_[i], left_[i] = violation_[i];
     return progress.is_finite();
   }
 
@@ -289,15 +289,15 @@ class Derivatives {
         double largest = 0.0, step = 0.0;
         for (std::size_t i = 0; i < m; ++i) {
           largest = std::max(largest, std::abs(force_[i]));
-          step = std::max(step, std::abs(correction_[i].slope[k]));
+          step = std::max(step, std::abs(correction_[i].derivative[k]));
         }
         if (step > 0.0) change_multipliers(mechanism, (largest > 0.0 ? largest : 1.0) / step, k);
         double size = 0.0;
-        for (const Dual& x : vdot_) size = std::max(size, std::abs(x.slope[k]));
+        for (const Dual& x : vdot_) size = std::max(size, std::abs(x.derivative[k]));
         progress.add(step > 0.0 ? size_of(changed_) : 0.0, size);
       }
       for (const Dual& x : vdot_)
-        if (!(x.slope[k] - x.slope[k] == 0.0)) return false;
+        if (!(x.derivative[k] - x.derivative[k] == 0.0)) return false;
       if (!progress.is_finite()) return false;
     }
     return true;
@@ -309,23 +309,23 @@ class Derivatives {
     for (std::size_t i = 0; i < m; ++i) room_of_forces_[i] = force_[i] + left_[i];
     balance_.find(state_->t, state_->q, state_->v, still_, room_of_forces_, u_);
     if (!balance_.solve(q_, v_, du_, dheld_, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].slope};
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].slope};
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {still_[i], change[i].derivative};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {room_of_forces_[i], change[n + i].derivative};
     return true;
   }
 
   /// Correct the multipliers' derivatives along a direction; `scale` makes the change as large as multipliers are.
   void change_multipliers(M& mechanism, double scale, std::size_t k) {
     for (std::size_t i = 0; i < m; ++i) {
-      lambda_[i].slope[k] += correction_[i].slope[k];
-      room_of_forces_[i] = force_[i] + scale * correction_[i].slope[k];
+      lambda_[i].derivative[k] += correction_[i].derivative[k];
+      room_of_forces_[i] = force_[i] + scale * correction_[i].derivative[k];
     }
-    mechanism.evaluate(state_->q.data(), state_->v.data(), room_of_forces_.data(), changed_.data(), gap_.data());
+    mechanism.evaluate(state_->q.data(), state_->v.data(), room_of_forces_.data(), changed_.data(), violation_.data());
     for (std::size_t i = 0; i < n; ++i) {
       changed_[i] = (changed_[i] - still_[i]) / scale;
-      vdot_[i].slope[k] += changed_[i];
+      vdot_[i].derivative[k] += changed_[i];
     }
-    for (std::size_t i = 0; i < m; ++i) correction_[i].slope[k] += (gap_[i] - left_[i]) / scale;
+    for (std::size_t i = 0; i < m; ++i) correction_[i].derivative[k] += (violation_[i] - left_[i]) / scale;
   }
 
   /// The way of an iteration: over where what is left to come is lost in rounding, or where changes have not become smaller three times.  The update
@@ -365,24 +365,24 @@ class Derivatives {
   }
 
   /// Numbers with these slopes of independent ones, and none of others.
-  void give_slopes(const Dual* slopes, Minimal& minimal, Fixed<Dual, n>& numbers) {
+  void give_derivatives(const Dual* derivatives, Minimal& minimal, Fixed<Dual, n>& numbers) {
     room_.fill(Dual());
-    minimal.take(slopes, room_);
+    minimal.take(derivatives, room_);
     for (std::size_t i = 0; i < n; ++i) numbers[i] = {values_[i], room_[i]};
   }
 
-  void take_slopes(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* slopes) {
+  void take_derivatives(const Fixed<Dual, n>& numbers, Minimal& minimal, Dual* derivatives) {
     for (std::size_t i = 0; i < n; ++i) room_[i] = numbers[i];
-    minimal.put(room_, slopes);
+    minimal.put(room_, derivatives);
   }
 
   /// Slopes of dependent ones that close gaps of the loops.
-  void follow_loops(const Fixed<Dual, m>& gaps, Minimal& minimal, Fixed<Dual, n>& numbers) {
+  void follow_loops(const Fixed<Dual, m>& violations, Minimal& minimal, Fixed<Dual, n>& numbers) {
     Fixed<Along, m> left;
     Fixed<Along, n> step, room;
-    for (std::size_t i = 0; i < m; ++i) left[i].slope = gaps[i].slope;
+    for (std::size_t i = 0; i < m; ++i) left[i].derivative = violations[i].derivative;
     minimal.solve(left.data(), step.data(), room.data());
-    for (std::size_t i = 0; i < n; ++i) numbers[i].slope -= step[i].slope;
+    for (std::size_t i = 0; i < n; ++i) numbers[i].derivative -= step[i].derivative;
   }
 
   const StateOf<typename Simulation::Subject>* state_ = nullptr;  ///< the present one, with its accelerations and multipliers
@@ -396,7 +396,7 @@ class Derivatives {
   Fixed<Dual, states> dx_, dxdot_;
   Fixed<double, given> u_;
   Fixed<Dual, numbers_per_input * inputs> du_, shift_;
-  InputCourses<inputs>* courses_ = nullptr;
+  InputTrajectories<inputs>* trajectories_ = nullptr;
   struct {
     std::size_t first = 0, number = 0;
   } along_;  ///< directions of courses
@@ -408,7 +408,7 @@ class Derivatives {
   Fixed<double, n> values_, place_, still_, changed_;
   Fixed<Dual, n> room_, step_;
   double factor_ = 1.0;  ///< by which an update makes errors smaller
-  Fixed<double, m> gap_, left_, force_, room_of_forces_;
+  Fixed<double, m> violation_, left_, force_, room_of_forces_;
 };
 
 }  // namespace cutjoint

@@ -65,7 +65,7 @@ struct Side<count, std::index_sequence<p...>> {
 
 /// Derivatives along several directions.
 inline constexpr std::size_t directions = 8;
-using Slopes = Side<directions>;
+using Tangents = Side<directions>;
 
 // As calls, products and quotients take a third less time of a compiler and a tenth more of a processor.
 #ifdef CUTJOINT_SMALL_DERIVATIVES
@@ -79,26 +79,26 @@ using Slopes = Side<directions>;
 /// also where a function is infinitely steep.
 struct Dual {
   double value = 0.0;
-  Slopes slope{};
+  Tangents derivative{};
 
   constexpr Dual() = default;
   constexpr Dual(double number) : value(number) {}
-  constexpr Dual(double number, const Slopes& derivatives) : value(number), slope(derivatives) {}
+  constexpr Dual(double number, const Tangents& derivatives) : value(number), derivative(derivatives) {}
   /// The derivatives of another: clang takes a vector that is passed by itself for an aligned one.
-  constexpr Dual(double number, const Dual& other) : value(number), slope(other.slope) {}
+  constexpr Dual(double number, const Dual& other) : value(number), derivative(other.derivative) {}
 
   [[gnu::always_inline]] Dual& operator+=(const Dual& b) { return *this = *this + b; }
   [[gnu::always_inline]] Dual& operator-=(const Dual& b) { return *this = *this - b; }
   [[gnu::always_inline]] Dual& operator*=(const Dual& b) { return *this = *this * b; }
   [[gnu::always_inline]] Dual& operator/=(const Dual& b) { return *this = *this / b; }
 
-  [[gnu::always_inline]] friend Dual operator-(const Dual& a) { return {-a.value, -a.slope}; }
-  [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) { return {a.value + b.value, a.slope + b.slope}; }
-  [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) { return {a.value - b.value, a.slope - b.slope}; }
-  [[CUTJOINT_PRODUCT]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.slope * b.value + a.value * b.slope}; }
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a) { return {-a.value, -a.derivative}; }
+  [[gnu::always_inline]] friend Dual operator+(const Dual& a, const Dual& b) { return {a.value + b.value, a.derivative + b.derivative}; }
+  [[gnu::always_inline]] friend Dual operator-(const Dual& a, const Dual& b) { return {a.value - b.value, a.derivative - b.derivative}; }
+  [[CUTJOINT_PRODUCT]] friend Dual operator*(const Dual& a, const Dual& b) { return {a.value * b.value, a.derivative * b.value + a.value * b.derivative}; }
   [[CUTJOINT_PRODUCT]] friend Dual operator/(const Dual& a, const Dual& b) {
     const double quotient = a.value / b.value;
-    return {quotient, (a.slope - quotient * b.slope) / b.value};
+    return {quotient, (a.derivative - quotient * b.derivative) / b.value};
   }
   friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
   friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
@@ -110,24 +110,24 @@ struct Dual {
 
 /// Derivatives without their value, which linear maps of numbers take to others.
 struct Along {
-  Slopes slope;
+  Tangents derivative;
 
-  [[gnu::always_inline]] Along& operator+=(const Along& b) { return slope += b.slope, *this; }
-  [[gnu::always_inline]] Along& operator-=(const Along& b) { return slope -= b.slope, *this; }
-  [[gnu::always_inline]] Along& operator*=(double b) { return slope *= b, *this; }
-  [[gnu::always_inline]] Along& operator/=(double b) { return slope /= b, *this; }
+  [[gnu::always_inline]] Along& operator+=(const Along& b) { return derivative += b.derivative, *this; }
+  [[gnu::always_inline]] Along& operator-=(const Along& b) { return derivative -= b.derivative, *this; }
+  [[gnu::always_inline]] Along& operator*=(double b) { return derivative *= b, *this; }
+  [[gnu::always_inline]] Along& operator/=(double b) { return derivative /= b, *this; }
 
-  [[gnu::always_inline]] friend Along operator*(const Along& a, double b) { return {a.slope * b}; }
-  [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.slope}; }
+  [[gnu::always_inline]] friend Along operator*(const Along& a, double b) { return {a.derivative * b}; }
+  [[gnu::always_inline]] friend Along operator*(double a, const Along& b) { return {a * b.derivative}; }
 };
 
 /// A function's value, and its derivatives by an argument, of which it has that `steepness`.
-inline Dual follow(double value, double steepness, const Dual& a) { return {value, along(steepness, a.slope)}; }
+inline Dual follow(double value, double steepness, const Dual& a) { return {value, along(steepness, a.derivative)}; }
 inline double value_of(const Dual& a) { return a.value; }
 
 /// Numbers with derivatives, alone or side by side.
 template <class A>
-concept Differentiated = requires(const A& a) { a.slope, value_of(a); };
+concept Differentiated = requires(const A& a) { a.derivative, value_of(a); };
 
 template <Differentiated A>
 A sqrt(const A& a) {
@@ -208,6 +208,6 @@ A pow(const A& a, const A& b) {
   const auto base = value_of(a), exponent = value_of(b), power = pow(base, exponent);
   return follow(power, exponent * pow(base, exponent - 1.0), a) + follow(0.0, log(base) * power, b);
 }
-inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.slope : a.slope}; }
+inline Dual abs(const Dual& a) { return {std::abs(a.value), a.value < 0.0 ? -a.derivative : a.derivative}; }
 
 }  // namespace cutjoint

@@ -30,10 +30,10 @@ struct Lanes<Dual, N> {
   using Derivatives = Side<directions * N>;
 
   Values value;
-  Derivatives slope;
+  Derivatives derivative;
 
   Lanes() = default;
-  Lanes(const Dual& x) : value(Values::of([&](std::size_t) { return Part{} + x.value; })), slope(spread(x.slope)) {}
+  Lanes(const Dual& x) : value(Values::of([&](std::size_t) { return Part{} + x.value; })), derivative(spread(x.derivative)) {}
   [[gnu::noinline]] Lanes(const Vector& vector) : Lanes([&](std::size_t k) -> const Dual& { return vector.number[k]; }, Gathered()) {}
   template <class... Numbers>
     requires(sizeof...(Numbers) == N && N > 1)
@@ -42,7 +42,7 @@ struct Lanes<Dual, N> {
 
   [[gnu::noinline]] Dual operator[](int k) const {
     Dual number(value[static_cast<std::size_t>(k)]);
-    for (std::size_t d = 0; d < directions; ++d) number.slope[d] = slope[N * d + static_cast<std::size_t>(k)];
+    for (std::size_t d = 0; d < directions; ++d) number.derivative[d] = derivative[N * d + static_cast<std::size_t>(k)];
     return number;
   }
 
@@ -54,23 +54,23 @@ struct Lanes<Dual, N> {
 #define CUTJOINT_DEFINE(operation, A, B) \
   [[gnu::noinline]] friend Lanes operator operation(const A& a, const B& b)
 #define CUTJOINT_SUM(operation)                                                                                   \
-  CUTJOINT_DEFINE(operation, Lanes, Lanes) { return {a.value operation b.value, a.slope operation b.slope}; } \
+  CUTJOINT_DEFINE(operation, Lanes, Lanes) { return {a.value operation b.value, a.derivative operation b.derivative}; } \
   CUTJOINT_DEFINE(operation, Lanes, Dual) { return a operation Lanes(b); }                                      \
   CUTJOINT_DEFINE(operation, Dual, Lanes) { return Lanes(a) operation b; }
   CUTJOINT_SUM(+)
   CUTJOINT_SUM(-)
 #undef CUTJOINT_SUM
-  CUTJOINT_DEFINE(*, Lanes, Lanes) { return {a.value * b.value, a.slope * beside(b.value) + beside(a.value) * b.slope}; }
-  CUTJOINT_DEFINE(*, Lanes, Dual) { return {a.value * b.value, a.slope * b.value + beside(a.value) * spread(b.slope)}; }
+  CUTJOINT_DEFINE(*, Lanes, Lanes) { return {a.value * b.value, a.derivative * beside(b.value) + beside(a.value) * b.derivative}; }
+  CUTJOINT_DEFINE(*, Lanes, Dual) { return {a.value * b.value, a.derivative * b.value + beside(a.value) * spread(b.derivative)}; }
   CUTJOINT_DEFINE(*, Dual, Lanes) { return b * a; }
   CUTJOINT_DEFINE(/, Lanes, Lanes) {
     const Values quotient = a.value / b.value;
-    return {quotient, (a.slope - beside(quotient) * b.slope) * beside(1.0 / b.value)};
+    return {quotient, (a.derivative - beside(quotient) * b.derivative) * beside(1.0 / b.value)};
   }
 #undef CUTJOINT_DEFINE
   friend Lanes operator/(const Lanes& a, const Dual& b) { return a / Lanes(b); }
   friend Lanes operator/(const Dual& a, const Lanes& b) { return Lanes(a) / b; }
-  [[gnu::noinline]] friend Lanes operator-(const Lanes& a) { return {-a.value, -a.slope}; }
+  [[gnu::noinline]] friend Lanes operator-(const Lanes& a) { return {-a.value, -a.derivative}; }
   friend Mask operator<(const Lanes& a, const Lanes& b) { return value_of(a) < value_of(b); }
   friend Mask operator<=(const Lanes& a, const Lanes& b) { return value_of(a) <= value_of(b); }
 
@@ -90,7 +90,7 @@ struct Lanes<Dual, N> {
         return is_first ? a.part[p] : b.part[p];
       });
     };
-    return {choose(yes.value, no.value), choose(yes.slope, no.slope)};
+    return {choose(yes.value, no.value), choose(yes.derivative, no.derivative)};
   }
 
   friend Lanes abs(const Lanes& a) { return where(value_of(a) < Plain(0.0), -a, a); }
@@ -99,16 +99,16 @@ struct Lanes<Dual, N> {
     Dual total(sum(value_of(a)));
     for (std::size_t d = 0; d < directions; ++d) {
       typename Plain::Vector v;
-      std::memcpy(&v, reinterpret_cast<const double*>(a.slope.part) + N * d, sizeof v);
-      total.slope[d] = sum(Plain(v));
+      std::memcpy(&v, reinterpret_cast<const double*>(a.derivative.part) + N * d, sizeof v);
+      total.derivative[d] = sum(Plain(v));
     }
     return total;
   }
 
-  friend Lanes follow(Plain value, Plain steepness, const Lanes& a) { return {of(value), along(beside(of(steepness)), a.slope)}; }
+  friend Lanes follow(Plain value, Plain steepness, const Lanes& a) { return {of(value), along(beside(of(steepness)), a.derivative)}; }
 
  private:
-  Lanes(const Values& values, const Derivatives& derivatives) : value(values), slope(derivatives) {}
+  Lanes(const Values& values, const Derivatives& derivatives) : value(values), derivative(derivatives) {}
 
   struct Gathered {};
 
@@ -116,8 +116,8 @@ struct Lanes<Dual, N> {
   template <class Each>
   [[gnu::always_inline]] Lanes(Each each, Gathered)
       : value(Values::of([&](std::size_t p) { return part_of([&](std::size_t i) { return each((p * register_length + i) % N).value; }); })),
-        slope(Derivatives::of([&](std::size_t p) {
-          return part_of([&](std::size_t i) { return each((p * register_length + i) % N).slope[(p * register_length + i) / N]; });
+        derivative(Derivatives::of([&](std::size_t p) {
+          return part_of([&](std::size_t i) { return each((p * register_length + i) % N).derivative[(p * register_length + i) / N]; });
         })) {}
 
   template <class Each>
@@ -139,7 +139,7 @@ struct Lanes<Dual, N> {
   }
 
   /// Derivatives that are the same for all.
-  [[gnu::always_inline]] static Derivatives spread(const Slopes& a) {
+  [[gnu::always_inline]] static Derivatives spread(const Tangents& a) {
     return Derivatives::of([&](std::size_t p) {
       if constexpr (N >= register_length) return Part{} + a[p * register_length / N];
       else return part_of([&](std::size_t i) { return a[(p * register_length + i) / N]; });

@@ -45,7 +45,7 @@ class WithDynamics : public Base {
   }
 
  private:
-  static constexpr std::size_t f = Base::freedoms, states = Base::states, n = Base::all_speeds;
+  static constexpr std::size_t f = Base::dofs, states = Base::states, n = Base::all_speeds;
 
   /// The speeds of unit rates of independent coordinates, column by column, where guides stand still: motions by these alone.
   template <class Use>

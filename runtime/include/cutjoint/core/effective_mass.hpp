@@ -54,29 +54,29 @@ class EffectiveMasses {
   using Real = typename M::real_type;
 
   explicit EffectiveMasses(M& mechanism)
-      : mechanism_(mechanism), m_(sizes_of(mechanism).equations), a_(m_), gap_(m_), residual_(m_), rate_(m_), rest_(m_), mass_(m_),
+      : mechanism_(mechanism), m_(sizes_of(mechanism).equations), a_(m_), violation_(m_), residual_(m_), rate_(m_), rest_(m_), mass_(m_),
         alone_(m_), still_(sizes_of(mechanism).speeds), dz_(still_.size()), without_(still_.size()), T_(m_ * m_), scaled_(m_ * m_), vectors_(m_ * m_) {}
 
   /// Measure T in a state with the penalties of the cut joints that the mechanism was loaded with.
   void measure(const StateOf<M>& state, const Cuts<M>& penalties, bool is_proximal) {
     for (std::size_t c = 0; c < penalties.size(); ++c)
       for (std::size_t k = first(c); k < first(c + 1); ++k) a_[k] = penalties[c];
-    std::fill(gap_.begin(), gap_.end(), Real(0));
+    std::fill(violation_.begin(), violation_.end(), Real(0));
     mechanism_.constraint_residual(state.q.data(), still_.data(), residual_.data(), rest_.data());
     if constexpr (Weighable<M>) move_alone(state);
-    if (!is_proximal) mechanism_.evaluate(state.q.data(), still_.data(), gap_.data(), without_.data(), rate_.data());
+    if (!is_proximal) mechanism_.evaluate(state.q.data(), still_.data(), violation_.data(), without_.data(), rate_.data());
     for (std::size_t k = 0; k < m_; ++k) {
-      gap_[k] = is_proximal ? Real(1) : a_[k];
+      violation_[k] = is_proximal ? Real(1) : a_[k];
       if (is_proximal) {
         if constexpr (requires { mechanism_.project(dz_.data(), dz_.data(), dz_.data()); })
-          mechanism_.project(state.q.data(), gap_.data(), dz_.data());
+          mechanism_.project(state.q.data(), violation_.data(), dz_.data());
       } else {
-        mechanism_.evaluate(state.q.data(), still_.data(), gap_.data(), dz_.data(), rate_.data());
+        mechanism_.evaluate(state.q.data(), still_.data(), violation_.data(), dz_.data(), rate_.data());
         for (std::size_t i = 0; i < dz_.size(); ++i) dz_[i] -= without_[i];
       }
       mechanism_.constraint_residual(state.q.data(), dz_.data(), residual_.data(), rate_.data());
       for (std::size_t i = 0; i < m_; ++i) T_[k * m_ + i] = rest_[i] - rate_[i];
-      gap_[k] = Real(0);
+      violation_[k] = Real(0);
     }
   }
 
@@ -149,7 +149,7 @@ class EffectiveMasses {
   void move_alone(const StateOf<M>& state) {
     const auto energy = [&](const Speeds<M>& v) {
       Real result[2]{};
-      mechanism_.energy(state.q.data(), v.data(), still_.data(), gap_.data(), result);
+      mechanism_.energy(state.q.data(), v.data(), still_.data(), violation_.data(), result);
       return result[0];
     };
     std::fill(alone_.begin(), alone_.end(), Real(0));
@@ -188,7 +188,7 @@ class EffectiveMasses {
 
   M& mechanism_;
   std::size_t m_;
-  Equations<M> a_, gap_, residual_, rate_, rest_, mass_, alone_;
+  Equations<M> a_, violation_, residual_, rate_, rest_, mass_, alone_;
   Speeds<M> still_, dz_, without_;
   Array<M, m * m> T_, scaled_, vectors_;
   bool lacks_ = false;

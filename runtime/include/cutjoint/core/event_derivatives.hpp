@@ -21,10 +21,10 @@ namespace cutjoint {
 ///     dt = -(g_x dx + g_p dp) / (g_x x' + g_t)        dx at the event = dx at its time + x' dt
 ///
 /// The part behind begins then, and ends where it did: it is as much shorter.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
-class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
+class EventDerivatives : public RuleDerivatives<Simulation, D, S, dofs, Balance> {
  public:
-  using Base = RuleDerivatives<Simulation, D, S, freedoms, Balance>;
+  using Base = RuleDerivatives<Simulation, D, S, dofs, Balance>;
   using typename Base::M;
   using Steps = typename Simulation::Steps;
 
@@ -48,15 +48,15 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
 
   /// The numbers of a step at its cut, along directions for its present time, and their rates; `end` are those at the end of the step.
   template <class Table, class Stages, std::size_t count>
-  void interpolate(const Dual& length, const Fixed<Dual, count>& begin, const Stages& slopes, Fixed<Dual, count>& end, Fixed<double, count>& rate) const {
+  void interpolate(const Dual& length, const Fixed<Dual, count>& begin, const Stages& derivatives, Fixed<Dual, count>& end, Fixed<double, count>& rate) const {
     constexpr std::size_t parts = 4 + Table::dense.size();
     const Dual share(cut_.share, (cut_.share - 1.0) / length.value * begun_), left = 1.0 - share;
     [[maybe_unused]] std::array<Fixed<Dual, count>, Table::dense.size()> more{};
     if constexpr (parts > 4)
-      for (std::size_t i = 0; i + 4 < parts; ++i) add_slopes(length, Table::dense[i], slopes, more[i]);
+      for (std::size_t i = 0; i + 4 < parts; ++i) add_derivatives(length, Table::dense[i], derivatives, more[i]);
     for (std::size_t i = 0; i < count; ++i) {
-      const Dual way = end[i] - begin[i], bend = length * slopes[0][i] - way;
-      std::array<Dual, parts> part{begin[i], way, bend, way - length * slopes[Table::stages - 1][i] - bend};
+      const Dual way = end[i] - begin[i], bend = length * derivatives[0][i] - way;
+      std::array<Dual, parts> part{begin[i], way, bend, way - length * derivatives[Table::stages - 1][i] - bend};
       if constexpr (parts > 4)
         for (std::size_t k = 4; k < parts; ++k) part[k] = more[k - 4][i];
       Dual sum = part.back();
@@ -74,9 +74,9 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
   bool meet_event([[maybe_unused]] M& mechanism, [[maybe_unused]] const StateOf<M>& end, [[maybe_unused]] std::size_t number) {
     if constexpr (switches > 0) {
       if (cut_.left == 0) return true;
-      const Slopes reach = find_reach(number);
+      const Tangents reach = find_reach(number);
       Fixed<Dual, switches> here, beside;
-      look(end.t, Slopes{}, q_, v_, here);
+      look(end.t, Tangents{}, q_, v_, here);
       auto q = q_;
       auto v = v_;
       move(reach, q, v);
@@ -84,12 +84,12 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
       bool part = false;
       for (std::size_t k = 0; k < number; ++k)
         for (std::size_t j = 0; j < cut_.left; ++j) {
-          const double open = here[cut_.which[j]].slope[k], change = open == 0.0 ? 0.0 : -reach[k] * open / (beside[cut_.which[j]].slope[k] - open);
+          const double open = here[cut_.which[j]].derivative[k], change = open == 0.0 ? 0.0 : -reach[k] * open / (beside[cut_.which[j]].derivative[k] - open);
           if (!(change - change == 0.0)) return false;
           if (j == 0) ended_[k] = change;
           part = part || std::abs(change - ended_[k]) > 1e-6 * std::max(std::abs(change), std::abs(ended_[k]));
         }
-      if (part && forces_jump(mechanism, end)) return refuse(Cause::events_part, end.t);
+      if (part && forces_jump(mechanism, end)) return refuse(Cause::simultaneous_events, end.t);
       move(ended_, q_, v_);
     }
     return true;
@@ -112,35 +112,35 @@ class EventDerivatives : public RuleDerivatives<Simulation, D, S, freedoms, Bala
   }
 
   Cut cut_;
-  Slopes begun_{}, ended_{};  ///< how the time at which a part begins changes along directions, and that at which it ends
+  Tangents begun_{}, ended_{};  ///< how the time at which a part begins changes along directions, and that at which it ends
   Fixed<double, switches ? M::sizes.coordinates : 0> turning_;  ///< rates of coordinates and speeds where a part is cut
   Fixed<double, switches ? n : 0> bending_;
   Fault refused_;  ///< why a part has no derivative
 
  private:
   /// How far to go in time so that switches change by as much as along directions.
-  Slopes find_reach(std::size_t number) const {
-    Slopes reach{};
+  Tangents find_reach(std::size_t number) const {
+    Tangents reach{};
     double rate = 0.0;
     for (const double x : turning_) rate = std::max(rate, std::abs(x));
     for (const double x : bending_) rate = std::max(rate, std::abs(x));
     for (std::size_t k = 0; k < number; ++k) {
       double size = 0.0;
-      for (const Dual& x : q_) size = std::max(size, std::abs(x.slope[k]));
-      for (const Dual& x : v_) size = std::max(size, std::abs(x.slope[k]));
+      for (const Dual& x : q_) size = std::max(size, std::abs(x.derivative[k]));
+      for (const Dual& x : v_) size = std::max(size, std::abs(x.derivative[k]));
       reach[k] = size > 0.0 && rate > 0.0 ? size / rate : 1.0;
     }
     return reach;
   }
 
   template <class Q, class V>
-  void move(const Slopes& time, Q& q, V& v) const {
-    for (std::size_t i = 0; i < turning_.size(); ++i) q[i].slope += turning_[i] * time;
-    for (std::size_t i = 0; i < bending_.size(); ++i) v[i].slope += bending_[i] * time;
+  void move(const Tangents& time, Q& q, V& v) const {
+    for (std::size_t i = 0; i < turning_.size(); ++i) q[i].derivative += turning_[i] * time;
+    for (std::size_t i = 0; i < bending_.size(); ++i) v[i].derivative += bending_[i] * time;
   }
 
   template <class Q, class V>
-  void look(double t, const Slopes& time, const Q& q, const V& v, Fixed<Dual, switches>& values) {
+  void look(double t, const Tangents& time, const Q& q, const V& v, Fixed<Dual, switches>& values) {
     auto& subject = this->subject();
     subject.begin_step(Dual(t, time), 1.0);
     subject.events(q.data(), v.data(), values.data());

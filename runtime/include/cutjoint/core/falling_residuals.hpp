@@ -41,17 +41,17 @@ class FallingResiduals {
       Mask trying = Instances::both(Instances::without(going, stopped), enough < dot(right_, right_));
       if (!Instances::any(trying)) break;
       Try& now = tries_[n];
-      now.gap = right_;
-      respond(now.gap, now.step, now.closed);
+      now.violation = right_;
+      respond(now.violation, now.step, now.closed);
       for (std::size_t k = 0; k < n; ++k) now.add(-dot(now.closed, tries_[k].closed), tries_[k]);
       const Real size = sqrt(dot(now.closed, now.closed));
-      stopped = Instances::either(stopped, Instances::both(trying, size <= least * sqrt(dot(now.gap, now.gap))));
+      stopped = Instances::either(stopped, Instances::both(trying, size <= least * sqrt(dot(now.violation, now.violation))));
       trying = Instances::without(trying, stopped);
       if (!Instances::any(trying)) break;
       now.scale(Real(1) / size);
       Real share(0);
       Instances::take(trying, dot(right_, now.closed), share);
-      add(found_, share, now.gap, trying);
+      add(found_, share, now.violation, trying);
       add(step_, share, now.step, trying);
       add(right_, -share, now.closed, trying);
     }
@@ -67,13 +67,13 @@ class FallingResiduals {
 
   /// A direction, the step that answers it, and T of it.
   struct Try {
-    Equations<M> gap;
+    Equations<M> violation;
     Speeds<M> step;
     Equations<M> closed;
 
     void add(Real factor, const Try& other) {
       const Mask all = Instances::all_if(true);
-      FallingResiduals::add(gap, factor, other.gap, all);
+      FallingResiduals::add(violation, factor, other.violation, all);
       FallingResiduals::add(step, factor, other.step, all);
       FallingResiduals::add(closed, factor, other.closed, all);
     }
@@ -82,7 +82,7 @@ class FallingResiduals {
       const auto times = [factor](auto& values) {
         for (Real& value : values) value *= factor;
       };
-      times(gap), times(step), times(closed);
+      times(violation), times(step), times(closed);
     }
   };
 

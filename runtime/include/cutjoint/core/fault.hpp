@@ -8,19 +8,19 @@ enum class Cause : int {
   none = 0,
   not_converged = 1,              ///< the iteration of a step does not end
   diverged = 2,                   ///< the iteration of a step goes to infinity
-  loops_open = 3,                 ///< no positions near by close the loops
-  speeds_open = 4,                ///< no speeds near by keep the loops closed
+  loops_not_closed = 3,                 ///< no positions near by close the loops
+  speeds_not_found = 4,                ///< no speeds near by keep the loops closed
   no_assembly = 5,                ///< the loops cannot close from the given coordinates
-  speeds_contradict = 6,          ///< the given speeds do not keep the loops closed
+  speeds_inconsistent = 6,          ///< the given speeds do not keep the loops closed
   infinite_acceleration = 7,      ///< an acceleration is not finite
   no_equilibrium = 8,             ///< no pose near the given one is at rest
   guard_violated = 9,             ///< a force that was left out of the model would act
   tolerance_not_met = 10,         ///< no step is small enough for the tolerance
   stiff = 11,                     ///< the same, where stability and not accuracy limits the steps
   accelerations_not_finite = 12,  ///< an acceleration within a step is not finite
-  switches_without_end = 13,      ///< a force switches to and fro between its formulas
+  chattering = 13,      ///< a force switches to and fro between its formulas
   too_many_steps = 14,            ///< a call would take more steps than it may
-  masses_lost = 15,               ///< the elimination of the equations of motion ends in no number
+  mass_matrix_singular = 15,               ///< the elimination of the equations of motion ends in no number
   newton_not_converged = 16,      ///< Newton's iteration does not end
   newton_diverging = 17,          ///< the changes by Newton's iteration grow
   newton_infinite = 18,           ///< Newton's iteration goes to infinity
@@ -31,17 +31,17 @@ enum class Cause : int {
   tangent_not_positive = 23,      ///< the symmetric tangent is not positive definite
   pose_singular = 24,             ///< equations of the loops depend on each other for a moment
   start_not_converged = 25,       ///< the iteration for the accelerations at the start does not end
-  start_open = 26,                ///< the start does not satisfy the equations of the loops
+  start_inconsistent = 26,                ///< the start does not satisfy the equations of the loops
   stages_not_found = 27,          ///< Newton's iteration converges with no step, however small
   stage_not_converged = 28,       ///< Newton's iteration does not end in a stage of a step of given length
-  loops_torn = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size, or guides go where it cannot close
-  stands_still = 30,              ///< steps are so short that the rest of the run would have no end
+  loops_violated = 29,                ///< a loop stands open by more than a hundredth of the mechanism's size, or guides go where it cannot close
+  step_size_too_small = 30,              ///< steps are so short that the rest of the run would have no end
   sample_not_finite = 31,         ///< a controller computes a value that is not finite
   limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
-  step_divided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
-  events_part = 34,               ///< switches that leave their formulas together would not with other numbers, so that the run has no derivative
+  step_subdivided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
+  simultaneous_events = 34,               ///< switches that leave their formulas together would not with other numbers, so that the run has no derivative
   speeds_jump = 35,               ///< speeds jump at an event, so that the run has no derivative
-  event_at_end = 36,              ///< an event that moves lies where a step ends or a sample is taken, so that the run has no derivative
+  event_at_step_end = 36,              ///< an event that moves lies where a step ends or a sample is taken, so that the run has no derivative
 };
 
 /// The list in which what failed most has its place.
@@ -68,7 +68,7 @@ struct Fault {
 
 /// Whether a fault is of what a step has led to, not of the step.
 constexpr bool has_made_step(const Fault& fault) {
-  return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_torn || fault.cause == Cause::sample_not_finite ||
+  return fault.cause == Cause::guard_violated || fault.cause == Cause::loops_violated || fault.cause == Cause::sample_not_finite ||
          fault.cause == Cause::limit_exceeded;
 }
 
@@ -78,17 +78,17 @@ constexpr const char* text_of(Cause cause) {
     case Cause::none: return "nothing failed";
     case Cause::not_converged: return "the fixed point did not converge";
     case Cause::diverged: return "the fixed point diverged to infinity";
-    case Cause::loops_open: return "the loops cannot be closed";
-    case Cause::speeds_open: return "no speeds keep the loops closed";
+    case Cause::loops_not_closed: return "the loops cannot be closed";
+    case Cause::speeds_not_found: return "no speeds keep the loops closed";
     case Cause::no_assembly: return "the loop cannot close from the given coordinates";
-    case Cause::speeds_contradict: return "the given speeds contradict the loops";
+    case Cause::speeds_inconsistent: return "the given speeds contradict the loops";
     case Cause::infinite_acceleration: return "an acceleration has no finite value at the start";
     case Cause::guard_violated: return "a guard is violated: the force would act, or the equation stands open";
     case Cause::tolerance_not_met:
     case Cause::stiff: return "no step is small enough for the tolerance";
     case Cause::accelerations_not_finite: return "the accelerations have no finite value";
-    case Cause::switches_without_end: return "a force switches to and fro without end";
-    case Cause::masses_lost: return "the equations of motion cannot be solved";
+    case Cause::chattering: return "a force switches to and fro without end";
+    case Cause::mass_matrix_singular: return "the equations of motion cannot be solved";
     case Cause::too_many_steps: return "a call would take more steps than it may";
     case Cause::no_equilibrium: return "no static equilibrium was found near the given pose";
     case Cause::newton_not_converged: return "Newton's iteration did not converge";
@@ -101,17 +101,17 @@ constexpr const char* text_of(Cause cause) {
     case Cause::tangent_not_positive: return "a pivot of the tangent is not positive";
     case Cause::pose_singular: return "the pose is singular, or nearly: equations depend on each other for a moment";
     case Cause::start_not_converged: return "the accelerations at the start do not converge";
-    case Cause::start_open: return "the start does not satisfy an equation";
+    case Cause::start_inconsistent: return "the start does not satisfy an equation";
     case Cause::stages_not_found: return "Newton's iteration converges with no step, however small";
     case Cause::stage_not_converged: return "Newton's iteration did not converge in a stage";
-    case Cause::loops_torn: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
+    case Cause::loops_violated: return "a loop is torn: guides go where it cannot close, or its gap is beyond a hundredth of the mechanism's size, or of a radian";
     case Cause::sample_not_finite: return "a controller computes a value that is not finite";
     case Cause::limit_exceeded: return "a step exceeds a limit";
-    case Cause::step_divided: return "the step has no derivative: it ended at an event, or was taken in parts";
-    case Cause::events_part: return "the run has no derivative: forces that change their formulas together would not with other numbers, and change the accelerations";
+    case Cause::step_subdivided: return "the step has no derivative: it ended at an event, or was taken in parts";
+    case Cause::simultaneous_events: return "the run has no derivative: forces that change their formulas together would not with other numbers, and change the accelerations";
     case Cause::speeds_jump: return "the run has no derivative: speeds jump where a guide changes its formula";
-    case Cause::event_at_end: return "the run has no derivative: a force changes its formula just where a step ends or a controller takes a sample, and would do so elsewhere with other numbers";
-    case Cause::stands_still: return "the run stands still: its steps have become too short for it to reach its end";
+    case Cause::event_at_step_end: return "the run has no derivative: a force changes its formula just where a step ends or a controller takes a sample, and would do so elsewhere with other numbers";
+    case Cause::step_size_too_small: return "the run stands still: its steps have become too short for it to reach its end";
   }
   return "unknown cause";
 }
@@ -133,17 +133,17 @@ constexpr const char* advice_of(const Fault& fault) {
     case Cause::none: return "";
     case Cause::not_converged: return fault.value <= 1e-4 * fault.size ? "what is left may be rounding; try: a larger tolerance" : shorter_steps;
     case Cause::diverged: return shorter_steps;
-    case Cause::loops_open:
-    case Cause::speeds_open: return "try: a smaller dt";
+    case Cause::loops_not_closed:
+    case Cause::speeds_not_found: return "try: a smaller dt";
     case Cause::no_assembly:
-    case Cause::speeds_contradict: return "check the joints' points, guides, and the given coordinates and speeds of this loop; near a dead centre give others";
+    case Cause::speeds_inconsistent: return "check the joints' points, guides, and the given coordinates and speeds of this loop; near a dead centre give others";
     case Cause::infinite_acceleration: return "it may move no mass in this pose, as of massless links in line; try: another pose, or another method";
     case Cause::stages_not_found:
     case Cause::tolerance_not_met: return "look for a force without bound, or for a singular pose, as where a massless body is in line with what it moves; try: a larger tolerance";
     case Cause::stiff: return "stability limits the steps, as of a stiff model; try: compiling with the method recursive-newton";
     case Cause::accelerations_not_finite: return shorter_steps;
-    case Cause::switches_without_end: return "make its law continuous there, or let steps go over it with events: crossed";
-    case Cause::masses_lost: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
+    case Cause::chattering: return "make its law continuous there, or let steps go over it with events: crossed";
+    case Cause::mass_matrix_singular: return "a motion may move no mass in this pose; or rounding takes the masses beside a given penalty; try: a smaller penalty";
     case Cause::too_many_steps: return "allow more steps or a larger tolerance; or the motion may have grown without bound";
     case Cause::guard_violated: return "use the full model";
     case Cause::no_equilibrium: return "check that springs carry the weight near this pose, that no wheel stands far in the road, that every free direction has a spring or is held, and which coordinates are given";
@@ -159,16 +159,16 @@ constexpr const char* advice_of(const Fault& fault) {
              "equation holds it; try: a smaller dt";
     case Cause::pose_singular: return "try: another dt, or the methods augmented and recursive, which can cross such poses";
     case Cause::start_not_converged: return "look for a force without bound, or for a pose in which a motion moves no mass; try: a larger penalty";
-    case Cause::start_open: return "coordinates and speeds have to close the loops";
+    case Cause::start_inconsistent: return "coordinates and speeds have to close the loops";
     case Cause::stage_not_converged: return "try: a smaller dt, or the integrator radau5, which chooses its steps";
-    case Cause::loops_torn: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
+    case Cause::loops_violated: return "a guide may go where the loop cannot close, or have jumped too far for one step; try: a smaller dt, or the closure proximal";
     case Cause::sample_not_finite: return "look for a division by zero, or a root or logarithm of a negative number, at this instant; or the loop is not stable";
     case Cause::limit_exceeded: return "the step is made, and the motion may go on; try: a smaller dt, or another limit";
-    case Cause::step_divided: return "take this step without its derivative, or differentiate a run";
-    case Cause::events_part: return "derivatives are one-sided there; move one of both, or let steps go over events by the integrator trapezoidal";
+    case Cause::step_subdivided: return "take this step without its derivative, or differentiate a run";
+    case Cause::simultaneous_events: return "derivatives are one-sided there; move one of both, or let steps go over events by the integrator trapezoidal";
     case Cause::speeds_jump: return "make the course of the guide smooth";
-    case Cause::event_at_end: return "derivatives are one-sided there; try: another dt";
-    case Cause::stands_still:
+    case Cause::event_at_step_end: return "derivatives are one-sided there; try: another dt";
+    case Cause::step_size_too_small:
       return "look for a force that jumps where a motion comes to rest, such as sign(rate), and make it steep instead, such as tanh(rate/0.01); or for "
              "a pose in which a motion moves no mass, as of massless links in line; try: a larger tolerance";
   }

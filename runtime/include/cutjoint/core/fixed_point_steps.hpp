@@ -31,7 +31,7 @@ class FixedPointSteps {
   static constexpr bool finds_events = false, knows_residuals = false;
 
   /// Whether steps may leave loops open without a fault.
-  static bool leaves_gaps(const SimulationSettings& settings) { return !settings.fixed_point.proximal || settings.fixed_point.fixed_cost; }
+  static bool leaves_violations(const SimulationSettings& settings) { return !settings.fixed_point.proximal || settings.fixed_point.fixed_cost; }
 
   /// The length of steps with a fixed point, which penalties follow.
   static Real fixed_point_step(const SimulationSettings& settings) { return Real(settings.dt); }

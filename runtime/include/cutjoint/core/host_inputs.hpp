@@ -117,7 +117,7 @@ class FollowedInputs {
   /// Be where the host is.
   void begin(const Inputs& given) {
     used_ = heard_ = given;
-    courses_.fill({});
+    trajectories_.fill({});
     planned_ = -std::numeric_limits<Real>::infinity();
   }
 
@@ -146,55 +146,55 @@ class FollowedInputs {
   bool is_due(const Inputs& given, Real t, Real rounding) const {
     if (!hears_nothing(given)) return true;
     bool due = false;
-    each([&](const Course& course, std::size_t) {
-      due = due || (course.part != 0 && !(t < course.end - rounding)) || ((course.slope != Real(0) || course.last != Real(0)) && t != planned_);
+    each([&](const Trajectory& trajectory, std::size_t) {
+      due = due || (trajectory.part != 0 && !(t < trajectory.end - rounding)) || ((trajectory.derivative != Real(0) || trajectory.last != Real(0)) && t != planned_);
     });
     return due;
   }
 
   /// Be where the host goes, so much time ahead of what it gives.
   void look_ahead(Real t, Real time) {
-    each([&](const Course& course, std::size_t i) {
+    each([&](const Trajectory& trajectory, std::size_t i) {
       if (!heard_.is_given(i)) return;
       Real there[numbers_per_input];
       heard_.at(i, t + time, there);
-      used_.put(i, t, there[0] + (heard_.is_held(i) ? time * course.slope : Real(0)), Real(0), Real(0));
+      used_.put(i, t, there[0] + (heard_.is_held(i) ? time * trajectory.derivative : Real(0)), Real(0), Real(0));
     });
   }
 
   /// Whether a guide catches up with a jump, which may leave loops open: they are straight for the integrator, but not for the joints.
   bool is_catching_up() const {
     bool catches = false;
-    each([&](const Course& course, std::size_t) { catches = catches || (course.part != 0 && course.jumps != 0); });
+    each([&](const Trajectory& trajectory, std::size_t) { catches = catches || (trajectory.part != 0 && trajectory.jumps != 0); });
     return catches;
   }
 
   /// The end of the part of a course that ends first, infinity where none does.
   Real next_end() const {
     Real next = std::numeric_limits<Real>::infinity();
-    each([&](const Course& course, std::size_t) { next = course.part != 0 && course.end < next ? course.end : next; });
+    each([&](const Trajectory& trajectory, std::size_t) { next = trajectory.part != 0 && trajectory.end < next ? trajectory.end : next; });
     return next;
   }
 
   /// At a time, go over to the next parts of courses; whether there was any.
   bool go_over(Real t, Real rounding) {
     bool goes = false;
-    each([&](Course& course, std::size_t i) {
-      if (course.part == 0 || t < course.end - rounding) return;
+    each([&](Trajectory& trajectory, std::size_t i) {
+      if (trajectory.part == 0 || t < trajectory.end - rounding) return;
       goes = true;
-      if (course.part == 1 && course.again != Real(0)) {
+      if (trajectory.part == 1 && trajectory.again != Real(0)) {
         Real now[numbers_per_input], wanted[numbers_per_input];
-        used_.at(i, course.end, now);
-        heard_.at(i, course.end + 2 * course.again, wanted);
-        go(course, i, course.end, now, course.again, course.again, wanted);
-        course.again = Real(0);
-      } else if (course.part == 1) {
-        used_.put(i, course.end, course.value, course.rate, course.acceleration);
-        course.end = course.last_end;
-        course.part = 2;
+        used_.at(i, trajectory.end, now);
+        heard_.at(i, trajectory.end + 2 * trajectory.again, wanted);
+        go(trajectory, i, trajectory.end, now, trajectory.again, trajectory.again, wanted);
+        trajectory.again = Real(0);
+      } else if (trajectory.part == 1) {
+        used_.put(i, trajectory.end, trajectory.value, trajectory.rate, trajectory.acceleration);
+        trajectory.end = trajectory.last_end;
+        trajectory.part = 2;
       } else {
-        if (course.slope == Real(0)) used_.take(i, heard_);  // else the guide still moves where the next call begins
-        course.part = 0;
+        if (trajectory.derivative == Real(0)) used_.take(i, heard_);  // else the guide still moves where the next call begins
+        trajectory.part = 0;
       }
     });
     return goes;
@@ -206,16 +206,16 @@ class FollowedInputs {
   bool go_on(const Inputs& given, Real t, Real until, Real dt, Scene scene) {
     bool jumps = go_over(t, Real(1e-9) * dt);
     if (t == planned_ && hears_nothing(given)) return jumps;
-    each([&](Course& course, std::size_t i) { jumps = plan(course, i, given, t, until - t, dt, scene) || jumps; });
+    each([&](Trajectory& trajectory, std::size_t i) { jumps = plan(trajectory, i, given, t, until - t, dt, scene) || jumps; });
     planned_ = t;
     return jumps;
   }
 
  private:
   /// The parts after the present one: where and how the second one begins, and when both end; `again` is the length of the parts of another
-  /// course that comes instead.  `slope` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
-  struct Course {
-    Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, slope{0}, last{0}, arrival{0};
+  /// course that comes instead.  `derivative` is the rate at which the input is followed, `last` that of the last change of a held one; by `arrival` a jump is made.
+  struct Trajectory {
+    Real end{0}, last_end{0}, value{0}, rate{0}, acceleration{0}, again{0}, derivative{0}, last{0}, arrival{0};
     long part = 0;   ///< 1 or 2; 0: as the host or the scene has it
     long jumps = 0;  ///< whether the host is farther away than it goes in a step
   };
@@ -224,11 +224,11 @@ class FollowedInputs {
 
   template <class Do>
   void each(Do visit) {
-    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(courses_[k], places[k]);
+    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(trajectories_[k], places[k]);
   }
   template <class Do>
   void each(Do visit) const {
-    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(courses_[k], places[k]);
+    for (std::size_t k = 0; k < sizeof...(guiding); ++k) visit(trajectories_[k], places[k]);
   }
 
   /// Value, rate and acceleration of an input.
@@ -240,36 +240,36 @@ class FollowedInputs {
 
   /// Plan the course of one input; whether its acceleration jumps.
   template <class Scene>
-  bool plan(Course& course, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
+  bool plan(Trajectory& trajectory, std::size_t i, const Inputs& given, Real t, Real length, Real dt, Scene scene) {
     const bool is_same = given.is_same(i, heard_), is_held = given.is_held(i);
-    if (is_same && course.slope == Real(0)) {
-      course.last = Real(0);
+    if (is_same && trajectory.derivative == Real(0)) {
+      trajectory.last = Real(0);
       return false;
     }
     const Real last = is_held && heard_.is_held(i) ? (given.values[i] - heard_.values[i]) / length : Real(0);
-    course.slope = smaller(last, course.last);
-    course.last = last;
+    trajectory.derivative = smaller(last, trajectory.last);
+    trajectory.last = last;
     heard_.take(i, given);
     Real now[numbers_per_input], wanted[numbers_per_input];
     read(used_, i, t, scene, now);
     if (is_held) {
-      if (given.values[i] == now[0] && now[1] == Real(0) && course.slope == Real(0)) return stay(course, i), now[2] != Real(0);
-      wanted[0] = given.values[i] - course.slope * length;
-      wanted[1] = course.slope;
+      if (given.values[i] == now[0] && now[1] == Real(0) && trajectory.derivative == Real(0)) return stay(trajectory, i), now[2] != Real(0);
+      wanted[0] = given.values[i] - trajectory.derivative * length;
+      wanted[1] = trajectory.derivative;
     } else {
       read(given, i, t, scene, wanted);
-      if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(course, i), wanted[2] != now[2];
+      if (wanted[0] == now[0] && wanted[1] == now[1]) return stay(trajectory, i), wanted[2] != now[2];
     }
-    const bool is_long = course.slope != Real(0) && length > Real(1.5) * dt;
+    const bool is_long = trajectory.derivative != Real(0) && length > Real(1.5) * dt;
     const Real whole = Real(static_cast<long>(length / dt / 2 + Real(0.25))) * dt, one = length < dt ? length : dt;
-    const Real longest = is_long ? whole : one, left = course.arrival - t;
-    const Real first = course.part != 0 && left > Real(1e-9) * dt && left < longest * (1 - Real(1e-9)) ? left : longest;
+    const Real longest = is_long ? whole : one, left = trajectory.arrival - t;
+    const Real first = trajectory.part != 0 && left > Real(1e-9) * dt && left < longest * (1 - Real(1e-9)) ? left : longest;
     const Real last_part = given.is_going(i) ? one / 2 : one, second = is_long && length - first > last_part ? length - first : last_part;
-    course.again = given.is_going(i) ? one : Real(0);
-    course.jumps = is_jump(now, wanted[0], wanted[1], one);
-    if (is_held) wanted[0] += course.slope * (first + second);
+    trajectory.again = given.is_going(i) ? one : Real(0);
+    trajectory.jumps = is_jump(now, wanted[0], wanted[1], one);
+    if (is_held) wanted[0] += trajectory.derivative * (first + second);
     else read(given, i, t + (first + second), scene, wanted);
-    go(course, i, t, now, first, second, wanted);
+    go(trajectory, i, t, now, first, second, wanted);
     return true;
   }
 
@@ -280,22 +280,22 @@ class FollowedInputs {
   }
 
   /// Be as the host or the scene has it.
-  void stay(Course& course, std::size_t i) {
+  void stay(Trajectory& trajectory, std::size_t i) {
     used_.take(i, heard_);
-    course.part = 0;
+    trajectory.part = 0;
   }
 
   /// Go along two parabolas to another value and rate.
-  void go(Course& course, std::size_t i, Real t, const Real* now, Real first, Real second, const Real* wanted) {
+  void go(Trajectory& trajectory, std::size_t i, Real t, const Real* now, Real first, Real second, const Real* wanted) {
     const Real between = (2 * (wanted[0] - now[0]) - first * now[1] - second * wanted[1]) / (first + second);
     used_.put(i, t, now[0], now[1], (between - now[1]) / first);
-    course.end = t + first;
-    course.last_end = t + (first + second);
-    course.value = now[0] + first * (now[1] + between) / 2;
-    course.rate = between;
-    course.acceleration = (wanted[1] - between) / second;
-    course.arrival = std::abs(between - wanted[1]) < Real(0.1) * std::abs(now[1] - wanted[1]) ? course.end : course.last_end;
-    course.part = 1;
+    trajectory.end = t + first;
+    trajectory.last_end = t + (first + second);
+    trajectory.value = now[0] + first * (now[1] + between) / 2;
+    trajectory.rate = between;
+    trajectory.acceleration = (wanted[1] - between) / second;
+    trajectory.arrival = std::abs(between - wanted[1]) < Real(0.1) * std::abs(now[1] - wanted[1]) ? trajectory.end : trajectory.last_end;
+    trajectory.part = 1;
   }
 
   /// The one of two rates that is nearer to 0; 0 where they have other signs.
@@ -305,7 +305,7 @@ class FollowedInputs {
   }
 
   Inputs used_, heard_;
-  Fixed<Course, sizeof...(guiding)> courses_;
+  Fixed<Trajectory, sizeof...(guiding)> trajectories_;
   Real planned_{0};  ///< when courses were planned last
 };
 

@@ -32,7 +32,7 @@ class Struck {
 
   /// Its memory is for `n` speeds and `m` equations, those of the subject or none.
   Struck(S& subject, std::size_t n, std::size_t m)
-      : subject_(subject), n_(n), m_(m), relative_(!is_system || !charts_of(subject).empty()), v_(n), still_(n), force_(n), weight_(n), none_(m), gap_(m),
+      : subject_(subject), n_(n), m_(m), relative_(!is_system || !charts_of(subject).empty()), v_(n), still_(n), force_(n), weight_(n), none_(m), violation_(m),
         rest_(m), masses_(n * n) {}
 
   std::size_t speeds() const { return n_; }
@@ -72,7 +72,7 @@ class Struck {
   }
 
   /// The gaps of the equations at the last time.
-  const Equations<S>& gaps(const Coordinates<S>& q) {
+  const Equations<S>& violations(const Coordinates<S>& q) {
     find_residual(q, still_);
     return rest_;
   }
@@ -81,7 +81,7 @@ class Struck {
   const Equations<S>& rates(const Coordinates<S>& q, const Speeds<S>& v, Real t) {
     subject_.begin_step(t, Real(1));
     find_residual(q, v);
-    return gap_;
+    return violation_;
   }
 
   /// Kinetic energy of relative coordinates at a time, with guides held still.
@@ -106,8 +106,8 @@ class Struck {
   void rest() { std::fill(v_.begin(), v_.end(), Real(0)); }
 
   void find_residual(const Coordinates<S>& q, const Speeds<S>& v) {
-    if constexpr (is_system) subject_.constraint_residual(q.data(), v.data(), still_.data(), rest_.data(), gap_.data(), none_.data());
-    else subject_.constraint_residual(q.data(), v.data(), rest_.data(), gap_.data());
+    if constexpr (is_system) subject_.constraint_residual(q.data(), v.data(), still_.data(), rest_.data(), violation_.data(), none_.data());
+    else subject_.constraint_residual(q.data(), v.data(), rest_.data(), violation_.data());
   }
 
   /// Kinetic energy; nobody asks a system in natural coordinates, which may have none.
@@ -157,7 +157,7 @@ class Struck {
   std::size_t n_, m_;
   bool relative_;
   Speeds<S> v_, still_, force_, weight_;
-  Equations<S> none_, gap_, rest_;
+  Equations<S> none_, violation_, rest_;
   Array<S, unknowns * unknowns> masses_;
 };
 
@@ -297,9 +297,9 @@ class Impacts {
   bool places_jump(const Coordinates<S>& q, Real before, Real after) {
     using std::abs;
     const Real one = struck_.kinetic_beside_guides(q, probe_, before);
-    rates_ = struck_.gaps(q);
+    rates_ = struck_.violations(q);
     if (abs(one - struck_.kinetic_beside_guides(q, probe_, after)) > share() * one) return true;
-    const Equations<S>& now = struck_.gaps(q);
+    const Equations<S>& now = struck_.violations(q);
     for (std::size_t i = 0; i < now.size(); ++i)
       if (abs(now[i] - rates_[i]) > share() * (Real(1) + abs(now[i]))) return true;
     return false;

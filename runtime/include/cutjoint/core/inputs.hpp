@@ -68,8 +68,8 @@ struct Held {
 /// The cubic with these values and rates at 0 and at `length`, at `at` beyond 0: value, rate and acceleration.
 template <class Real>
 void interpolate(Real at, Real length, Real begin, Real begin_rate, Real end, Real end_rate, Real* numbers) {
-  const Real slope = (end - begin) / length;
-  const Real second = (3 * slope - 2 * begin_rate - end_rate) / length, third = (begin_rate + end_rate - 2 * slope) / (length * length);
+  const Real derivative = (end - begin) / length;
+  const Real second = (3 * derivative - 2 * begin_rate - end_rate) / length, third = (begin_rate + end_rate - 2 * derivative) / (length * length);
   numbers[0] = begin + at * (begin_rate + at * (second + at * third));
   numbers[1] = begin_rate + at * (2 * second + 3 * at * third);
   numbers[2] = 2 * second + 6 * at * third;
@@ -92,9 +92,9 @@ struct Interpolated {
     const Interpolated& x = *static_cast<const Interpolated*>(host);
     const Real length = x.end_time - x.begin_time;
     for (int i = 0; i < x.count; ++i) {
-      const Real slope = (x.end[i] - x.begin[i]) / length;
+      const Real derivative = (x.end[i] - x.begin[i]) / length;
       const bool cubic = x.begin_rates && x.end_rates;
-      interpolate(t - x.begin_time, length, x.begin[i], cubic ? x.begin_rates[i] : slope, x.end[i], cubic ? x.end_rates[i] : slope,
+      interpolate(t - x.begin_time, length, x.begin[i], cubic ? x.begin_rates[i] : derivative, x.end[i], cubic ? x.end_rates[i] : derivative,
                   input + numbers_per_input * i);
     }
   }

@@ -100,7 +100,7 @@ class LaneSimulations : private LaneMechanism<M>, public LaneSteps<M> {
       this->expect(static_cast<int>(k), memory.integrator.expected);
       if (!first) first = sims[k];
     }
-    if (first) this->begin(first->memory().settings, first->watches_gaps() ? first->gap_limits() : nullptr);
+    if (first) this->begin(first->memory().settings, first->watches_violations() ? first->violation_limits() : nullptr);
   }
 
  private:

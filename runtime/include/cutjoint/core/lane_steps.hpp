@@ -6,7 +6,7 @@
 
 #include "cutjoint/core/arrays.hpp"
 #include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/gap.hpp"
+#include "cutjoint/core/constraint_violation.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/instances.hpp"
 #include "cutjoint/core/lane_inputs.hpp"
@@ -109,10 +109,10 @@ class LaneSteps {
     going_[k] = -1;
   }
 
-  /// Get ready for steps of those that were put, which have the same settings; with `gap_limits` they stop where a loop is torn.
-  void begin(const SimulationSettings& settings, const double* gap_limits = nullptr) {
+  /// Get ready for steps of those that were put, which have the same settings; with `violation_limits` they stop where a loop is torn.
+  void begin(const SimulationSettings& settings, const double* violation_limits = nullptr) {
     settings_ = settings;
-    gap_limits_ = gap_limits;
+    violation_limits_ = violation_limits;
     load_mechanism(mechanism_, parameters_.data(), roads_.data(), settings_.stabilisation, penalties_);
     drive();
     mechanism_.begin_step(state_.t, Real(1));
@@ -272,7 +272,7 @@ class LaneSteps {
     for (int k = 0; k < width; ++k) {
       if (!Instances::has(opens, k)) continue;
       const auto is_closed = [&](const Equations<M>& open, double per) {
-        return largest_gap(open.size(), gap_limits_, [&](std::size_t i) { return per * open[i][k]; }).is_closed();
+        return largest_violation(open.size(), violation_limits_, [&](std::size_t i) { return per * open[i][k]; }).is_closed();
       };
       if (is_closed(correction_, 1.0) && is_closed(rate_, closing_time(settings_))) opens[k] = 0;
     }
@@ -285,13 +285,13 @@ class LaneSteps {
     opens = Instances::both(opens, going_);
     if (!any_goes()) return;
     const Real begun = state_.t;
-    if (gap_limits_ && Instances::any(opens)) from_ = state_;
+    if (violation_limits_ && Instances::any(opens)) from_ = state_;
     steps_.set_step(h);
     Mask failed = steps_.step_of(state_, going_);
     for (int k = 0; k < width; ++k)
       if (Instances::has(failed, k)) stop(k, steps_.fault(k, static_cast<long>(number_[k]) + 1));
     opens = Instances::without(opens, failed);
-    if (gap_limits_ && Instances::any(opens)) {
+    if (violation_limits_ && Instances::any(opens)) {
       opens = close_behind_jumps(opens);
       for (int k = 0; k < width; ++k)
         if (Instances::has(opens, k)) stop(k, steps_.projection().fault(k, static_cast<long>(number_[k]) + 1));
@@ -301,7 +301,7 @@ class LaneSteps {
     evaluated_ = where(failed, begun, begun + h);
     if (Instances::any(failed)) mechanism_.begin_step(evaluated_, Real(1));
     state_.t = where(going_, until, state_.t);
-    if (gap_limits_) watch_gaps();
+    if (violation_limits_) watch_violations();
     watch(number_ + Real(1));
   }
 
@@ -312,16 +312,16 @@ class LaneSteps {
   }
 
   /// Stop those of which a loop is torn, as a simulation alone does.
-  void watch_gaps() {
+  void watch_violations() {
     bool due = false;
     for (int k = 0; k < width; ++k) due |= goes(k) && --at(unmeasured_, k) <= 0;
     if (!due) return;
     mechanism_.constraint_residual(state_.q.data(), state_.v.data(), correction_.data(), rate_.data());
     for (int k = 0; k < width; ++k) {
       if (!goes(k) || at(unmeasured_, k) > 0) continue;
-      const Gap gap = largest_gap(sizes_of(mechanism_).equations, gap_limits_, [&](std::size_t i) { return correction_[i][k]; });
-      at(unmeasured_, k) = gap.next_measurement();
-      if (gap.is_torn()) stop(k, gap.fault(state_.t[k], static_cast<long>(number_[k]) + 1));
+      const ConstraintViolation violation = largest_violation(sizes_of(mechanism_).equations, violation_limits_, [&](std::size_t i) { return correction_[i][k]; });
+      at(unmeasured_, k) = violation.next_measurement();
+      if (violation.is_torn()) stop(k, violation.fault(state_.t[k], static_cast<long>(number_[k]) + 1));
     }
   }
 
@@ -345,7 +345,7 @@ class LaneSteps {
   Array<M, sizes.guards> margins_;
   Speeds<M> vdot_;
   Equations<M> correction_, rate_;
-  const double* gap_limits_ = nullptr;
+  const double* violation_limits_ = nullptr;
   std::array<long, width> unmeasured_{};
   Mask going_{};
   std::array<Fault, width> faults_{};

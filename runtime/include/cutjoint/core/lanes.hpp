@@ -34,7 +34,7 @@ namespace cutjoint {
 
 /// Numbers without derivatives.
 template <class Real>
-concept PlainReal = !requires(const Real& x) { x.slope; };
+concept PlainReal = !requires(const Real& x) { x.derivative; };
 
 /// The register type of N reals; one specialisation a type, since GCC takes no dependent element type.
 template <class Real, int N>

@@ -57,15 +57,15 @@ inline double node_of(const LoopFit& loops, double i) {
 
 /// The terms of series at q, and their slopes: Chebyshev polynomials on the range, or 1, cos q, sin q, cos 2q, ...
 template <class Real>
-void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* slope) {
+void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* derivative) {
   value[0] = Real(1);
-  slope[0] = Real(0);
+  derivative[0] = Real(0);
   if (loops.turns) {
     for (int k = 1; k < count; ++k) {
       const int order = (k + 1) / 2;
       const double cosine = std::cos(order * q), sine = std::sin(order * q);
       value[k] = Real(k % 2 ? cosine : sine);
-      slope[k] = Real(k % 2 ? -order * sine : order * cosine);
+      derivative[k] = Real(k % 2 ? -order * sine : order * cosine);
     }
     return;
   }
@@ -73,7 +73,7 @@ void terms_at(const LoopFit& loops, double q, int count, Real* value, Real* slop
   double before = 1, now = x, rate_before = 0, rate = 1 / loops.half;
   for (int k = 1; k < count; ++k) {
     value[k] = Real(now);
-    slope[k] = Real(rate);
+    derivative[k] = Real(rate);
     const double next = 2 * x * now - before, rate_next = 2 * (x * rate + now / loops.half) - rate_before;
     before = now, now = next, rate_before = rate, rate = rate_next;
   }
@@ -86,9 +86,9 @@ class LoopFitting {
  public:
   LoopFitting(const LoopFit& loops, const FittedFunction* functions, const double* start, Real* work, const Close& close)
       : loops_(loops), functions_(functions), start_(start), close_(close), n_(loops.functions), m_(loops.rows), length_(most_terms(loops, functions)),
-        place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), slope_(upper_ + n_ * n_),
-        found_slope_(slope_ + n_), step_(found_slope_ + n_), offset_(step_ + n_), before_(offset_ + 2 * n_), mean_(before_ + 2 * n_), sums_(mean_ + n_),
-        terms_(sums_ + n_ * length_), slopes_(terms_ + length_) {}
+        place_(work), by_place_(place_ + n_ + 1), opening_(by_place_ + m_ * (n_ + 1)), upper_(opening_ + m_), derivative_(upper_ + n_ * n_),
+        found_derivative_(derivative_ + n_), step_(found_derivative_ + n_), offset_(step_ + n_), before_(offset_ + 2 * n_), mean_(before_ + 2 * n_), sums_(mean_ + n_),
+        terms_(sums_ + n_ * length_), derivatives_(terms_ + length_) {}
 
   /// Find all coefficients, and then a margin, which is negative where loops stay open; the coefficients are then those of `start`.
   void find(Real* found) {
@@ -130,10 +130,10 @@ class LoopFitting {
       upper_[j * n_ + j] = size;
       for (int i = 0; i < m_; ++i) column[i] = column[i] / size;
       for (int k = j + 1; k < n_; ++k) upper_[j * n_ + k] = without(column, by_place_ + m_ * (k + 1));
-      found_slope_[j] = without(column, by_place_);
+      found_derivative_[j] = without(column, by_place_);
       step_[j] = without(column, opening_);
     }
-    for (Real* const x : {found_slope_, step_})
+    for (Real* const x : {found_derivative_, step_})
       for (int j = n_ - 1; j >= 0; --j) {
         Real sum = -x[j];
         for (int k = j + 1; k < n_; ++k) sum = sum - upper_[j * n_ + k] * x[k];
@@ -166,7 +166,7 @@ class LoopFitting {
 
   void add_node(int node) {
     const double q = node_of(loops_, node);
-    terms_at(loops_, q, length_, terms_, slopes_);
+    terms_at(loops_, q, length_, terms_, derivatives_);
     place_[0] = Real(q);
     const double* c = start_;
     for (int j = 0; j < n_; c += functions_[j++].terms)
@@ -179,12 +179,12 @@ class LoopFitting {
       for (int j = 0; j < n_; ++j) {
         size = size + step_[j] * step_[j];
         Chosen::take(moves, place_[j + 1] + step_[j], place_[j + 1]);
-        Chosen::take(moves, found_slope_[j], slope_[j]);
+        Chosen::take(moves, found_derivative_[j], derivative_[j]);
       }
       moves = Chosen::both(moves, Real(closed * closed) < size);
     };
     for (int steps = 0; steps < most_steps && Chosen::any(moves); ++steps) iterate();
-    if constexpr (requires { place_[0].slope; }) {  // derivatives are those of the iteration before
+    if constexpr (requires { place_[0].derivative; }) {  // derivatives are those of the iteration before
       moves = true;
       iterate();
     }
@@ -194,10 +194,10 @@ class LoopFitting {
       before_[j] = offset_[j];
       before_[n_ + j] = offset_[n_ + j];
       offset_[j] = straight - sum_of(c, functions_[j].terms, terms_);
-      offset_[n_ + j] = slope_[j] - Real(functions_[j].growth) - sum_of(c, functions_[j].terms, slopes_);
+      offset_[n_ + j] = derivative_[j] - Real(functions_[j].growth) - sum_of(c, functions_[j].terms, derivatives_);
       mean_[j] = mean_[j] + straight;
-      for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * slope_[j];
-      const Real steep = slope_[j] * slope_[j];
+      for (int k = 0; k < length_; ++k) sums_[j * length_ + k] = sums_[j * length_ + k] + terms_[k] * derivative_[j];
+      const Real steep = derivative_[j] * derivative_[j];
       Chosen::take(steepest_ < steep, steep, steepest_);
     }
     before_last_ = last_;
@@ -223,22 +223,22 @@ class LoopFitting {
   /// The margin: all gaps, and the rates at which they open beside the steepest slope, between the nodes.
   void check(Real* found) {
     const int between = loops_.nodes + 1;
-    const Real gap(loops_.allowed * loops_.allowed), rate = gap * steepest_;
+    const Real violation(loops_.allowed * loops_.allowed), rate = violation * steepest_;
     Real held(0);
     for (int i = 0; i < between; ++i) {
       const double q = node_of(loops_, i - 0.5);
-      terms_at(loops_, q, length_, terms_, slopes_);
+      terms_at(loops_, q, length_, terms_, derivatives_);
       place_[0] = Real(q);
       const Real* c = found;
       for (int j = 0; j < n_; c += functions_[j++].terms) {
         place_[j + 1] = Real(functions_[j].growth * q) + sum_of(c, functions_[j].terms, terms_);
-        slope_[j] = Real(functions_[j].growth) + sum_of(c, functions_[j].terms, slopes_);
+        derivative_[j] = Real(functions_[j].growth) + sum_of(c, functions_[j].terms, derivatives_);
       }
       close_(place_, opening_, by_place_);
       for (int row = 0; row < m_; ++row) {
         Real opens = by_place_[row];
-        for (int j = 0; j < n_; ++j) opens = opens + by_place_[m_ * (j + 1) + row] * slope_[j];
-        Chosen::take(Chosen::both(opening_[row] * opening_[row] <= gap, opens * opens <= rate), held + Real(1), held);
+        for (int j = 0; j < n_; ++j) opens = opens + by_place_[m_ * (j + 1) + row] * derivative_[j];
+        Chosen::take(Chosen::both(opening_[row] * opening_[row] <= violation, opens * opens <= rate), held + Real(1), held);
       }
     }
     const int count = coefficients_of(loops_, functions_);
@@ -257,9 +257,9 @@ class LoopFitting {
   const Close& close_;
   int n_, m_, length_;
   Real *place_, *by_place_, *opening_;  ///< derivatives by q, then by each function
-  Real *upper_, *slope_, *found_slope_, *step_;  ///< R of the decomposition, slopes of the node and of the last iteration
+  Real *upper_, *derivative_, *found_derivative_, *step_;  ///< R of the decomposition, slopes of the node and of the last iteration
   Real *offset_, *before_;              ///< of the functions of the last node from those of `start_`, then of their slopes; and of the node before
-  Real *mean_, *sums_, *terms_, *slopes_;
+  Real *mean_, *sums_, *terms_, *derivatives_;
   Real steepest_ = Real(1);
   double last_ = 0, before_last_ = 0;  ///< q of these nodes
   int known_ = 0;                      ///< nodes on this way

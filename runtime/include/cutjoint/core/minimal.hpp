@@ -22,9 +22,9 @@ namespace cutjoint {
 /// Independent coordinates z of a mechanism and their rates, x = (z, z'), from which all others follow by its loops; behind them its first-order states.
 ///
 /// All coordinates are counted by the delta of `retract` from a reference, in which scalars are nought: a scalar is itself, a ball has its rotation
-/// vector.  Of these, one for each speed, `freedoms` are independent; the others follow from closed loops by Newton's method, and their rates from
+/// vector.  Of these, one for each speed, `dofs` are independent; the others follow from closed loops by Newton's method, and their rates from
 /// loops that stay closed.  Which are independent is chosen anew where loops give others a better hold.
-template <Sized M, std::size_t freedoms>
+template <Sized M, std::size_t dofs>
 class MinimalCoordinates {
  public:
   using Real = typename M::real_type;
@@ -49,7 +49,7 @@ class MinimalCoordinates {
     if constexpr (m > 0) {
       find_jacobian(starter, state, reference_at(state));
       const auto squares = decomposed();
-      if (squares.rank() != joints - freedoms) return singular(state);
+      if (squares.rank() != joints - dofs) return singular(state);
       for (std::size_t k = 0; k < squares.rank(); ++k) independent[squares.column_at(k)] = 0;
     }
     return choose(starter, state, independent);
@@ -75,7 +75,7 @@ class MinimalCoordinates {
   }
 
   /// Whether others would better be independent in the pose of a state, or a ball has turned far.
-  bool is_poor(Starter<M>& starter, const StateOf<M>& state) {
+  bool is_ill_conditioned(Starter<M>& starter, const StateOf<M>& state) {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     for (const Chart& chart : charts())
       for (int i = chart.scalars; i < chart.scalars + (chart.ball ? 3 : 0); ++i)
@@ -89,8 +89,8 @@ class MinimalCoordinates {
     displacement<Real>(charts(), choice_.reference.data(), state.q.data(), delta_.data());
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
     put(delta_, x);
-    put(rate_, x + freedoms);
-    std::copy(state.v.begin() + joints, state.v.end(), x + 2 * freedoms);
+    put(rate_, x + dofs);
+    std::copy(state.v.begin() + joints, state.v.end(), x + 2 * dofs);
   }
 
   /// Their derivatives, of a state with accelerations.
@@ -99,8 +99,8 @@ class MinimalCoordinates {
     chart_rates<Real>(charts(), delta_.data(), state.v.data(), rate_.data());
     put(rate_, x);
     chart_accelerations<Real>(charts(), delta_.data(), state.v.data(), state.vdot.data(), rate_.data());
-    put(rate_, x + freedoms);
-    std::copy(state.vdot.begin() + joints, state.vdot.end(), x + 2 * freedoms);
+    put(rate_, x + dofs);
+    std::copy(state.vdot.begin() + joints, state.vdot.end(), x + 2 * dofs);
   }
 
   /// Numbers that follow from x, one for each speed, from those of independent ones, and the other way round.
@@ -121,7 +121,7 @@ class MinimalCoordinates {
     if constexpr (m > 0) {
       find_jacobian(starter, state, choice_.reference);
       squares_.emplace(decomposed_by_dependent());
-      if (squares_->rank() != joints - freedoms) return singular(state);
+      if (squares_->rank() != joints - dofs) return singular(state);
     }
     return {};
   }
@@ -156,13 +156,13 @@ class MinimalCoordinates {
   /// The coordinates and speeds of numbers, which follow from these and the pose near which they are; the state stays where loops do not close.
   Fault close(M& mechanism, Starter<M>& starter, const Real* x, StateOf<M>& state) {
     StateOf<M> found = state;
-    std::copy_n(x + 2 * freedoms, n - joints, found.v.begin() + joints);
+    std::copy_n(x + 2 * dofs, n - joints, found.v.begin() + joints);
     displacement<Real>(charts(), choice_.reference.data(), choice_.pose.data(), delta_.data());
     go_ahead(x);
     take(x, delta_);
     if (const Fault fault = close_positions(mechanism, starter, found)) return fault;
     rate_.fill(Real(0));
-    take(x + freedoms, rate_);
+    take(x + dofs, rate_);
     if (const Fault fault = close_speeds(mechanism, found)) return fault;
     state = found;
     return {};
@@ -170,7 +170,7 @@ class MinimalCoordinates {
 
  private:
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, joints = M::sizes.joint_speeds();
-  static_assert(freedoms <= joints);
+  static_assert(dofs <= joints);
 
   static std::span<const Chart> charts() { return M::charts; }
   static Real magnitude(Real x) { return x < Real(0) ? -x : x; }
@@ -239,7 +239,7 @@ class MinimalCoordinates {
   template <class Number>
   void solve(const dense::LeastSquares<Real>& squares, Number* b, Number* step, Number* room) const {
     squares.solve(b, step, room);
-    std::size_t left = joints - freedoms;
+    std::size_t left = joints - dofs;
     for (std::size_t j = n; j-- > 0;) step[j] = j < joints && !choice_.independent[j] ? step[--left] : Number{};
   }
 
@@ -251,7 +251,7 @@ class MinimalCoordinates {
       find_jacobian(starter, state, choice_.reference);
       all_ = matrix_;
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != joints - freedoms) return singular(state);
+      if (squares.rank() != joints - dofs) return singular(state);
       for (std::size_t j = 0; j < n; ++j) {
         if (!choice_.independent[j]) continue;
         std::copy_n(all_.begin() + j * m, m, phi_.begin());
@@ -268,13 +268,13 @@ class MinimalCoordinates {
       retract<Real>(charts(), choice_.reference.data(), delta_.data(), state.q.data());
       if constexpr (m == 0) return {};
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
-      const Real gap = largest(phi_);
+      const Real violation = largest(phi_);
       find_jacobian(starter, state, choice_.reference);
-      if (gap <= Real(1e-14) || (gap <= Real(1e-9) && !(gap < before / 2))) return {};
-      if (iteration == 50 || !(gap < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
-      before = gap;
+      if (violation <= Real(1e-14) || (violation <= Real(1e-9) && !(violation < before / 2))) return {};
+      if (iteration == 50 || !(violation < std::numeric_limits<Real>::infinity())) return open(Cause::no_assembly, state, phi_);
+      before = violation;
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != joints - freedoms) return singular(state);
+      if (squares.rank() != joints - dofs) return singular(state);
       solve(squares, phi_);
       const Real share = std::min(Real(1), Real(0.5) / std::max(Real(largest(step_)), Real(1e-30)));
       for (std::size_t i = 0; i < n; ++i)
@@ -286,18 +286,18 @@ class MinimalCoordinates {
   Fault close_speeds(M& mechanism, StateOf<M>& state) {
     if constexpr (m > 0) {
       const auto squares = decomposed_by_dependent();
-      if (squares.rank() != joints - freedoms) return singular(state);
+      if (squares.rank() != joints - dofs) return singular(state);
       for (std::size_t i = 0; i < n; ++i)
         if (!choice_.independent[i]) rate_[i] = Real(0);
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
-      const Real gap = largest(phid_);
+      const Real violation = largest(phid_);
       solve(squares, phid_);
       for (std::size_t i = 0; i < n; ++i)
         if (!choice_.independent[i]) rate_[i] -= step_[i];
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
       mechanism.constraint_residual(state.q.data(), state.v.data(), phi_.data(), phid_.data());
-      if (!(largest(phid_) <= Real(1e-9) * (Real(1) + gap))) return open(Cause::speeds_open, state, phid_);
+      if (!(largest(phid_) <= Real(1e-9) * (Real(1) + violation))) return open(Cause::speeds_not_found, state, phid_);
     } else {
       chart_speeds<Real>(charts(), delta_.data(), rate_.data(), state.v.data());
     }
@@ -306,12 +306,12 @@ class MinimalCoordinates {
 
   static Fault singular(const StateOf<M>& state) { return {.cause = Cause::pose_singular, .t = static_cast<double>(state.t)}; }
 
-  static Fault open(Cause cause, const StateOf<M>& state, const Equations<M>& gap) {
+  static Fault open(Cause cause, const StateOf<M>& state, const Equations<M>& violation) {
     std::size_t worst = 0;
     for (std::size_t i = 1; i < m; ++i)
-      if (magnitude(gap[i]) > magnitude(gap[worst]) || gap[i] != gap[i]) worst = i;
+      if (magnitude(violation[i]) > magnitude(violation[worst]) || violation[i] != violation[i]) worst = i;
     return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
-            .value = static_cast<double>(largest(gap))};
+            .value = static_cast<double>(largest(violation))};
   }
 
   Choice choice_;
@@ -326,7 +326,7 @@ class MinimalCoordinates {
 /// Values that change their sign where a mechanism goes over to other formulas, one for each switch: of a place along a road the way to the nearest
 /// break, with another sign beyond each.
 template <Sized M>
-void event_values(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
+void event_indicators(M& mechanism, const StateOf<M>& state, const Road<typename M::real_type>* roads, typename M::real_type* values) {
   if constexpr (M::sizes.switches > 0) {
     mechanism.events(state.q.data(), state.v.data(), values);
     const auto places = switches_of(mechanism);

@@ -37,8 +37,8 @@ class Projection {
   using Scalar = typename Instances::Scalar;
 
   explicit Projection(M& mechanism)
-      : mechanism_(mechanism), gap_(sizes_of(mechanism).equations), other_(gap_.size()), dz_(sizes_of(mechanism).speeds),
-        before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), rest_(gap_.size()), scratch_(gap_.size()), still_(dz_.size()),
+      : mechanism_(mechanism), violation_(sizes_of(mechanism).equations), other_(violation_.size()), dz_(sizes_of(mechanism).speeds),
+        before_(std::max(sizes_of(mechanism).coordinates, dz_.size())), rest_(violation_.size()), scratch_(violation_.size()), still_(dz_.size()),
         solver_(mechanism) {}
 
   /// Close Phi(q) = 0.  A fault names the equation that stays open.
@@ -86,9 +86,9 @@ class Projection {
 
   /// One step of each towards closed loops, whatever is left: the same cost always.
   void approach(StateOf<M>& state) {
-    if (gap_.empty()) return;
-    measure(state, gap_);
-    mechanism_.project(state.q.data(), gap_.data(), dz_.data());
+    if (violation_.empty()) return;
+    measure(state, violation_);
+    mechanism_.project(state.q.data(), violation_.data(), dz_.data());
     std::copy(state.q.begin(), state.q.end(), before_.begin());
     retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), state.q.data());
     measure(state, other_);
@@ -101,16 +101,16 @@ class Projection {
 
   Mask close_positions(StateOf<M>& state, Mask going) {
     is_measured_ = false;
-    return close(state, going, state.q, gap_, Cause::loops_open);
+    return close(state, going, state.q, violation_, Cause::loops_not_closed);
   }
 
-  Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_open); }
+  Mask close_speeds(StateOf<M>& state, Mask going) { return close(state, going, state.v, other_, Cause::speeds_not_found); }
 
   /// Steps that move coordinates or speeds by what is open: the residual, in gap_, or its rate, in other_.  Returns the instances of which it stays
   /// open.  No template, which the flags of another file might compile.
   Mask close(StateOf<M>& state, Mask going, std::span<Real> moved, const Equations<M>& open, Cause cause) {
     iterations_ = 0;
-    if (gap_.empty() || !Instances::any(going)) return Instances::all_if(false);
+    if (violation_.empty() || !Instances::any(going)) return Instances::all_if(false);
     if (!is_measured_) measure(state, open);
     Real left = largest(open);  // of both ways: what is compiled twice may round otherwise
     is_measured_ = true;
@@ -120,7 +120,7 @@ class Projection {
     for (; iterations_ < most && Instances::any(active); ++iterations_) {
       std::copy(moved.begin(), moved.end(), before_.begin());
       find_step(state, open, active, weak, singular);
-      if (cause == Cause::loops_open) retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), moved.data());
+      if (cause == Cause::loops_not_closed) retract<Real>(charts_of(mechanism_), before_.data(), dz_.data(), moved.data());
       else
         for (std::size_t i = 0; i < dz_.size(); ++i) moved[i] = before_[i] + dz_[i];
       const Real next = measure(state, open);
@@ -163,15 +163,15 @@ class Projection {
   /// A step `project` w with T w = open; of which instances all of w was found.
   Mask solve(const StateOf<M>& state, const Equations<M>& open, Mask going) {
     mechanism_.constraint_residual(state.q.data(), still_.data(), scratch_.data(), rest_.data());
-    return solver_.solve(open, Real(1e-6), Real(1e-6), going, [&](const Equations<M>& gap, Speeds<M>& step, Equations<M>& closed) {
-      mechanism_.project(state.q.data(), gap.data(), step.data());
+    return solver_.solve(open, Real(1e-6), Real(1e-6), going, [&](const Equations<M>& violation, Speeds<M>& step, Equations<M>& closed) {
+      mechanism_.project(state.q.data(), violation.data(), step.data());
       mechanism_.constraint_residual(state.q.data(), step.data(), scratch_.data(), closed.data());
       for (std::size_t i = 0; i < rest_.size(); ++i) closed[i] = rest_[i] - closed[i];
     });
   }
 
   Real measure(const StateOf<M>& state, const Equations<M>& open) {
-    mechanism_.constraint_residual(state.q.data(), state.v.data(), gap_.data(), other_.data());
+    mechanism_.constraint_residual(state.q.data(), state.v.data(), violation_.data(), other_.data());
     return largest(open);
   }
 
@@ -181,7 +181,7 @@ class Projection {
       if (!Instances::has(odd, k)) continue;
       const auto lost = std::find_if(dz_.begin(), dz_.end(), [k](Real x) { return !std::isfinite(Instances::of(x, k)); });
       const auto speed = static_cast<std::size_t>(lost == dz_.end() ? 0 : lost - dz_.begin());
-      faults_[static_cast<std::size_t>(k)] = {.cause = Cause::masses_lost, .list = FaultList::speeds, .index = static_cast<int>(speed),
+      faults_[static_cast<std::size_t>(k)] = {.cause = Cause::mass_matrix_singular, .list = FaultList::speeds, .index = static_cast<int>(speed),
                                               .t = Instances::of(state.t, k), .value = Instances::of(dz_[speed], k)};
     }
   }
@@ -206,7 +206,7 @@ class Projection {
   }
 
   M& mechanism_;
-  Equations<M> gap_, other_;
+  Equations<M> violation_, other_;
   Speeds<M> dz_;
   Array<M, std::max(static_sizes<M>().coordinates, static_sizes<M>().speeds)> before_;
   Equations<M> rest_, scratch_;

@@ -39,9 +39,9 @@ class Relative {
     return y;
   }
 
-  void derive(Real t, const Vector& y, Vector& slope) {
+  void derive(Real t, const Vector& y, Vector& derivative) {
     begin_at(t, y);
-    find_slope(slope);
+    find_derivative(derivative);
   }
 
   /// Quaternions get their length back.
@@ -106,10 +106,10 @@ class Relative {
   }
 
   /// The slope at that state.
-  void find_slope(Vector& slope) {
+  void find_derivative(Vector& derivative) {
     accelerate();
-    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), slope.data());
-    std::copy(state_.vdot.begin(), state_.vdot.end(), slope.begin() + middle());
+    coordinate_rates<Real>(charts_of(mechanism_), state_.q.data(), state_.v.data(), derivative.data());
+    std::copy(state_.vdot.begin(), state_.vdot.end(), derivative.begin() + middle());
   }
 
   M& mechanism_;

@@ -9,7 +9,7 @@
 
 #include "cutjoint/core/dense.hpp"
 #include "cutjoint/core/derivatives.hpp"
-#include "cutjoint/core/newton/closed_end_slopes.hpp"
+#include "cutjoint/core/newton/closed_end_derivatives.hpp"
 
 namespace cutjoint {
 
@@ -21,17 +21,17 @@ struct EndsOf {
 
 template <class Balance>
 struct EndsOf<Balance, true> {
-  using type = ClosedEndSlopes<Balance>;
+  using type = ClosedEndDerivatives<Balance>;
 };
 
 /// `Derivatives` of a `Simulation` with the formulas of the trapezoidal rule, whose accelerations at the end follow from those to which they lead.
 ///
 /// Newton's iteration has the multipliers at the end among its unknowns, so that Phi = 0 there.  It then closes the rates of loops, and theirs by accelerations, at the
 /// smallest cost in the norm of its tangent, which may be that of an earlier step; here that is the norm of the masses, which it comes near to as steps get short.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
-class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
+class RuleDerivatives : public Derivatives<Simulation, D, S, dofs, Balance> {
  public:
-  using Base = Derivatives<Simulation, D, S, freedoms, Balance>;
+  using Base = Derivatives<Simulation, D, S, dofs, Balance>;
   using typename Base::M;
 
  protected:
@@ -57,7 +57,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     du_.fill(Dual());
     this->along_ = {};
     this->dheld_.fill(Dual());
-    for (Dual& x : this->parameters_) x.slope = Slopes{};
+    for (Dual& x : this->parameters_) x.derivative = Tangents{};
     this->load_parameters(simulation);
     loaded_ = no_row;
   }
@@ -70,11 +70,11 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
       const std::size_t number = std::min(directions, n - first);
       for (std::size_t i = 0; i < n; ++i) found_[i] = end.vdot[i];
       for (std::size_t i = 0; i < m; ++i) lambda_[i] = end.lambda[i];
-      for (std::size_t k = 0; k < number; ++k) found_[first + k].slope[k] = 1.0;
+      for (std::size_t k = 0; k < number; ++k) found_[first + k].derivative[k] = 1.0;
       lead(h);
       for (int pass = 0; pass < (m > 0 ? 2 : 1); ++pass) evaluate();
       for (std::size_t k = 0, j = first; k < number; ++k, ++j)
-        for (std::size_t i = 0; i < n; ++i) matrix_[j * n + i] = (i == j ? 1.0 : 0.0) - vdot_[i].slope[k];
+        for (std::size_t i = 0; i < n; ++i) matrix_[j * n + i] = (i == j ? 1.0 : 0.0) - vdot_[i].derivative[k];
     }
     squares_.emplace(dense::Matrix<double>{matrix_.data(), n, n}, order_.data(), left_.data(), right_.data());
     squares_->decompose(1e-14);
@@ -127,17 +127,17 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     }
     if (!linearise_end(end.t, h)) return false;  // others may have gone to the beginning
     for (std::size_t i = 0; i < n; ++i) {
-      way_[i].slope = h * v_[i].slope + h * h / 4 * vdot_[i].slope;
-      v_[i] = {stage_.v[i], v_[i].slope + h / 2 * vdot_[i].slope};
+      way_[i].derivative = h * v_[i].derivative + h * h / 4 * vdot_[i].derivative;
+      v_[i] = {stage_.v[i], v_[i].derivative + h / 2 * vdot_[i].derivative};
     }
     move_along(way_, 1.0, true);
     typename Balance::Changes change;
     if (!this->balance_.solve_end(q_, v_, du_, this->dheld_, change)) return false;
     for (std::size_t i = 0; i < n; ++i) {
-      vdot_[i] = {stage_.vdot[i], change[i].slope};
-      v_[i].slope += h / 2 * change[i].slope;
+      vdot_[i] = {stage_.vdot[i], change[i].derivative};
+      v_[i].derivative += h / 2 * change[i].derivative;
     }
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {stage_.lambda[i], change[n + i].slope};
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {stage_.lambda[i], change[n + i].derivative};
     move_along(change, h * h / 4, false);
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = stage_.q[i];
     return true;
@@ -148,17 +148,17 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   void move_along(const Numbers& way, double share, bool from_start) {
     const auto* turn = this->balance_.turns();
     for (const Chart& chart : charts()) {
-      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].slope += share * way[static_cast<std::size_t>(chart.v + i)].slope;
+      for (int i = 0; i < chart.scalars; ++i) q_[static_cast<std::size_t>(chart.q + i)].derivative += share * way[static_cast<std::size_t>(chart.v + i)].derivative;
       if (!chart.ball) continue;
       const auto place = static_cast<std::size_t>(chart.q + chart.scalars), at = static_cast<std::size_t>(chart.v + chart.scalars);
       const auto& by = (turn++)->by;
-      Slopes turned[4];
+      Tangents turned[4];
       for (std::size_t c = 0; c < 4; ++c) {
-        turned[c] = from_start ? by[c][0] * q_[place].slope : q_[place + c].slope;
-        for (std::size_t j = 1; j < 4 && from_start; ++j) turned[c] += by[c][j] * q_[place + j].slope;
-        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * way[at + j].slope;
+        turned[c] = from_start ? by[c][0] * q_[place].derivative : q_[place + c].derivative;
+        for (std::size_t j = 1; j < 4 && from_start; ++j) turned[c] += by[c][j] * q_[place + j].derivative;
+        for (std::size_t j = 0; j < 3; ++j) turned[c] += share * by[c][4 + j] * way[at + j].derivative;
       }
-      for (std::size_t c = 0; c < 4; ++c) q_[place + c].slope = turned[c];
+      for (std::size_t c = 0; c < 4; ++c) q_[place + c].derivative = turned[c];
     }
   }
 
@@ -170,9 +170,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     double before = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < most_iterations; ++iteration) {
       lead_stage(h);
-      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->gap_.data());
+      mechanism.evaluate(stage_.q.data(), stage_.v.data(), stage_.lambda.data(), values_.data(), this->violation_.data());
       for (std::size_t i = 0; i < n; ++i) values_[i] -= stage_.vdot[i];
-      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->gap_[i];
+      for (std::size_t i = 0; i < m; ++i) stage_.lambda[i] += this->violation_[i];
       const double share = this->size_of(values_) / (1.0 + this->size_of(stage_.vdot));
       if (!(share <= std::numeric_limits<double>::max())) return false;
       if (share == 0.0 || (share > before / 2 && share <= (iteration > 2 ? 1e-5 : 1e-8))) return true;
@@ -206,7 +206,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
         Dual step;
         for (std::size_t j = 0; j < n; ++j) {
           step.value += inverse_[i * n + j] * vdot_[j].value;
-          step.slope += inverse_[i * n + j] * vdot_[j].slope;
+          step.derivative += inverse_[i * n + j] * vdot_[j].derivative;
         }
         found_[i] += step_[i] = step;
       }
@@ -245,16 +245,16 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     typename Balance::Changes first, change;
     auto& held = this->dheld_;
     if (!ends_.solve_rule(this->balance_, q_, v_, phi_, du_, held, first)) return false;
-    for (std::size_t i = 0; i < n; ++i) found_[i].slope = first[i].slope;
-    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], first[n + i].slope};
+    for (std::size_t i = 0; i < n; ++i) found_[i].derivative = first[i].derivative;
+    for (std::size_t i = 0; i < m; ++i) lambda_[i] = {end.lambda[i], first[n + i].derivative};
     lead(h);
     speeds_ = v_;
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
     if (!ends_.solve_speeds(this->balance_, q_, speeds_, phid_, du_, held, first, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;
+    for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
     if (!ends_.solve_accelerations(this->balance_, q_, speeds_, v_, du_, held, first, change)) return false;
-    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].slope + change[i].slope};
+    for (std::size_t i = 0; i < n; ++i) vdot_[i] = {end.vdot[i], first[i].derivative + change[i].derivative};
     return true;
   }
 
@@ -291,7 +291,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
     const Dual most = largest(numbers), size = largest(others);
     double share = most.value / (1.0 + size.value);
     for (std::size_t k = 0; k < directions; ++k) {
-      const double along = size.slope[k] == 0.0 ? most.slope[k] : most.slope[k] / size.slope[k];
+      const double along = size.derivative[k] == 0.0 ? most.derivative[k] : most.derivative[k] / size.derivative[k];
       if (!(along <= share)) share = along;
       if (along != along) break;
     }
@@ -303,9 +303,9 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   static Dual largest(const Numbers& numbers) {
     Dual most, odd;
     for (const Dual& x : numbers) {
-      most.slope = larger(larger(x.slope, -x.slope), most.slope);
+      most.derivative = larger(larger(x.derivative, -x.derivative), most.derivative);
       most.value = std::max(most.value, std::abs(x.value));
-      odd.slope += 0.0 * x.slope;
+      odd.derivative += 0.0 * x.derivative;
       odd.value += 0.0 * x.value;
     }
     return most + odd;
@@ -321,7 +321,7 @@ class RuleDerivatives : public Derivatives<Simulation, D, S, freedoms, Balance> 
   double inverse_of_ = 0.0, inverse_at_ = 0.0;  ///< the length of step that the inverse is of, and where that ends
   bool is_stale_ = true;                        ///< whether another inverse is sought next
   bool by_balance_ = false, is_settled_ = false;  ///< whether the balance of forces has the slopes of a part, and its end is found
-  bool has_no_slope_ = false;                     ///< it has none for this one
+  bool has_no_derivative_ = false;                     ///< it has none for this one
   double share_left_ = 1.0;                       ///< what the last correction of a step left of its error
   [[no_unique_address]] typename EndsOf<Balance, seeks_multipliers>::type ends_;
   Fixed<double, n> left_, right_;

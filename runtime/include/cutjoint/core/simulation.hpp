@@ -9,12 +9,12 @@
 #include <type_traits>
 
 #include "cutjoint/core/arrays.hpp"
-#include "cutjoint/core/effort.hpp"
+#include "cutjoint/core/step_statistics.hpp"
 #include "cutjoint/core/fault.hpp"
-#include "cutjoint/core/gap.hpp"
+#include "cutjoint/core/constraint_violation.hpp"
 #include "cutjoint/core/host_inputs.hpp"
 #include "cutjoint/core/initialisation.hpp"
-#include "cutjoint/core/input_courses.hpp"
+#include "cutjoint/core/input_trajectories.hpp"
 #include "cutjoint/core/inputs.hpp"
 #include "cutjoint/core/mechanism.hpp"
 #include "cutjoint/core/retraction.hpp"
@@ -69,19 +69,19 @@ class Simulation {
   using Steps = Integrator;
   using Settings = typename SettingsOf<Integrator>::type;
   using Followed = FollowedInputs<Real, static_sizes<M>().inputs, guiding...>;
-  using Courses = InputCourses<static_sizes<M>().inputs>;
+  using Trajectories = InputTrajectories<static_sizes<M>().inputs>;
 
-  /// `gap_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
-  Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* gap_limits)
+  /// `violation_limits` are those of the equations, m or rad, beyond which a loop counts as torn.
+  Simulation(const Settings& settings, const Real* parameters, const Road<Real>* roads, const double* violation_limits)
     requires Sized<M>
-      : settings_(settings), roads_(roads), gap_limits_(gap_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
+      : settings_(settings), roads_(roads), violation_limits_(violation_limits), start_(design_state(mechanism_)), state_(design_state(subject())), sampling_(subject()), columns_(sizes.columns) {
     for (std::size_t i = 0; i < sizes.parameters; ++i) parameters_[i] = parameters[i];
     drive_by(followed_.used());
   }
 
   Simulation(M& mechanism, const Settings& settings, const Real* parameters, const Road<Real>* roads)
     requires(!Sized<M>)
-      : mechanism_(mechanism), settings_(settings), roads_(roads), gap_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
+      : mechanism_(mechanism), settings_(settings), roads_(roads), violation_limits_(nullptr), parameters_(parameters, parameters + sizes_of(mechanism).parameters),
         start_(design_state(mechanism)), state_(start_), sampling_(mechanism), columns_(sizes_of(mechanism).columns) {}
 
   /// Take inputs from a source.
@@ -92,17 +92,17 @@ class Simulation {
   }
 
   /// Take inputs from courses over time, guides included, until none is given; the present state has the accelerations of what they give.
-  Fault follow_courses(Courses* courses)
+  Fault set_input_trajectories(Trajectories* trajectories)
     requires Sized<M>
   {
     heed_changes();
-    courses_ = courses;
-    if (courses) courses->begin(static_cast<double>(state_.t), settings_.dt);
+    trajectories_ = trajectories;
+    if (trajectories) trajectories->begin(static_cast<double>(state_.t), settings_.dt);
     drive_by(followed_.used());
     return accelerate();
   }
 
-  Courses* courses() const { return courses_; }
+  Trajectories* trajectories() const { return trajectories_; }
 
   /// What looks on where a controller has taken its sample.
   struct SampleWatch {
@@ -141,7 +141,7 @@ class Simulation {
   auto& inputs() { return inputs_; }
 
   /// The value of an input at the present time, as the next step begins with it.
-  Real present_input(std::size_t i) {
+  Real get_input(std::size_t i) {
     const InputValues now = read_inputs(inputs_);
     mechanism_.begin_step(state_.t, Real(1));
     return now[numbers_per_input * i];
@@ -266,26 +266,26 @@ class Simulation {
   }
 
   /// Whether a step may leave a loop torn, so that gaps are measured.
-  bool watches_gaps() const {
-    if constexpr (requires { Integrator::leaves_gaps(settings_); } && sizes.equations > 0) return Integrator::leaves_gaps(settings_);
+  bool watches_violations() const {
+    if constexpr (requires { Integrator::leaves_violations(settings_); } && sizes.equations > 0) return Integrator::leaves_violations(settings_);
     else return false;
   }
 
-  const double* gap_limits() const { return gap_limits_; }
+  const double* violation_limits() const { return violation_limits_; }
 
   /// How far loops stand open in the present state.
-  Gap gap() {
+  ConstraintViolation violation() {
     subject().begin_step(state_.t, Real(1));
-    return find_gap();
+    return find_violation();
   }
 
   /// What the last step did, of adaptive integrators the last call.
-  Effort effort() {
-    Effort effort = last_;
+  StepStatistics statistics() {
+    StepStatistics statistics = last_;
     subject().begin_step(state_.t, Real(1));
-    measure_loops(effort);
-    measure_pivots(effort);
-    return effort;
+    measure_loops(statistics);
+    measure_pivots(statistics);
+    return statistics;
   }
 
   /// Limits of that, from the next step on; they are the host's, and no part of what is remembered.
@@ -483,7 +483,7 @@ class Simulation {
   static constexpr Sizes sizes = static_sizes<Subject>(), start_sizes = static_sizes<M>();
   static constexpr bool has_system = !std::is_same_v<M, Subject>;
   static constexpr bool is_system = !cutjoint::Mechanism<Subject>;
-  static constexpr bool has_courses = Sized<M> && std::is_same_v<Real, double> && start_sizes.inputs > 0;
+  static constexpr bool has_trajectories = Sized<M> && std::is_same_v<Real, double> && start_sizes.inputs > 0;
 
   struct None {};
 
@@ -549,18 +549,18 @@ class Simulation {
     if constexpr (has_system) system_.load(parameters_.data(), roads_);
   }
 
-  static void fill_by_courses(void* self, Real t, Real* input) {
+  static void fill_by_trajectories(void* self, Real t, Real* input) {
     Simulation& own = *static_cast<Simulation*>(self);
     HostInputs<Real, static_sizes<M>().inputs>::fill(own.host_, t, input);
-    own.courses_->fill(t, input);
+    own.trajectories_->fill(t, input);
   }
 
   void drive_by(HostInputs<Real, static_sizes<M>().inputs>& inputs) {
     if constexpr (Sized<M> && (sizes.inputs > 0 || may_sample<Subject>)) {
       InputSource<Real> given{};
       if constexpr (sizes.inputs > 0) given = {&HostInputs<Real, sizes.inputs>::fill, &inputs};
-      if constexpr (has_courses)
-        if (courses_) host_ = &inputs, given = {&fill_by_courses, this};
+      if constexpr (has_trajectories)
+        if (trajectories_) host_ = &inputs, given = {&fill_by_trajectories, this};
       const InputSource<Real> source = sampling_.source(given);
       mechanism_.drive_by(source);
       if constexpr (has_system) system_.drive_by(source);
@@ -689,9 +689,9 @@ class Simulation {
       followed_.look_ahead(state_.t, Real(steps * settings_.dt));
       const Fault open = steps_->close(state_);
       go_back(from, before);
-      if (open.cause != Cause::loops_open) continue;
-      blamed = {.cause = Cause::loops_torn, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
-                .size = gap_limits_[open.index]};
+      if (open.cause != Cause::loops_not_closed) continue;
+      blamed = {.cause = Cause::loops_violated, .list = open.list, .index = open.index, .t = fault.t, .step = fault.step, .value = open.value,
+                .size = violation_limits_[open.index]};
       break;
     }
     return blamed;
@@ -731,7 +731,7 @@ class Simulation {
     while (until - state_.t > rounding() && event < 0) {
       const Real whole = next_whole(), end = Integrator::adaptive ? until : std::min(whole, until), next = go_over_until(end);
       is_reported_ = false;
-      const Effort before = counted();
+      const StepStatistics before = counted();
       if (const Fault fault = steps_->step_to_event(state_, settings_, next, number_ + 1)) return fault;
       const Fault fault = end_step(before);
       if (steps_->events() > events) event = static_cast<int>(steps_->last_event());
@@ -750,18 +750,18 @@ class Simulation {
       next = std::min(next, followed_.next_end());
     }
     if constexpr (may_sample<Subject>) next = std::min(next, sampling_.next());
-    if constexpr (has_courses)
-      if (courses_) next = std::min(next, begin_part_of_courses());
+    if constexpr (has_trajectories)
+      if (trajectories_) next = std::min(next, begin_substep_of_trajectories());
     next = next < until - rounding() ? next : until;
-    if constexpr (has_courses)
-      if (courses_) courses_->end_part(next);
+    if constexpr (has_trajectories)
+      if (trajectories_) trajectories_->end_part(next);
     return next;
   }
 
   /// Courses go on to the next part of a step, which begins with the accelerations of what they give where they may jump; when they may next.
-  Real begin_part_of_courses() {
-    if (courses_->begin_part(state_.t)) restart_exactly();
-    return courses_->next_jump();
+  Real begin_substep_of_trajectories() {
+    if (trajectories_->begin_part(state_.t)) restart_exactly();
+    return trajectories_->next_jump();
   }
 
   /// The present state has its accelerations, and multipliers that belong to these.
@@ -828,10 +828,10 @@ class Simulation {
   }
 
   /// The gap where the mechanism or system is at the present time.
-  Gap find_gap() {
+  ConstraintViolation find_violation() {
     Equations<Subject> residual, rate;
     find_residuals(residual, rate);
-    return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
+    return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
   }
 
   /// A step to a time, in parts where the course of a guide has parts or controllers are due.
@@ -856,10 +856,10 @@ class Simulation {
   }
 
   Fault integrate_part(Real h, Real until) {
-    const Effort before = counted();
+    const StepStatistics before = counted();
     if (const Fault fault = part_watch_.call ? take_watched_part(h, until) : take_part(h, until)) return fault;
     state_.t = until;
-    if (const Fault fault = watch_gaps()) return fault;
+    if (const Fault fault = watch_violations()) return fault;
     return end_step(before);
   }
 
@@ -871,41 +871,41 @@ class Simulation {
   }
 
   /// What a step has led to, and the samples of controllers at its end.
-  Fault end_step(const Effort& before) {
+  Fault end_step(const StepStatistics& before) {
     const Fault fault = look_back(before);
     const Fault sampled = sample();
     return fault ? fault : sampled;
   }
 
   /// Iterations and evaluations up to now.
-  Effort counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
+  StepStatistics counted() const { return {.iterations = steps_->iterations(), .evaluations = steps_->evaluations()}; }
 
   /// What a step has led to: a force that was left out and would act, or more than a limit.
-  Fault look_back(const Effort& before) {
+  Fault look_back(const StepStatistics& before) {
     last_ = counted();
     last_.iterations -= before.iterations;
     last_.evaluations -= before.evaluations;
     if constexpr (requires { steps_->change(); }) last_.change = steps_->change();
     if (const Fault fault = watch()) return fault;
     if (!limits_.any()) return {};
-    Effort effort = last_;
-    if (limits_.of_loops()) measure_loops(effort);
-    if (limits_.of_pivots()) measure_pivots(effort);
-    return limits_.watch(effort, static_cast<double>(state_.t), number_ + 1);
+    StepStatistics statistics = last_;
+    if (limits_.of_loops()) measure_loops(statistics);
+    if (limits_.of_pivots()) measure_pivots(statistics);
+    return limits_.watch(statistics, static_cast<double>(state_.t), number_ + 1);
   }
 
-  void measure_pivots(Effort& effort) const {
-    if constexpr (requires { steps_->smallest_pivot(); }) effort.pivot = steps_->smallest_pivot();
+  void measure_pivots(StepStatistics& statistics) const {
+    if constexpr (requires { steps_->smallest_pivot(); }) statistics.pivot = steps_->smallest_pivot();
   }
 
   /// Gaps and rates where the mechanism or system is at the present time.
-  void measure_loops(Effort& effort) {
+  void measure_loops(StepStatistics& statistics) {
     Equations<Subject> residual, rate;
     find_residuals(residual, rate);
-    const Gap gap = largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return residual[i]; });
-    effort.gap = gap.size;
-    effort.equation = gap.equation;
-    for (const Real& x : rate) effort.rate = std::max(effort.rate, std::abs(static_cast<double>(x)));
+    const ConstraintViolation violation = largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return residual[i]; });
+    statistics.violation = violation.size;
+    statistics.equation = violation.equation;
+    for (const Real& x : rate) statistics.violation_rate = std::max(statistics.violation_rate, std::abs(static_cast<double>(x)));
   }
 
   /// The state stays where it fails.
@@ -913,7 +913,7 @@ class Simulation {
     if constexpr (may_sample<Subject> && Integrator::finds_events)
       if (sampling_.any() && settings_.foresees) steps_->stepper().limit_before_end(sampling_.next());
     if constexpr (Followed::any)
-      if (watches_gaps() && followed_.is_catching_up()) {
+      if (watches_violations() && followed_.is_catching_up()) {
         const StateOf<Subject> from = state_;
         Fault fault = steps_->step(state_, settings_, h, until, number_ + 1);
         if (!fault) fault = close_behind_jump(until);
@@ -928,24 +928,24 @@ class Simulation {
     state_.t = t;
     Equations<Subject> residual, rate;
     if constexpr (!is_system) mechanism_.constraint_residual(state_.q.data(), state_.v.data(), residual.data(), rate.data());
-    const auto gap = [&](const Equations<Subject>& open, Real per) { return largest_gap(sizes.equations, gap_limits_, [&](std::size_t i) { return per * open[i]; }); };
-    if (gap(residual, Real(1)).is_closed() && gap(rate, Real(closing_time(settings_))).is_closed()) return {};
+    const auto violation = [&](const Equations<Subject>& open, Real per) { return largest_violation(sizes.equations, violation_limits_, [&](std::size_t i) { return per * open[i]; }); };
+    if (violation(residual, Real(1)).is_closed() && violation(rate, Real(closing_time(settings_))).is_closed()) return {};
     return steps_->close(state_);
   }
 
   /// Whether a loop is torn at the end of a step.
-  Fault watch_gaps() {
-    if (!watches_gaps() || --unmeasured_ > 0) return {};
-    const Gap gap = find_gap();
-    unmeasured_ = gap.next_measurement();
-    return gap.is_torn() ? gap.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
+  Fault watch_violations() {
+    if (!watches_violations() || --unmeasured_ > 0) return {};
+    const ConstraintViolation violation = find_violation();
+    unmeasured_ = violation.next_measurement();
+    return violation.is_torn() ? violation.fault(static_cast<double>(state_.t), number_ + 1) : Fault{};
   }
 
   std::conditional_t<Sized<M>, M, M&> mechanism_;
   [[no_unique_address]] std::conditional_t<has_system, Subject, None> system_;
   Settings settings_;
   const Road<Real>* roads_;
-  const double* gap_limits_;
+  const double* violation_limits_;
   Array<M, static_sizes<M>().parameters> parameters_, loaded_;
   HostInputs<Real, static_sizes<M>().inputs> inputs_;
   Followed followed_;
@@ -957,12 +957,12 @@ class Simulation {
   [[no_unique_address]] SamplingOf<Subject> sampling_;
   [[no_unique_address]] std::conditional_t<may_sample<Subject>, SampleWatch, None> sample_watch_;
   PartWatch part_watch_;
-  Courses* courses_ = nullptr;
+  Trajectories* trajectories_ = nullptr;
   HostInputs<Real, static_sizes<M>().inputs>* host_ = nullptr;  ///< beside courses
   Array<Subject, sizes.columns> columns_;
   std::optional<typename StartOf<M>::type> initialisation_;
   std::optional<Integrator> steps_;
-  Effort last_;    ///< of what is counted alone
+  StepStatistics last_;    ///< of what is counted alone
   Limits limits_;
   Real origin_{0};
   long number_ = 0;       ///< of steps since then

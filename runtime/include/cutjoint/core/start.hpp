@@ -82,11 +82,11 @@ class Starter {
     mechanism_.begin_step(state.t, motion);
     find_jacobian(state, held);
     find_residual(state);
-    const Real gap = largest(phid_);
+    const Real violation = largest(phid_);
     least_norm(m_, phid_.data());
     for (std::size_t i = 0; i < n_; ++i) state.v[i] -= step_[i];
     find_residual(state);
-    if (!(largest(phid_) <= Real(1e-9) * (Real(1) + gap))) return open_loop(Cause::speeds_contradict, state, phid_);
+    if (!(largest(phid_) <= Real(1e-9) * (Real(1) + violation))) return open_loop(Cause::speeds_inconsistent, state, phid_);
     return {};
   }
 
@@ -359,10 +359,10 @@ class Starter {
             .index = static_cast<int>(open ? worst - n_ : worst), .t = 0, .value = static_cast<double>(size_of(a, length))};
   }
 
-  Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& gap) const {
-    const std::size_t worst = index_of_largest(gap.data(), m_);
+  Fault open_loop(Cause cause, const StateOf<M>& state, const Equations<M>& violation) const {
+    const std::size_t worst = index_of_largest(violation.data(), m_);
     return {.cause = cause, .list = FaultList::equations, .index = static_cast<int>(worst), .t = static_cast<double>(state.t),
-            .value = static_cast<double>(largest(gap))};
+            .value = static_cast<double>(largest(violation))};
   }
 
   M& mechanism_;

@@ -8,17 +8,17 @@
 #include <limits>
 #include <utility>
 
-#include "cutjoint/core/part_derivatives.hpp"
+#include "cutjoint/core/substep_derivatives.hpp"
 
 namespace cutjoint {
 
 /// `Derivatives` of a `Simulation` whose steps go by the trapezoidal rule, by an explicit method or by Radau IIA, of an adaptive one with the lengths that it has chosen.
 ///
 /// The step is made, and differentiated as it was, part by part.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
-class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
+class StepDerivatives : public PartDerivatives<Simulation, D, S, dofs, Balance> {
  public:
-  using Base = PartDerivatives<Simulation, D, S, freedoms, Balance>;
+  using Base = PartDerivatives<Simulation, D, S, dofs, Balance>;
   using typename Base::M, typename Base::Minimal;
   using Base::inputs, Base::states;
 
@@ -50,11 +50,11 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   };
 
   /// Outputs of a run by their numbers, with the change of each along directions, where it begins and behind each `every` steps.
-  struct Course {
+  struct Trajectory {
     std::size_t number;
     const int* outputs;
     long every;
-    double *values, *slopes;
+    double *values, *derivatives;
   };
 
   /// Events of a run, of which a host wants so many, and the number that has been found: of each the switch, the time (most) and how it changes along
@@ -63,27 +63,27 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     int most = 0;
     int* found = nullptr;
     int* which = nullptr;
-    double *times = nullptr, *time_slopes = nullptr, *values = nullptr, *slopes = nullptr;
+    double *times = nullptr, *derivatives_of_times = nullptr, *values = nullptr, *derivatives = nullptr;
   };
 
   /// The next run that is followed along directions tells its events.
-  void tell_events(const Events& events) { events_ = events; }
+  void record_events(const Events& events) { events_ = events; }
 
   /// Step the simulation so many times; directions then are those of the end, and so is the choice of coordinates, which is made again where it has become poor.
-  Fault play(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Course course) {
+  Fault run(Simulation& simulation, Minimal& minimal, long steps, const Directions& along, Trajectory trajectory) {
     blocks_ = {{{along.matrix, along.number, -1, along.by, M::sizes.held}, {}, {}}};
     open(simulation, minimal, along.matrix + (states + M::sizes.held) * along.number);
-    if (this->courses_) this->courses_->change_along(InputCourses<inputs>::Along::changes);
-    course_ = &course;
+    if (this->trajectories_) this->trajectories_->change_along(InputTrajectories<inputs>::Along::changes);
+    trajectory_ = &trajectory;
     if (events_.found) *events_.found = 0;
     const Fault lacks = find_carried();
-    const Fault fault = lacks ? lacks : go_on(steps, course), left = lacks ? lacks : find_states();
+    const Fault fault = lacks ? lacks : go_on(steps, trajectory), left = lacks ? lacks : find_states();
     events_ = {};
     return fault ? fault : left;
   }
 
  protected:
-  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_slope, Base::no_row, Base::loaded_, Base::is_slope_known_, Base::turn_;
+  using Base::n, Base::joints, Base::is_explicit, Base::goes_on, Base::carries_derivative, Base::no_row, Base::loaded_, Base::is_derivative_known_, Base::turn_;
   using Base::switches, Base::begun_, Base::cut_, Base::ended_, Base::charts, Base::delta_, Base::du_, Base::dx_, Base::lambda_, Base::mechanism_, Base::parameters_, Base::q_, Base::rate_, Base::reference_, Base::v_, Base::vdot_;
   using typename Base::Steps;
 
@@ -109,10 +109,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     simulation_ = &simulation;
     minimal_ = &minimal;
     carried_ = carried;
-    this->wants_slope_ = carries_slope && carried;
+    this->wants_derivative_ = carries_derivative && carried;
     begins_at_event_ = false;
-    last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
-    this->courses_ = simulation.courses();
+    last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
+    this->trajectories_ = simulation.trajectories();
     this->along_ = {};
     simulation.complete_state();
     load_all();
@@ -125,7 +125,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     loaded_ = no_row;
   }
 
-  Fault go_on(long steps, Course& course) {
+  Fault go_on(long steps, Trajectory& trajectory) {
     Simulation& simulation = *simulation_;
     if constexpr (M::sizes.held > 0) {
       const auto& sampling = simulation.sampling();
@@ -133,12 +133,12 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
         if (sampling.is_of(i, simulation.state().t, 1e-9 * simulation.settings().dt))
           if (const Fault fault = sample(sampling.first_of(i), sampling.held_by(i))) return fault;
     }
-    if (const Fault fault = report(course)) return fault;
+    if (const Fault fault = report(trajectory)) return fault;
     is_loaded_ = false;
     for (long i = 1; i <= steps; ++i) {
       if (const Fault fault = take(simulation)) return fault;
-      if (i % course.every == 0)
-        if (const Fault fault = report(course)) return fault;
+      if (i % trajectory.every == 0)
+        if (const Fault fault = report(trajectory)) return fault;
     }
     return {};
   }
@@ -187,21 +187,21 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   }
 
   /// A row of outputs at the present state, and how they change along directions.
-  Fault report(Course& course) {
-    if (course.number == 0) return {};
+  Fault report(Trajectory& trajectory) {
+    if (trajectory.number == 0) return {};
     const std::size_t columns = count_columns();
     const double* known = simulation_->report();
-    for (std::size_t i = 0; i < course.number; ++i) *course.values++ = known[course.outputs[i]];
+    for (std::size_t i = 0; i < trajectory.number; ++i) *trajectory.values++ = known[trajectory.outputs[i]];
     const auto& state = simulation_->complete_state();
     const Fault fault = for_rows([&](std::size_t first, std::size_t number) -> Fault {
       if (const Fault odd = enter_row(state, first, number)) return odd;
       Base::report(state.t);
-      for (std::size_t i = 0; i < course.number; ++i)
+      for (std::size_t i = 0; i < trajectory.number; ++i)
         for (std::size_t k = 0; k < number; ++k)
-          course.slopes[i * columns + first + k] = this->columns_[static_cast<std::size_t>(course.outputs[i])].slope[k];
+          trajectory.derivatives[i * columns + first + k] = this->columns_[static_cast<std::size_t>(trajectory.outputs[i])].derivative[k];
       return {};
     });
-    course.slopes += course.number * columns;
+    trajectory.derivatives += trajectory.number * columns;
     return fault;
   }
 
@@ -216,7 +216,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       carried_ = carried;
       if (fault) return fault;
       visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
-        for (std::size_t k = 0; k < number && is_rest; ++k) x.slope[k] += row[k];
+        for (std::size_t k = 0; k < number && is_rest; ++k) x.derivative[k] += row[k];
       });
       keep_row(first, number);
       return {};
@@ -226,7 +226,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   /// From these to changes of states, of coordinates that are chosen anew where they have become poor.
   Fault find_states() {
     const auto& state = simulation_->complete_state();
-    if (minimal_->is_poor(simulation_->starter(), simulation_->state()))
+    if (minimal_->is_ill_conditioned(simulation_->starter(), simulation_->state()))
       if (const Fault fault = minimal_->choose(simulation_->starter(), simulation_->state())) return fault;
     std::copy(minimal_->choice().reference.begin(), minimal_->choice().reference.end(), reference_.begin());
     return for_rows([&](std::size_t first, std::size_t number) -> Fault {
@@ -234,7 +234,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       end_row(first, number);
       if (!this->enter(simulation_->mechanism(), state) || !this->find_accelerations(simulation_->mechanism(), number)) return this->not_finite();
       visit_carried(first, [&](const Dual& x, double* row, bool is_rest) {
-        for (std::size_t k = 0; k < number && is_rest; ++k) row[k] = goes_on ? row[k] - x.slope[k] : 0.0;
+        for (std::size_t k = 0; k < number && is_rest; ++k) row[k] = goes_on ? row[k] - x.derivative[k] : 0.0;
       });
       return {};
     });
@@ -248,17 +248,17 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       for (Dual& x : numbers) use(x, row, is_rest), row += blocks_[0].width;
     };
     all(q_, false), all(v_, false), all(vdot_, true);
-    if constexpr (carries_slope) all(turn_, true);
+    if constexpr (carries_derivative) all(turn_, true);
     else all(lambda_, true);
   }
 
   void keep_row(std::size_t first, std::size_t number) {
-    visit_carried(first, [number](const Dual& x, double* row, bool) { copy_slopes(reinterpret_cast<const double*>(&x.slope), number, row); });
+    visit_carried(first, [number](const Dual& x, double* row, bool) { copy_derivatives(reinterpret_cast<const double*>(&x.derivative), number, row); });
   }
 
   /// So many slopes, mostly all.
-  [[gnu::always_inline]] static void copy_slopes(const double* from, std::size_t number, double* to) {
-    if (number == directions) std::memcpy(to, from, sizeof(Slopes));
+  [[gnu::always_inline]] static void copy_derivatives(const double* from, std::size_t number, double* to) {
+    if (number == directions) std::memcpy(to, from, sizeof(Tangents));
     else std::copy_n(from, number, to);
   }
 
@@ -270,7 +270,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
 
   static Fault follow_part(void* who, const StateOf<M>& from, double h) {
     StepDerivatives* const self = static_cast<StepDerivatives*>(who);
-    if (self->parts_taken(self->simulation_->steps()) != ++self->parts_) return {.cause = Cause::step_divided, .t = from.t};
+    if (self->parts_taken(self->simulation_->steps()) != ++self->parts_) return {.cause = Cause::step_subdivided, .t = from.t};
     return self->follow(from, self->simulation_->state(), h);
   }
 
@@ -292,9 +292,9 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
         this->subject().sample(q_.data(), v_.data(), vdot_.data(), lambda_.data(), next.data());
         for (std::size_t i = at; i < at + held; ++i)
           for (std::size_t k = 0; k < number; ++k) {
-            double& slope = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
-            changes = changes || slope != next[i].slope[k];
-            slope = next[i].slope[k];
+            double& derivative = blocks_[0].matrix[(states + i) * blocks_[0].width + first + k];
+            changes = changes || derivative != next[i].derivative[k];
+            derivative = next[i].derivative[k];
           }
         return {};
       });
@@ -305,10 +305,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   }
 
   /// Accelerations are found anew.
-  void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_slope_.fill(std::numeric_limits<double>::quiet_NaN()); }
+  void forget_carried() { known_.fill(std::numeric_limits<double>::quiet_NaN()), last_derivative_.fill(std::numeric_limits<double>::quiet_NaN()); }
 
   /// Whether the part that begins at a state does so with accelerations that the course of an input has made others.
-  bool begins_anew(const StateOf<M>& from) const { return this->courses_ && this->courses_->begins_anew(from.t); }
+  bool begins_anew(const StateOf<M>& from) const { return this->trajectories_ && this->trajectories_->begins_anew(from.t); }
 
   /// A method has made one of its steps, or the part of it before an event.
   template <class Scheme>
@@ -349,7 +349,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   Fault end_at_event() {
     if (!std::exchange(begins_at_event_, false)) return {};
     for (std::size_t k = 0; k < count_columns(); ++k)
-      if (time_row()[k] != 0.0) return cut_.fault(Cause::event_at_end, last_.t);
+      if (time_row()[k] != 0.0) return cut_.fault(Cause::event_at_step_end, last_.t);
     return {};
   }
 
@@ -358,7 +358,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
 
   /// A part of the step has been made from a state to another: what its beginning changes by becomes what its end does.
   Fault follow(const StateOf<M>& from, const StateOf<M>& end, double h) {
-    if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_divided, from.t);
+    if (cut_.left > 0 && !carried_ && !recorder_.part) return cut_.fault(Cause::step_subdivided, from.t);
     if (begins_anew(from)) forget_carried();
     const auto go = [&] { return recorder_.part ? recorder_.part(recorder_.who, from, end, h) : follow_rows(from, end, h); };
     const auto goes_on_to_event = [&] {
@@ -369,17 +369,17 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
       if (begins_at_event_ && events_.found) ++*events_.found;
       return fault;
     };
-    if constexpr (!carries_slope) {
+    if constexpr (!carries_derivative) {
       return goes_on_to_event();
     } else {
       const auto& formula = simulation_->steps().stepper().scheme().formula();
-      const auto &first = formula.first_slope(), &last = formula.last_slope();
-      is_slope_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_slope_.begin());
-      std::copy(first.begin(), first.end(), first_slope_.begin());
+      const auto &first = formula.first_derivative(), &last = formula.last_derivative();
+      is_derivative_known_ = (carried_ || recorder_.part) && std::equal(first.begin(), first.end(), last_derivative_.begin());
+      std::copy(first.begin(), first.end(), first_derivative_.begin());
       const Fault fault = goes_on_to_event();
-      is_slope_known_ = false;
-      if (cut_.is_made) last_slope_.fill(std::numeric_limits<double>::quiet_NaN());
-      else std::copy(last.begin(), last.end(), last_slope_.begin());
+      is_derivative_known_ = false;
+      if (cut_.is_made) last_derivative_.fill(std::numeric_limits<double>::quiet_NaN());
+      else std::copy(last.begin(), last.end(), last_derivative_.begin());
       return fault;
     }
   }
@@ -392,7 +392,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     const std::size_t columns = count_columns();
     events_.which[at] = static_cast<int>(cut_.which[0]);
     events_.times[at] = end.t;
-    for (std::size_t k = 0; k < number; ++k) events_.time_slopes[at * columns + first + k] = ended_[k];
+    for (std::size_t k = 0; k < number; ++k) events_.derivatives_of_times[at * columns + first + k] = ended_[k];
     for (std::size_t i = 0; i < q_.size(); ++i) q_[i].value = end.q[i];
     for (std::size_t i = 0; i < n; ++i) v_[i].value = end.v[i];
     if (!this->enter(simulation_->mechanism(), end)) return this->not_finite();
@@ -402,10 +402,10 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     this->is_time_moving_ = false;
     if (!is_found) return this->not_finite();
     Base::report(Dual(end.t, ended_));
-    for (std::size_t i = 0; i < course_->number; ++i) {
-      const Dual& x = this->columns_[static_cast<std::size_t>(course_->outputs[i])];
-      events_.values[at * course_->number + i] = x.value;
-      for (std::size_t k = 0; k < number; ++k) events_.slopes[(at * course_->number + i) * columns + first + k] = x.slope[k];
+    for (std::size_t i = 0; i < trajectory_->number; ++i) {
+      const Dual& x = this->columns_[static_cast<std::size_t>(trajectory_->outputs[i])];
+      events_.values[at * trajectory_->number + i] = x.value;
+      for (std::size_t k = 0; k < number; ++k) events_.derivatives[(at * trajectory_->number + i) * columns + first + k] = x.derivative[k];
     }
     return {};
   }
@@ -447,7 +447,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     M& mechanism = simulation_->mechanism();
     mechanism.begin_step(state.t, 1.0);
     begin_row(first, number);
-    begun_ = Slopes{};
+    begun_ = Tangents{};
     for (std::size_t k = 0; k < number && begins_at_event_; ++k) begun_[k] = time_row()[first + k];
     this->is_time_moving_ = begins_at_event_;
     if (!carried_ || !is_known(state))
@@ -462,7 +462,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
 
   /// Whether what goes on from step to step has the changes of a state's accelerations.
   bool is_known(const StateOf<M>& state) const {
-    return carries_slope ? is_slope_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
+    return carries_derivative ? is_derivative_known_ : goes_on && std::equal(known_.begin(), known_.end(), state.vdot.begin());
   }
 
   /// The same of what goes on from step to step; accelerations that have been found anew are functions of the rest.
@@ -475,16 +475,16 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
     };
     take(state.q, q_), take(state.v, v_);
     const bool is_carried = is_known(state);
-    if (is_carried && carries_slope) {
-      std::copy_n(first_slope_.begin(), turn_.size(), turn_.begin());
-      std::copy_n(first_slope_.begin() + turn_.size(), n, vdot_.begin());
+    if (is_carried && carries_derivative) {
+      std::copy_n(first_derivative_.begin(), turn_.size(), turn_.begin());
+      std::copy_n(first_derivative_.begin() + turn_.size(), n, vdot_.begin());
     } else if (is_carried) {
       take(state.vdot, vdot_), take(state.lambda, lambda_);
     }
     visit_carried(first, [&](Dual& x, const double* row, bool is_rest) {
       if (!is_carried && is_rest) return;
-      if (number < directions) x.slope = Slopes{};
-      copy_slopes(row, number, reinterpret_cast<double*>(&x.slope));
+      if (number < directions) x.derivative = Tangents{};
+      copy_derivatives(row, number, reinterpret_cast<double*>(&x.derivative));
     });
     return is_carried || this->find_accelerations(mechanism, number);
   }
@@ -506,30 +506,30 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   void begin_row(std::size_t first, std::size_t number) {
     dx_.fill(Dual());
     du_.fill(Dual());
-    for (Dual& x : parameters_) x.slope = Slopes{};
+    for (Dual& x : parameters_) x.derivative = Tangents{};
     this->dheld_.fill(Dual());
     std::size_t row = plain_row;
     visit(first, number, [&](std::size_t k, const Block& block, std::size_t column) {
-      for (std::size_t i = 0; i < states; ++i) dx_[i].slope[k] = block.matrix[i * block.width + column];
-      for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].slope[k] = block.matrix[(states + i) * block.width + column];
+      for (std::size_t i = 0; i < states; ++i) dx_[i].derivative[k] = block.matrix[i * block.width + column];
+      for (std::size_t i = 0; i < block.held; ++i) this->dheld_[i].derivative[k] = block.matrix[(states + i) * block.width + column];
       const int by = block.at(column), parameter = by - static_cast<int>(inputs);
-      if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].slope[k] = 1.0, row = first;
-      else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].slope[k] = 1.0;
+      if (parameter >= 0) parameters_[static_cast<std::size_t>(parameter)].derivative[k] = 1.0, row = first;
+      else if (by >= 0) du_[numbers_per_input * static_cast<std::size_t>(by)].derivative[k] = 1.0;
     });
     if (row != loaded_) this->load_parameters(*simulation_);
     loaded_ = row;
-    if (this->courses_) this->change_courses(first, number);
+    if (this->trajectories_) this->change_trajectories(first, number);
   }
 
   /// Independent coordinates and rates at the end.
   void end_row(std::size_t first, std::size_t number) {
     displacement<Dual>(charts(), reference_.data(), q_.data(), delta_.data());
     chart_rates<Dual>(charts(), delta_.data(), v_.data(), rate_.data());
-    this->take_slopes(delta_, *minimal_, dx_.data());
-    this->take_slopes(rate_, *minimal_, dx_.data() + freedoms);
-    std::copy(v_.begin() + joints, v_.end(), dx_.begin() + 2 * freedoms);
+    this->take_derivatives(delta_, *minimal_, dx_.data());
+    this->take_derivatives(rate_, *minimal_, dx_.data() + dofs);
+    std::copy(v_.begin() + joints, v_.end(), dx_.begin() + 2 * dofs);
     visit(first, number, [this](std::size_t k, const Block& block, std::size_t column) {
-      for (std::size_t i = 0; i < states; ++i) block.matrix[i * block.width + column] = dx_[i].slope[k];
+      for (std::size_t i = 0; i < states; ++i) block.matrix[i * block.width + column] = dx_[i].derivative[k];
     });
   }
 
@@ -541,7 +541,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   std::array<Block, 3> blocks_{};
   double* carried_ = nullptr;  ///< rows of a run's matrix that go on from step to step
   Fixed<double, n> known_;     ///< the accelerations whose changes these have
-  Fixed<double, carries_slope ? M::sizes.coordinates + n : 0> first_slope_, last_slope_;  ///< of an explicit part, and of the one before at its end
+  Fixed<double, carries_derivative ? M::sizes.coordinates + n : 0> first_derivative_, last_derivative_;  ///< of an explicit part, and of the one before at its end
   bool is_loaded_ = false;     ///< what stays during the steps, as the first one takes it
   long parts_ = 0;  ///< as they are counted by the integrator
   StateOf<M> last_{M::sizes.coordinates, n, Base::m};  ///< of an adaptive method, where its last step ended
@@ -549,7 +549,7 @@ class StepDerivatives : public PartDerivatives<Simulation, D, S, freedoms, Balan
   Fixed<long, switches> counted_;                      ///< how often switches have left their formulas
   bool begins_at_event_ = false;                       ///< the next part does, whose time changes
   Events events_;
-  const Course* course_ = nullptr;
+  const Trajectory* trajectory_ = nullptr;
 };
 
 }  // namespace cutjoint

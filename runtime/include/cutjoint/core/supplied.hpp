@@ -24,12 +24,12 @@ Real supplied(Supplied function, const Real (&x)[count]) {
       values[k] = supplied(function, lane);
     }
     return values;
-  } else if constexpr (requires { x[0].slope; }) {
+  } else if constexpr (requires { x[0].derivative; }) {
     double arguments[count], value, partials[count];
     for (std::size_t i = 0; i < count; ++i) arguments[i] = x[i].value;
     function(arguments, &value, partials);
     Real result(value);
-    for (std::size_t i = 0; i < count; ++i) result.slope += along(partials[i], x[i].slope);
+    for (std::size_t i = 0; i < count; ++i) result.derivative += along(partials[i], x[i].derivative);
     return result;
   } else {
     double arguments[count], value;
@@ -51,7 +51,7 @@ Real supplied_partial(Supplied function, int by, const Real (&x)[count]) {
     }
     return values;
   } else {
-    static_assert(!requires { x[0].slope; }, "a supplied function has no second derivatives");
+    static_assert(!requires { x[0].derivative; }, "a supplied function has no second derivatives");
     double arguments[count], value, partials[count];
     for (std::size_t i = 0; i < count; ++i) arguments[i] = static_cast<double>(x[i]);
     function(arguments, &value, partials);
@@ -81,7 +81,7 @@ struct SuppliedArguments {
 
   template <class Real>
   static double plain(const Real& x) {
-    if constexpr (requires { x.slope; }) return plain(x.value);
+    if constexpr (requires { x.derivative; }) return plain(x.value);
     else {
       static_assert(words == 0 || std::numeric_limits<Real>::digits >= 32, "numbers of this type do not hold four bytes of a memory");
       return static_cast<double>(x);
@@ -119,13 +119,13 @@ std::array<Real, results> supplied_results(Function function, const Real (&x)[co
     const SuppliedArguments<count, words> given(x);
     std::array<Real, results> found;
     double values[results];
-    if constexpr (requires { x[0].slope; }) {
+    if constexpr (requires { x[0].derivative; }) {
       double partials[results * given.size];
       given.call(function, values, partials);
       for (std::size_t i = 0; i < results; ++i) {
         found[i] = Real(values[i]);
         for (std::size_t j = 0; j < given.size; ++j)
-          found[i].slope += along(partials[i * given.size + j], x[j].slope);
+          found[i].derivative += along(partials[i * given.size + j], x[j].derivative);
       }
     } else {
       given.call(function, values, nullptr);
@@ -142,7 +142,7 @@ std::array<Real, results * (count - words)> supplied_partials(Function function,
   if constexpr (requires { Real::size; }) {
     return of_lanes<Real, size>(x, [function](const auto& lane) { return supplied_partials<typename Real::real_type, results, words>(function, lane); });
   } else {
-    static_assert(!requires { x[0].slope; }, "a supplied function has no second derivatives");
+    static_assert(!requires { x[0].derivative; }, "a supplied function has no second derivatives");
     const SuppliedArguments<count, words> given(x);
     double values[results], partials[size];
     given.call(function, values, partials);

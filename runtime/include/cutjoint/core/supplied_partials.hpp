@@ -17,10 +17,10 @@ void find_partials(Call call, const double* arguments, double* results, double* 
     Dual x[count], y[size];
     std::copy_n(arguments, count, x);
     const std::size_t number = std::min(directions, count - from);
-    for (std::size_t k = 0; k < number; ++k) x[from + k].slope[k] = 1.0;
+    for (std::size_t k = 0; k < number; ++k) x[from + k].derivative[k] = 1.0;
     call(x, y);
     for (std::size_t i = 0; i < size; ++i)
-      for (std::size_t k = 0; k < number; ++k) partials[i * count + from + k] = y[i].slope[k];
+      for (std::size_t k = 0; k < number; ++k) partials[i * count + from + k] = y[i].derivative[k];
   }
 }
 

@@ -12,15 +12,15 @@
 namespace cutjoint {
 
 /// The slopes of four numbers of a ball by four others and by three.
-struct BallSlopes {
+struct BallDerivatives {
   double by[4][7];
 };
 
 /// Of what `turn` makes of e and theta.
-inline BallSlopes turn_slopes(const double* e, const double* theta) {
+inline BallDerivatives turn_derivatives(const double* e, const double* theta) {
   const double x = theta[0] / 2, y = theta[1] / 2, z = theta[2] / 2, square = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3];
   const double share = 1.0 / (1.0 + x * x + y * y + z * z), scale = std::sqrt(share / square), half = scale / 2;
-  BallSlopes found{{{scale, -x * scale, -y * scale, -z * scale, -e[1] * half, -e[2] * half, -e[3] * half},
+  BallDerivatives found{{{scale, -x * scale, -y * scale, -z * scale, -e[1] * half, -e[2] * half, -e[3] * half},
                     {x * scale, scale, -z * scale, y * scale, e[0] * half, e[3] * half, -e[2] * half},
                     {y * scale, z * scale, scale, -x * scale, -e[3] * half, e[0] * half, e[1] * half},
                     {z * scale, -y * scale, x * scale, scale, e[2] * half, -e[1] * half, e[0] * half}}};
@@ -34,25 +34,25 @@ inline BallSlopes turn_slopes(const double* e, const double* theta) {
 
 /// Of what `make` makes of numbers.
 template <class Make>
-BallSlopes slopes_of_ball(const double* e, const double* x, Make make) {
+BallDerivatives derivatives_of_ball(const double* e, const double* x, Make make) {
   std::array<Dual, 7> from;
   for (std::size_t i = 0; i < 7; ++i) {
     from[i] = i < 4 ? e[i] : x ? x[i - 4] : 0.0;
-    from[i].slope[i] = 1.0;
+    from[i].derivative[i] = 1.0;
   }
   std::array<Dual, 4> made;
   make(from.data(), from.data() + 4, made.data());
-  BallSlopes slopes;
+  BallDerivatives derivatives;
   for (std::size_t i = 0; i < 4; ++i)
-    for (std::size_t k = 0; k < 7; ++k) slopes.by[i][k] = made[i].slope[k];
-  return slopes;
+    for (std::size_t k = 0; k < 7; ++k) derivatives.by[i][k] = made[i].derivative[k];
+  return derivatives;
 }
 
 /// The slopes `by` the four numbers, added to those by the others.
-inline void pull_ball(const BallSlopes& slopes, const double* by, double* by_e, double* by_x) {
+inline void pull_ball(const BallDerivatives& derivatives, const double* by, double* by_e, double* by_x) {
   for (std::size_t i = 0; i < 4; ++i) {
-    for (std::size_t k = 0; k < 4; ++k) by_e[k] += by[i] * slopes.by[i][k];
-    for (std::size_t k = 0; by_x && k < 3; ++k) by_x[k] += by[i] * slopes.by[i][4 + k];
+    for (std::size_t k = 0; k < 4; ++k) by_e[k] += by[i] * derivatives.by[i][k];
+    for (std::size_t k = 0; by_x && k < 3; ++k) by_x[k] += by[i] * derivatives.by[i][4 + k];
   }
 }
 
@@ -60,12 +60,12 @@ inline constexpr Chart one_ball[] = {{.q = 0, .v = 0, .scalars = 0, .ball = true
 
 /// Of q = q_0 (+) delta, of so many balls.
 template <std::size_t balls>
-class RetractionSlopes {
+class RetractionDerivatives {
  public:
-  RetractionSlopes(std::span<const Chart> charts, const double* q_0, const double* delta) : charts_(charts) {
+  RetractionDerivatives(std::span<const Chart> charts, const double* q_0, const double* delta) : charts_(charts) {
     std::size_t place = 0;
     for (const Chart& chart : charts)
-      if (chart.ball) slopes_[place++] = turn_slopes(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
+      if (chart.ball) derivatives_[place++] = turn_derivatives(q_0 + chart.q + chart.scalars, delta + chart.v + chart.scalars);
   }
 
   void pull(const double* by_q, double* by_q_0, double* by_delta) const {
@@ -74,13 +74,13 @@ class RetractionSlopes {
       for (int i = 0; i < chart.scalars; ++i) by_q_0[chart.q + i] += by_q[chart.q + i], by_delta[chart.v + i] += by_q[chart.q + i];
       if (!chart.ball) continue;
       const int q = chart.q + chart.scalars;
-      pull_ball(slopes_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
+      pull_ball(derivatives_[place++], by_q + q, by_q_0 + q, by_delta + chart.v + chart.scalars);
     }
   }
 
  private:
   std::span<const Chart> charts_;
-  std::array<BallSlopes, balls> slopes_;
+  std::array<BallDerivatives, balls> derivatives_;
 };
 
 /// Of the rates of coordinates.
@@ -90,7 +90,7 @@ inline void pull_rates(std::span<const Chart> charts, const double* q, const dou
     if (!chart.ball) continue;
     const int e = chart.q + chart.scalars, w = chart.v + chart.scalars;
     const auto make = [](const Dual* e, const Dual* x, Dual* to) { coordinate_rates<Dual>(one_ball, e, x, to); };
-    pull_ball(slopes_of_ball(q + e, v + w, make), by_rate + e, by_q + e, by_v + w);
+    pull_ball(derivatives_of_ball(q + e, v + w, make), by_rate + e, by_q + e, by_v + w);
   }
 }
 
@@ -105,7 +105,7 @@ inline void pull_lengths(std::span<const Chart> charts, const double* q, double*
       std::copy_n(e, 4, to);
       normalise<Dual>(one_ball, to);
     };
-    pull_ball(slopes_of_ball(q + e, nullptr, make), behind.data(), by + e, nullptr);
+    pull_ball(derivatives_of_ball(q + e, nullptr, make), behind.data(), by + e, nullptr);
   }
 }
 

@@ -132,9 +132,9 @@ class InterpretedMechanism final : public AnyMechanism<double> {
     if (!energy_.results.empty()) program_.call(energy_, {q, v, vdot, lambda}, {energy});
   }
 
-  void project(const double* q, const double* gap, double* dz) const override {
+  void project(const double* q, const double* violation, double* dz) const override {
     if (project_.results.empty()) throw_no_projection();
-    program_.call(project_, {q, gap}, {dz});
+    program_.call(project_, {q, violation}, {dz});
   }
 
   void sample(const double* q, const double* v, const double* vdot, const double* lambda, double* held) const override {

@@ -48,7 +48,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
       if (this->is_closed(state)) return {};
     }
     const bool open = left.position > left.velocity;
-    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, open ? this->worst_of(phi_) : this->worst_of(this->phid_),
+    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, open ? this->worst_of(phi_) : this->worst_of(this->phid_),
                                    Real(open ? left.position : left.velocity));
   }
 
@@ -142,9 +142,9 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   }
 
   /// The projection  f_q dv = -dt^2/4 alpha Phi_q^T Phid  leaves the same share of the gap Phid; see Closing.
-  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Real negligible = static_cast<const Own*>(this)->negligible(values);
-    const Fault fault = closing_.close(values, gap, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
+    const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto way, auto closing) {
       return this->follow_weight(pose_, state, w, way, closing);
     });
     if (!fault && &values == &state.v) share_left_ = closing_.share_left();

@@ -42,9 +42,9 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
       if (this->is_closed(state)) return {};
     }
     const bool open = largest(phi_) > largest(this->phid_);
-    const Equations<S>& gap = open ? phi_ : this->phid_;
-    const std::size_t worst = this->worst_of(gap);
-    return this->fault_in_equation(open ? Cause::loops_open : Cause::speeds_open, worst, gap[worst]);
+    const Equations<S>& violation = open ? phi_ : this->phid_;
+    const std::size_t worst = this->worst_of(violation);
+    return this->fault_in_equation(open ? Cause::loops_not_closed : Cause::speeds_not_found, worst, violation[worst]);
   }
 
  private:
@@ -83,14 +83,14 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   /// f_x (dv; .) = (0; -dt^2/4 Phid), and the same of accelerations with Phidd [eqs. 21-22].  Twice or more, since the matrix is that of
   /// the last iteration, whose pose differs from the final one.
-  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     Real last = std::numeric_limits<Real>::infinity();
     for (std::size_t pass = 0; pass < passes; ++pass) {
-      const Real size = largest(gap);
+      const Real size = largest(violation);
       if (size <= this->rounding(values) || !(size <= last / 2)) break;
       last = size;
       std::fill_n(x_.begin(), n_, Real(0));
-      for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * gap[i];
+      for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -k_ * violation[i];
       if (const Fault fault = this->solve()) return fault;
       if (const Fault fault = require_small(values)) return fault;
       for (std::size_t i = 0; i < n_; ++i) values[i] += x_[i];
@@ -100,7 +100,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   }
 
   /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on
-  /// another branch without a word.
+  /// another branch silently.
   Fault require_small(const Speeds<S>& values) const {
     using std::abs;
     std::size_t worst = 0;
@@ -112,9 +112,9 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
 
   /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -gap)
   template <class Numbers>
-  Fault close(const Equations<S>& gap, Numbers& values) {
+  Fault close(const Equations<S>& violation, Numbers& values) {
     std::fill_n(x_.begin(), n_, Real(0));
-    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -gap[i];
+    for (std::size_t i = 0; i < m_; ++i) x_[n_ + i] = -violation[i];
     if (const Fault fault = this->solve()) return fault;
     for (std::size_t i = 0; i < values.size(); ++i) values[i] += x_[i];
     return {};

@@ -35,18 +35,18 @@ class Closing {
   explicit Closing(const S& system)
       : n_(sizes_of(system).speeds), m_(sizes_of(system).equations), ways_(passes * n_), closings_(passes * m_) {}
 
-  /// Change `values` until their gap is `negligible`; it is left in `gap`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
+  /// Change `values` until their gap is `negligible`; it is left in `violation`, which is linear in them.  `follow` puts way = A^-1 Phi_q^T w and
   /// closing = Phi_q way for a w, and `constraint` is c.  The fault is that of `follow`.
   template <class Follow>
-  Fault close(Speeds<S>& values, Equations<S>& gap, Real constraint, Real negligible, Follow follow) {
+  Fault close(Speeds<S>& values, Equations<S>& violation, Real constraint, Real negligible, Follow follow) {
     Real strongest(0);
     share_left_ = Real(0);
-    closed_ = !(largest(gap) > negligible);
+    closed_ = !(largest(violation) > negligible);
     for (std::size_t pass = 0; pass < passes && !closed_; ++pass) {
       const std::span<Real> way(ways_.data() + pass * n_, n_), closing(closings_.data() + pass * m_, m_);
-      if (const Fault fault = follow(gap, way, closing)) return fault;
-      Real match = dot(gap, closing);
-      const Real strength = match / dot(gap, gap);
+      if (const Fault fault = follow(violation, way, closing)) return fault;
+      Real match = dot(violation, closing);
+      const Real strength = match / dot(violation, violation);
       share_left_ = std::max(share_left_, 1 - constraint * strength);
       const Real free = strength / std::max(1 - constraint * strength, std::numeric_limits<Real>::epsilon());
       if (!(free > Real(1e-4) * strongest)) break;
@@ -57,11 +57,11 @@ class Closing {
         subtract(share, old_way, way);
         subtract(share, old, closing);
       }
-      if (pass > 0) match = dot(gap, closing);
+      if (pass > 0) match = dot(violation, closing);
       const Real length = match / dot(closing, closing);
       subtract(length, way, values);
-      subtract(length, closing, gap);
-      closed_ = !(largest(gap) > negligible);
+      subtract(length, closing, violation);
+      closed_ = !(largest(violation) > negligible);
     }
     return {};
   }

@@ -61,7 +61,7 @@ struct NewtonSettings {
 /// - `weights` and `start_weights`, of the tangent of a step and of the matrix that gives accelerations,
 /// - `right_of_start` and `approach`, the right-hand sides of iterations, of a step with the tangent where that is renewed,
 /// - `update_multipliers` at the end of a step, whose Phi is known,
-/// - `project_on`, which brings rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `gap`,
+/// - `project_on`, which brings rates, whose gap is Phid, or accelerations, whose gap is Phidd, to the equations; what is left stays in `violation`,
 /// - and whatever it has instead of the functions under "what methods may have of their own".
 template <class Own, class S, class Solver>
 class Newton : public Workspace<S, Solver> {
@@ -235,11 +235,11 @@ class Newton : public Workspace<S, Solver> {
   }
 
   /// The equation with the largest gap, or with one that is no number.
-  static std::size_t worst_of(const Equations<S>& gap) {
+  static std::size_t worst_of(const Equations<S>& violation) {
     using std::abs;
     std::size_t worst = 0;
-    for (std::size_t i = 1; i < gap.size(); ++i)
-      if (abs(gap[i]) > abs(gap[worst]) || gap[i] != gap[i]) worst = i;
+    for (std::size_t i = 1; i < violation.size(); ++i)
+      if (abs(violation[i]) > abs(violation[worst]) || violation[i] != violation[i]) worst = i;
     return worst;
   }
 
@@ -517,8 +517,8 @@ class Newton : public Workspace<S, Solver> {
     using std::abs;
     this->constraint_residual(state);
     for (std::size_t i = 0; i < m_; ++i) {
-      const Real gap = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
-      if (!(gap <= std::max(Real(1e-6), rounding_like(1e-14)))) return this->fault_in_equation(Cause::start_open, i, gap);
+      const Real violation = std::max(abs(phi_[i]) / (Real(1) + largest(state.q)), abs(phid_[i]) / (Real(1) + largest(state.v)));
+      if (!(violation <= std::max(Real(1e-6), rounding_like(1e-14)))) return this->fault_in_equation(Cause::start_inconsistent, i, violation);
     }
     return {};
   }

@@ -22,7 +22,7 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   using typename Base::Real;
 
   RecursiveNewton(S& system, Solver& solver, const NewtonSettings& settings)
-      : Base(system, solver, settings), push_(m_), penalised_(n_), unclosed_(n_), gap_(m_) {}
+      : Base(system, solver, settings), push_(m_), penalised_(n_), unclosed_(n_), violation_(m_) {}
 
  private:
   friend Base;
@@ -55,18 +55,18 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   /// Where the reused factors leave a gap, those of a new tangent close it.  So do they where their age shows: a gap of the rates is closed in the metric of
   /// the tangent, and what its age changes in that has the same direction in all steps.
-  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
+  Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     unclosed_ = values;
-    gap_ = gap;
-    if (const Fault fault = project_surely(state, values, gap)) return fault;
+    violation_ = violation;
+    if (const Fault fault = project_surely(state, values, violation)) return fault;
     if (pose_ == state.q || (closing_.closed() && !shows_age(state, values))) return {};
     if (closing_.closed()) {
       values = unclosed_;
-      gap = gap_;
+      violation = violation_;
     }
     this->turn();
     if (const Fault fault = this->renew(state)) return fault;
-    return project_surely(state, values, gap);
+    return project_surely(state, values, violation);
   }
 
   /// Whether the tangent's age changes a projection of the rates by more than a hundred times what iterations may leave of them.  With less, a tolerance
@@ -81,8 +81,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   /// Where a projection leaves most of a gap, equations nearly depend on each other.  Their directions turn quickly with the pose, their
   /// multipliers grow without limit, and the tangent's share of these does too.
-  Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& gap) {
-    const Fault fault = Base::project_on(state, values, gap);
+  Fault project_surely(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
+    const Fault fault = Base::project_on(state, values, violation);
     if (!fault && &values == &state.v && share_left_ > Real(0.9)) return this->fault_in_equation(Cause::pose_singular, 0, share_left_);
     return fault;
   }
@@ -110,8 +110,8 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
 
   int updates_ = 0;  ///< iterations of a step that corrected the multipliers
   Equations<S> push_;
-  Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose gap is `gap_`
-  Equations<S> gap_;
+  Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose gap is `violation_`
+  Equations<S> violation_;
 };
 
 }  // namespace cutjoint

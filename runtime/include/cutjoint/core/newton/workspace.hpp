@@ -74,8 +74,8 @@ class Workspace {
   /// of the equations; `way` and `from` are room for speeds and coordinates.  `left` is what is left.
   Fault close_with(StateOf<S>& state, const Coordinates<S>& pose, Real constraint, Closing<S>& closing, Speeds<S>& way, Coordinates<S>& from,
                    Residuals& left) {
-    const auto bring = [&](Speeds<S>& values, Equations<S>& gap, Real negligible) {
-      return closing.close(values, gap, constraint, negligible,
+    const auto bring = [&](Speeds<S>& values, Equations<S>& violation, Real negligible) {
+      return closing.close(values, violation, constraint, negligible,
                            [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state, weight, along, closed); });
     };
     for (int round = 0;; ++round) {

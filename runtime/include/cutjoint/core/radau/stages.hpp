@@ -38,7 +38,7 @@ class Stages : public StepStart<S, Solver> {
 
   Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver, other, std::move(switches), roads), complex_(system), points_{at_, at_, at_},
-        changes_(slopes_), guess_(slopes_), kept_(slopes_), places_(slopes_), gaps_(forces_), kept_forces_(forces_), mass_(this->tangent_),
+        changes_(derivatives_), guess_(derivatives_), kept_(derivatives_), places_(derivatives_), violations_(forces_), kept_forces_(forces_), mass_(this->tangent_),
         damping_(mass_), stiffness_(mass_), re_(mass_), im_(mass_), x_re_(n_), x_im_(n_) {}
 
   /// Try a step of length h from the present state; whether its stages were found.  Unless it shall be `whole`, it ends where it leaves the regime.
@@ -48,7 +48,7 @@ class Stages : public StepStart<S, Solver> {
     h_ = h;
     cells_.begin(start_.t);
     extrapolate(h);
-    guess_ = slopes_;
+    guess_ = derivatives_;
     stale_ = !factored_ || slow_;
     bool found = false;
     if (iterate(h, found)) factored_ = false;
@@ -68,7 +68,7 @@ class Stages : public StepStart<S, Solver> {
     at_.t = start_.t + h;
     if (const Fault fault = this->project(at_)) return fault;
     last_h_ = h;
-    std::swap(kept_, slopes_);
+    std::swap(kept_, derivatives_);
     std::swap(kept_forces_, forces_);
     std::swap(before, start_);
     std::swap(start_, at_);
@@ -88,7 +88,7 @@ class Stages : public StepStart<S, Solver> {
   /// Memory of the next steps.
   struct Memory {
     typename Base::Memory common;
-    OfStages<Speeds<S>> slopes;
+    OfStages<Speeds<S>> derivatives;
     OfStages<Equations<S>> forces;
     Entries<S> mass, damping, stiffness;
     Real parted_w;
@@ -102,7 +102,7 @@ class Stages : public StepStart<S, Solver> {
     stiffness_ = memory.stiffness;
     parted_w_ = memory.parted_w;
     Base::restore(memory.common);
-    kept_ = memory.slopes;
+    kept_ = memory.derivatives;
     kept_forces_ = memory.forces;
     if (this->has_factors_) {
       join(this->factored_w_ / parted_w_);
@@ -112,7 +112,7 @@ class Stages : public StepStart<S, Solver> {
 
  private:
   using Base::alpha_, Base::at_, Base::cells_, Base::delta_, Base::f_, Base::factored_, Base::forces_, Base::lambda_, Base::last_h_, Base::m_,
-      Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::slopes_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
+      Base::n_, Base::phidd_, Base::pose_, Base::push_, Base::rates_, Base::derivatives_, Base::slow_, Base::start_, Base::system_, Base::tangent_, Base::time_,
       Base::tolerances_, Base::turns_, Base::x_;
 
   static constexpr double shorter = 0.9, longer = 1.1;  ///< factors serve steps up to these times theirs
@@ -162,17 +162,17 @@ class Stages : public StepStart<S, Solver> {
   void extrapolate(Real h) {
     const bool near = last_h_ > Real(0) && h <= 2 * last_h_;
     for (std::size_t i = 1; i <= Table::stages; ++i) {
-      slopes_[i] = slopes_[0];
+      derivatives_[i] = derivatives_[0];
       forces_[i] = forces_[0];
       if (!near) continue;
-      std::fill(slopes_[i].begin(), slopes_[i].end(), Real(0));
+      std::fill(derivatives_[i].begin(), derivatives_[i].end(), Real(0));
       std::fill(forces_[i].begin(), forces_[i].end(), Real(0));
       const Real s = 1 + node(i) * h / last_h_;
       for (std::size_t j = 0; j <= Table::stages; ++j) {
         Real weight(1);
         for (std::size_t k = 0; k <= Table::stages; ++k)
           if (k != j) weight *= (s - node(k)) / (node(j) - node(k));
-        for (std::size_t l = 0; l < n_; ++l) slopes_[i][l] += weight * kept_[j][l];
+        for (std::size_t l = 0; l < n_; ++l) derivatives_[i][l] += weight * kept_[j][l];
         for (std::size_t l = 0; l < m_; ++l) forces_[i][l] += weight * kept_forces_[j][l];
       }
     }
@@ -195,10 +195,10 @@ class Stages : public StepStart<S, Solver> {
   bool leaves_early() {
     if (leaves()) return true;
     cells_.begin(start_.t);
-    std::swap(slopes_, guess_);
+    std::swap(derivatives_, guess_);
     follow();
     const bool out = leaves();
-    std::swap(slopes_, guess_);
+    std::swap(derivatives_, guess_);
     follow();
     if (!out) cells_.begin(start_.t);
     return out;
@@ -222,8 +222,8 @@ class Stages : public StepStart<S, Solver> {
     if (const Fault fault = solve_stages()) return fault;
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       system_.apply_jacobian(pose_.data(), changes_[i].data(), push_.data());
-      for (std::size_t j = 0; j < m_; ++j) forces_[i][j] += alpha_ * (gaps_[i][j] + push_[j]);
-      for (std::size_t j = 0; j < n_; ++j) slopes_[i][j] += changes_[i][j];
+      for (std::size_t j = 0; j < m_; ++j) forces_[i][j] += alpha_ * (violations_[i][j] + push_[j]);
+      for (std::size_t j = 0; j < n_; ++j) derivatives_[i][j] += changes_[i][j];
     }
     return {};
   }
@@ -270,7 +270,7 @@ class Stages : public StepStart<S, Solver> {
     if (known) f_ = changes_[i];
     else this->dynamic_residual(state, Real(0));
     this->constraint_residual(state);
-    gaps_[i] = phidd_;
+    violations_[i] = phidd_;
     for (std::size_t j = 0; j < m_; ++j) push_[j] = alpha_ * phidd_[j];
     system_.apply_jacobian_transposed(pose_.data(), push_.data(), x_.data());
     for (std::size_t j = 0; j < n_; ++j) changes_[i][j] = -f_[j] - x_[j];
@@ -298,13 +298,13 @@ class Stages : public StepStart<S, Solver> {
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       StateOf<S>& point = points_[i - 1];
       point.v = start_.v;
-      add_slopes(h_, Table::weights[i], slopes_, point.v);
-      point.vdot = slopes_[i];
+      add_derivatives(h_, Table::weights[i], derivatives_, point.v);
+      point.vdot = derivatives_[i];
       rates_[i] = point.v;
     }
     for (std::size_t i = 1; i <= Table::stages; ++i) {
       std::fill(places_[i].begin(), places_[i].end(), Real(0));
-      add_slopes(h_, Table::weights[i], rates_, places_[i]);
+      add_derivatives(h_, Table::weights[i], rates_, places_[i]);
     }
     bool close = true;
     for (const Chart& chart : charts()) close = (!chart.ball || turn(static_cast<std::size_t>(chart.v + chart.scalars))) && close;
@@ -348,7 +348,7 @@ class Stages : public StepStart<S, Solver> {
   ComplexSolver<S> complex_;
   std::array<StateOf<S>, Table::stages> points_;
   OfStages<Speeds<S>> changes_, guess_, kept_, places_;  ///< of the accelerations, as guessed, those of the last step, displacements
-  OfStages<Equations<S>> gaps_, kept_forces_;
+  OfStages<Equations<S>> violations_, kept_forces_;
   Entries<S> mass_, damping_, stiffness_, re_, im_;
   Speeds<S> x_re_, x_im_;
   Real h_{0}, parted_w_{1};

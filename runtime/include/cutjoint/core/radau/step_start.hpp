@@ -45,7 +45,7 @@ class StepStart : public Workspace<S, Solver> {
   StepStart(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
         closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
-        moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), slopes_(rates_),
+        moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), derivatives_(rates_),
         forces_(repeat<Table::stages + 1>(push_)) {}
 
   std::size_t size() const { return pose_.size() + n_; }
@@ -250,7 +250,7 @@ class StepStart : public Workspace<S, Solver> {
   }
 
   void keep_start() {
-    slopes_[0] = start_.vdot;
+    derivatives_[0] = start_.vdot;
     rates_[0] = start_.v;
     forces_[0] = start_.lambda;
   }
@@ -276,9 +276,9 @@ class StepStart : public Workspace<S, Solver> {
   Fault estimate(Real h) {
     const Real w = Table::gamma.template as<Real>() * h;
     std::fill(way_.begin(), way_.end(), Real(0));
-    add_slopes(h, Table::error, rates_, way_);
+    add_derivatives(h, Table::error, rates_, way_);
     probe_ = at_;
-    add_slopes(h / w, Table::error, slopes_, probe_.vdot);
+    add_derivatives(h / w, Table::error, derivatives_, probe_.vdot);
     for (std::size_t i = 0; i < n_; ++i) trial_[i] = -way_[i];
     retract<Real>(charts(), at_.q.data(), trial_.data(), probe_.q.data());
     this->dynamic_residual(probe_, Real(0));
@@ -297,7 +297,7 @@ class StepStart : public Workspace<S, Solver> {
   Coordinates<S> pose_, moved_;          ///< that of the factors
   Equations<S> push_;
   Speeds<S> way_, delta_, trial_;
-  std::array<Speeds<S>, Table::stages + 1> rates_, slopes_;  ///< at the start and of the stages: delta' and accelerations
+  std::array<Speeds<S>, Table::stages + 1> rates_, derivatives_;  ///< at the start and of the stages: delta' and accelerations
   std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
   Residuals residuals_;
   stepping::Tolerances<Real> tolerances_;

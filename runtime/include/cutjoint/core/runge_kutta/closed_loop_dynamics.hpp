@@ -44,7 +44,7 @@ class ClosedLoopDynamics : public Solved<M> {
   }
 
   /// The slope at a stage.  Unless it is wanted by all means, it is not found where the attempt has left the regime: returns whether it is.
-  bool derive(Real t, const Vector& y, Vector& slope, bool by_all_means = true) {
+  bool derive(Real t, const Vector& y, Vector& derivative, bool by_all_means = true) {
     this->begin_at(t, y);
     if (!cells_.empty()) {
       evaluate_switches();
@@ -53,16 +53,16 @@ class ClosedLoopDynamics : public Solved<M> {
       if (!by_all_means && cells_.crossed()) return false;
     }
     predict(t);
-    this->find_slope(slope);
+    this->find_derivative(derivative);
     return true;
   }
 
   /// The slope at a stage that only tells what lies between a step's ends: it leaves no trace in later evaluations, and no switch is looked at there.
-  void derive_between(Real t, const Vector& y, Vector& slope) {
+  void derive_between(Real t, const Vector& y, Vector& derivative) {
     const auto before = this->experience_;
     complete_ = state_;
     predict(t);
-    Solved<M>::derive(t, y, slope);
+    Solved<M>::derive(t, y, derivative);
     std::swap(complete_, state_);
     const long evaluations = this->experience_.evaluations;
     this->experience_ = before;

@@ -29,7 +29,7 @@ class Formula {
   using Errors = std::array<Vector, Table::errors.size()>;
 
   explicit Formula(Dynamics& dynamics) : dynamics_(dynamics), at_(dynamics.size()), before_(at_) {
-    slopes_.fill(at_);
+    derivatives_.fill(at_);
     parts_.fill(at_);
   }
 
@@ -38,30 +38,30 @@ class Formula {
 
   /// The slope where the next step begins, if it is known.
   struct Memory {
-    Vector slope;
+    Vector derivative;
     long begun;  ///< 0 or 1; a bool would leave bytes of a snapshot to chance
   };
 
-  Memory memory() const { return {slopes_[0], begun_}; }
+  Memory memory() const { return {derivatives_[0], begun_}; }
 
   void restore(const Memory& memory) {
-    slopes_[0] = memory.slope;
+    derivatives_[0] = memory.derivative;
     begun_ = memory.begun != 0;
   }
 
   /// The slopes with which the accepted step began, and with which the next one does unless it restarts.
-  const Vector& first_slope() const { return slopes_[Table::stages - 1]; }
-  const Vector& last_slope() const { return slopes_[0]; }
+  const Vector& first_derivative() const { return derivatives_[Table::stages - 1]; }
+  const Vector& last_derivative() const { return derivatives_[0]; }
 
   /// A step of h from y at t, into `end`; the estimates of its error, into `errors`.  Unless `whole` it ends at a stage that leaves the regime.
   void attempt(Real t, Real h, const Vector& y, Vector& end, Errors& errors, bool whole) {
-    if (!begun_) dynamics_.derive(t, y, slopes_[0]);
+    if (!begun_) dynamics_.derive(t, y, derivatives_[0]);
     begun_ = true;
     for (std::size_t stage = 1; stage < Table::stages; ++stage) {
       if (stage == Table::stages - 1) before_ = at_;
       at_ = y;
-      add_slopes(h, Table::weights[stage], slopes_, at_);
-      if (!dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage], whole)) return;
+      add_derivatives(h, Table::weights[stage], derivatives_, at_);
+      if (!dynamics_.derive(t + Table::nodes[stage].template as<Real>() * h, at_, derivatives_[stage], whole)) return;
     }
     end = at_;
     for (std::size_t i = 0; i < errors.size(); ++i) weigh(h, Table::errors[i], errors[i]);
@@ -73,8 +73,8 @@ class Formula {
     using std::sqrt;
     Real above(0), below(0);
     for (std::size_t i = 0; i < end.size(); ++i) {
-      const Real slope = slopes_[Table::stages - 1][i] - slopes_[Table::stages - 2][i], way = end[i] - before_[i];
-      above += slope * slope;
+      const Real derivative = derivatives_[Table::stages - 1][i] - derivatives_[Table::stages - 2][i], way = end[i] - before_[i];
+      above += derivative * derivative;
       below += way * way;
     }
     return below > Real(0) ? h * sqrt(above / below) : Real(0);
@@ -82,7 +82,7 @@ class Formula {
 
   /// The attempted step from y at t counts; its interpolant stays until the next one does.
   void accept(Real t, Real h, const Vector& y, const Vector& end) {
-    const auto &first = slopes_[0], &last = slopes_[Table::stages - 1];
+    const auto &first = derivatives_[0], &last = derivatives_[Table::stages - 1];
     if constexpr (Table::all == Table::stages) weigh_between(h);
     for (std::size_t i = 0; i < y.size(); ++i) {
       const Real way = end[i] - y[i], bend = h * first[i] - way;
@@ -91,7 +91,7 @@ class Formula {
       parts_[2][i] = bend;
       parts_[3][i] = way - h * last[i] - bend;
     }
-    slopes_[0].swap(slopes_[Table::stages - 1]);
+    derivatives_[0].swap(derivatives_[Table::stages - 1]);
     accepted_ = {t, h, Table::all > Table::stages};
   }
 
@@ -111,7 +111,7 @@ class Formula {
   /// h times weighted slopes.
   void weigh(Real h, const typename Table::Row& weights, Vector& sum) const {
     std::fill(sum.begin(), sum.end(), Real(0));
-    add_slopes(h, weights, slopes_, sum);
+    add_derivatives(h, weights, derivatives_, sum);
   }
 
   void weigh_between(Real h) {
@@ -121,14 +121,14 @@ class Formula {
   /// The slopes of the step's ends stand in their places meanwhile.
   void find_stages_between() {
     const auto [t, h, lacks_stages] = accepted_;
-    slopes_[0].swap(slopes_[Table::stages - 1]);
+    derivatives_[0].swap(derivatives_[Table::stages - 1]);
     for (std::size_t stage = Table::stages; stage < Table::all; ++stage) {
       at_ = parts_[0];
-      add_slopes(h, Table::weights[stage], slopes_, at_);
-      dynamics_.derive_between(t + Table::nodes[stage].template as<Real>() * h, at_, slopes_[stage]);
+      add_derivatives(h, Table::weights[stage], derivatives_, at_);
+      dynamics_.derive_between(t + Table::nodes[stage].template as<Real>() * h, at_, derivatives_[stage]);
     }
     weigh_between(h);
-    slopes_[0].swap(slopes_[Table::stages - 1]);
+    derivatives_[0].swap(derivatives_[Table::stages - 1]);
     accepted_.lacks_stages = false;
   }
 
@@ -140,7 +140,7 @@ class Formula {
 
   Dynamics& dynamics_;
   Vector at_, before_;
-  std::array<Vector, Table::all> slopes_;
+  std::array<Vector, Table::all> derivatives_;
   std::array<Vector, 4 + Table::dense.size()> parts_;
   Accepted accepted_;
   bool begun_ = false;

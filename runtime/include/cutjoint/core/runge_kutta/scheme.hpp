@@ -200,14 +200,14 @@ class Scheme {
       return result;
     };
     dynamics_.derive(t_, y_, end_);
-    const Real value = largest(y_), slope = largest(end_);
-    const Real short_(1e-5), guess = value < short_ || slope < short_ ? Real(1e-6) : Real(0.01) * value / slope;
+    const Real value = largest(y_), derivative = largest(end_);
+    const Real short_(1e-5), guess = value < short_ || derivative < short_ ? Real(1e-6) : Real(0.01) * value / derivative;
     const Real probe = std::min(guess, left);
     for (std::size_t i = 0; i < y_.size(); ++i) trial_[i] = y_[i] + probe * end_[i];
     Vector& change = errors_[0];
     dynamics_.derive(t_ + probe, trial_, change);
     for (std::size_t i = 0; i < y_.size(); ++i) change[i] -= end_[i];
-    const Real bend = std::max(slope, largest(change) / probe);
+    const Real bend = std::max(derivative, largest(change) / probe);
     const Real by_bend = bend <= Real(1e-15) ? std::max(Real(1e-6), probe * Real(1e-3)) : pow(Real(0.01) / bend, Real(1) / Real(Table::order));
     return std::min(Real(100) * probe, by_bend);
   }

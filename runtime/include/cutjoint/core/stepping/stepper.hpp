@@ -200,11 +200,11 @@ class Stepper {
     const bool switches = counts_.events > pace.events;
     pace = {time(), attempts(), counts_.events};
     if (!(end_ - time() > Real(rest) * way)) return {};
-    Fault fault{.cause = Cause::switches_without_end, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+    Fault fault{.cause = Cause::chattering, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
                 .t = static_cast<double>(time()), .step = now_.number};
     if (!switches) {
       fault = scheme_.give_up(typename Scheme::Attempt{}, counts_.steps, now_.number);
-      fault.cause = Cause::stands_still;
+      fault.cause = Cause::step_size_too_small;
     }
     fault.value = static_cast<double>(way) / some;
     return fault;
@@ -384,7 +384,7 @@ class Stepper {
     now_.events_in_a_row = since <= Real(1e-3) * now_.h ? now_.events_in_a_row + 1 : 0;
     now_.last_event = time();
     if (now_.events_in_a_row >= 50 + 2 * static_cast<long>(counts_.by_switch.size()))
-      return {.cause = Cause::switches_without_end, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
+      return {.cause = Cause::chattering, .list = FaultList::switches, .index = static_cast<int>(now_.latest),
               .t = static_cast<double>(time()), .step = now_.number, .value = static_cast<double>(since)};
     return {};
   }

@@ -103,7 +103,7 @@ class SwitchCells {
     now_.crossing = std::numeric_limits<Real>::infinity();
   }
 
-  /// Look whether the attempt leaves the regime up to t, with the present values.
+  /// Visual whether the attempt leaves the regime up to t, with the present values.
   void look(Real t) {
     if (crossed()) return;
     for (std::size_t i = 0; i < now_.cells.size(); ++i)

@@ -74,7 +74,7 @@ class Cholmod final : public LinearSolver<double> {
     if (common_.status < CHOLMOD_OK) throw std::runtime_error("CHOLMOD ends with status " + std::to_string(common_.status));
   }
 
-  /// A simplicial L D L^T goes through negative pivots without a word; D is the first entry of each column.
+  /// A simplicial L D L^T goes through negative pivots silently; D is the first entry of each column.
   Breakdown first_not_positive() const {
     const auto* first = static_cast<const int*>(factor_->p);
     const auto* entries = static_cast<const double*>(factor_->x);

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from cutjoint.compile.folders import Standalone, make_standalone
+from cutjoint.compile.c_export import Standalone, make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.methods import DEFAULT_METHOD, METHODS
 from cutjoint.model.read import read_model_text

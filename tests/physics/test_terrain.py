@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile.folders import make_standalone
+from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.elements.forces.on_road import GROUND
 from cutjoint.elements.forces.tyre import Tyre
 from cutjoint.export.fmu.variables import make_interface
 from cutjoint.formulate.records import RecursiveEquations
-from cutjoint.model.opening import with_grounds
 from cutjoint.model.read import read_model_text
+from cutjoint.model.tunable import with_terrain
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
 from tests.conftest import needs_cpp
@@ -76,18 +76,18 @@ def test_a_wheel_follows_a_wave_of_the_ground_as_its_equation_says(tmp_path: Pat
     """m z'' = -m g + k (R - z + h), h = a sin(w t), from rest in equilibrium: z - z0 = a (sin w t - w/p sin p t) / (1 - w^2/p^2)."""
     a, w, p = 0.001, 20.0, np.sqrt(STIFFNESS / MASS)
     start = f"inputs: {{height: {a}*sin({w}*t)}}, positions: {{lift.displacement: {-MASS * 9.81 / STIFFNESS}}}"
-    found = run(tmp_path, "[0, 1, 0]", LIFT, "ground_height: height", start)
+    found = run(tmp_path, "[0, 1, 0]", LIFT, "terrain_height: height", start)
     z = RADIUS - MASS * 9.81 / STIFFNESS + a * (np.sin(w * found.t) - w / p * np.sin(p * found.t)) / (1 - w**2 / p**2)
     assert np.abs(found["hub.z"] - z).max() < 1e-9
 
 
-@pytest.mark.parametrize(("along", "axis", "slope"), [("x", "[0, 1, 0]", "ground_slope"), ("y", "[-1, 0, 0]", "ground_bank")])
+@pytest.mark.parametrize(("along", "axis", "slope"), [("x", "[0, 1, 0]", "terrain_slope"), ("y", "[-1, 0, 0]", "terrain_bank")])
 def test_a_ground_that_falls_is_the_road_that_does(tmp_path: Path, along: str, axis: str, slope: str) -> None:
     """A ramp of the scene's road along x, and the same by height and slope; turned by a right angle, along y, by height and bank."""
     road = run(tmp_path, "[0, 1, 0]", FREE, "", "rates: {x.displacement_rate: 5, y.displacement_rate: 0.3}, " + RAMP)
     turned = along == "y"
     rates = f"x.displacement_rate: {-0.3 if turned else 5}, y.displacement_rate: {5 if turned else 0.3}"
-    ground = run(tmp_path, axis, FREE, f"ground_height: 0.1*hub.{along}\n    {slope}: 0.1", f"rates: {{{rates}}}")
+    ground = run(tmp_path, axis, FREE, f"terrain_height: 0.1*hub.{along}\n    {slope}: 0.1", f"rates: {{{rates}}}")
     of_turned = {"hub.x": ground["hub.y"], "hub.y": -ground["hub.x"], "hub.z": ground["hub.z"], "wheel.Fy": ground["wheel.Fy"]}
     for column, values in of_turned.items():
         assert np.abs(road[column] - (values if turned else ground[column])).max() < 1e-7 * (1 + np.abs(road[column]).max()), column
@@ -111,7 +111,7 @@ def test_a_host_gives_it_before_each_step(tmp_path: Path) -> None:
     """A ground that jumps by h lets the wheel swing about its new place: h (1 - cos(p t))."""
     path, p = tmp_path / "wheel.yaml", np.sqrt(STIFFNESS / MASS)
     start = f"inputs: {{height: 0}}, positions: {{lift.displacement: {-MASS * 9.81 / STIFFNESS}}}"
-    path.write_text(text("[0, 1, 0]", LIFT, "ground_height: height", start, outputs="hub.z"))
+    path.write_text(text("[0, 1, 0]", LIFT, "terrain_height: height", start, outputs="hub.z"))
     sim = cutjoint.load(path).reset(tolerance=1e-10)
     rest = sim.outputs["hub.z"]
     sim.inputs["height"] = 0.005
@@ -129,7 +129,7 @@ def test_a_host_has_inputs_that_no_file_names(tmp_path: Path) -> None:
     (tmp_path / "named.yaml").write_text(text("[0, 1, 0]", FREE, fields, start).replace("binding: input}}", f"binding: input}}, {more}}}"))
     (tmp_path / "bare.yaml").write_text(text("[0, 1, 0]", FREE, "", start))
     files = {"named.yaml": (), "bare.yaml": ["wh*"]}
-    sims = [cutjoint.load(tmp_path / file, grounded=names, integrator="rk4").reset(dt=1e-3) for file, names in files.items()]
+    sims = [cutjoint.load(tmp_path / file, terrain=names, integrator="rk4").reset(dt=1e-3) for file, names in files.items()]
     for step in range(100):
         for end, name, value in zip(GROUND, own, (0.005 * np.sin(0.1 * step), 0.02, -0.01, 1 - 0.005 * step), strict=True):
             sims[0].inputs[name] = sims[1].inputs[f"wheel.{end}"] = value
@@ -161,7 +161,7 @@ submodels:
       strut:
         {kind: point_spring, bodies: [chassis, hub], from: [x, 0.5, 0.8], to: [x, 0.6, 0.3], law: {stiffness: 30000, preload: -4000}}
       tyre: {kind: tyre, body: hub, centre: [x, 0.7, 0.3], axis: y, radius: 0.3, stiffness: 400000, calspan: %s,
-             ground_height: height, ground_bank: bank}
+             terrain_height: height, terrain_bank: bank}
 instances:
   front_left: {use: corner, connect: {chassis: chassis}, with: {x: 1.2, height: left + front}}
   front_right: {use: corner, connect: {chassis: chassis}, with: {x: 1.2, height: right + front}, mirror: y}
@@ -185,18 +185,18 @@ def test_a_car_comes_to_rest_wherever_the_ground_lifts_it() -> None:
 
 
 def test_it_is_added_to_what_the_file_has() -> None:
-    model = read_model_text(text("[0, 1, 0]", LIFT, "ground_height: 2*height\n    friction: 0.5", "inputs: {height: 0}"), "rolling.yaml")
-    (wheel,) = (f for f in with_grounds(model, ["*"]).forces if isinstance(f, Tyre))
+    model = read_model_text(text("[0, 1, 0]", LIFT, "terrain_height: 2*height\n    friction: 0.5", "inputs: {height: 0}"), "rolling.yaml")
+    (wheel,) = (f for f in with_terrain(model, ["*"]).forces if isinstance(f, Tyre))
     given = dict(zip(("p_height", *(f"p_wheel.{end}" for end in GROUND)), (0.1, 0.03, 0.2, 0.3, 0.8), strict=True))
     ground = {name: float(x.subs({symbol: given[str(symbol)] for symbol in x.free_symbols})) for name, x in wheel.ground.items()}
-    assert ground == pytest.approx({"ground_height": 0.23, "ground_slope": 0.2, "ground_bank": 0.3, "friction": 0.4})
+    assert ground == pytest.approx({"terrain_height": 0.23, "terrain_slope": 0.2, "terrain_bank": 0.3, "friction": 0.4})
 
 
 @pytest.mark.parametrize("pattern", ["whel", "hub"])
-def test_wheels_that_are_none_are_told(pattern: str) -> None:
+def test_wheels_that_are_none_are_reported(pattern: str) -> None:
     model = read_model_text(text("[0, 1, 0]", LIFT, "", "rates: {}"), "rolling.yaml")
     with pytest.raises(cutjoint.ModelError, match=f"ground '{pattern}': the model has no force of kind 'tyre' or 'wheel' of this name"):
-        with_grounds(model, ["*", pattern])
+        with_terrain(model, ["*", pattern])
 
 
 @needs_cpp
@@ -209,23 +209,24 @@ def test_a_wheel_whose_forces_read_its_contact_has_it_too(tmp_path: Path) -> Non
     signals = f"signals:\n  load: max({STIFFNESS}*wheel.deflection, 0)\n  drag: -0.1*wheel.road_friction*load*min(max(wheel.vx, 0), 1)\n"
     path = tmp_path / "wheel.yaml"
     path.write_text(source.replace(tyre, "    " + "\n    ".join(fields) + signals))
-    sim = cutjoint.load(path, grounded=["*"]).reset(tolerance=1e-10)
+    sim = cutjoint.load(path, terrain=["*"]).reset(tolerance=1e-10)
     sim.inputs["wheel.friction"] = 0.6
     sim.advance(0.5)
     assert sim.outputs["hub.vx"] == pytest.approx(5 - 0.1 * 0.6 * 9.81 * 0.5, abs=1e-8)
 
 
 def test_it_is_an_input_of_fmus() -> None:
-    model = read_model_text(text("[0, 1, 0]", LIFT, "ground_height: height", "inputs: {height: 0}"), "rolling.yaml")
+    model = read_model_text(text("[0, 1, 0]", LIFT, "terrain_height: height", "inputs: {height: 0}"), "rolling.yaml")
     generated = generate(model, model.scenes["roll"], model.scenes["roll"].outputs)
     assert isinstance(generated.equations, RecursiveEquations)
     interface = make_interface(generated.equations, make_standalone(generated).run_file)
     assert [v.name for v in interface.inputs] == ["height"]
 
 
-def test_what_is_wrong_with_it_is_told(tmp_path: Path) -> None:
+def test_what_is_wrong_with_it_is_reported(tmp_path: Path) -> None:
     wrong = {
-        "ground_height: 3 kg": "ground_height needs", "friction: 1 m": "friction needs", "ground_slop: 0.1": "did you mean 'ground_slope'",
+        "terrain_height: 3 kg": "terrain_height needs", "friction: 1 m": "friction needs",
+        "ground_slop: 0.1": "did you mean 'terrain_slope'",
     }  # fmt: skip
     for more, words in wrong.items():
         with pytest.raises(cutjoint.ModelError, match=words):
@@ -234,7 +235,7 @@ def test_what_is_wrong_with_it_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("method", ["recursive-newton", "augmented"])
 def test_all_methods_have_it(tmp_path: Path, method: str) -> None:
-    more = "ground_height: 0.1*hub.x - 0.05*hub.y\n    ground_slope: 0.1\n    ground_bank: -0.05\n    friction: 0.7"
+    more = "terrain_height: 0.1*hub.x - 0.05*hub.y\n    terrain_slope: 0.1\n    terrain_bank: -0.05\n    friction: 0.7"
     (tmp_path / "model.yaml").write_text(text("[0, 1, 0]", FREE, more, "rates: {x.displacement_rate: 5, y.displacement_rate: 0.3}"))
     runs = [
         completed(simulate(compile_model(tmp_path / "model.yaml", method=each), integrator="trapezoidal", dt=2e-4, error=False))
@@ -245,11 +246,11 @@ def test_all_methods_have_it(tmp_path: Path, method: str) -> None:
 
 
 def test_a_mirrored_wheel_has_the_ground_of_the_other_side() -> None:
-    source = text("[0, 1, 0]", LIFT, "ground_slope: 0.1\n    ground_bank: 0.2\n    ground_height: 0.3", "inputs: {height: 0}")
+    source = text("[0, 1, 0]", LIFT, "terrain_slope: 0.1\n    terrain_bank: 0.2\n    terrain_height: 0.3", "inputs: {height: 0}")
     parts = source[source.index("bodies:") : source.index("outputs:")].replace("\n", "\n    ").strip()
     wheel = f"submodels:\n  corner:\n    connectors: []\n    {parts}\n"
     head = source[: source.index("bodies:")]
     rest = "instances: {left: {use: corner, connect: {}}, right: {use: corner, connect: {}, mirror: y}}\noutputs: [left.hub.z]\n"
     model = read_model_text(f"{head}{wheel}{rest}scenes: {{roll: {{inputs: {{height: 0}}, end: 1}}}}\n", "rolling.yaml")
-    found = {f.name: (f.ground_height, f.ground_slope, f.ground_bank) for f in model.forces if isinstance(f, Tyre)}
+    found = {f.name: (f.terrain_height, f.terrain_slope, f.terrain_bank) for f in model.forces if isinstance(f, Tyre)}
     assert found == {"left.wheel": (0.3, 0.1, 0.2), "right.wheel": (0.3, 0.1, -0.2)}

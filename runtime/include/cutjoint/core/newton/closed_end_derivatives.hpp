@@ -23,7 +23,7 @@ namespace cutjoint {
 /// f being the balance of forces.  A times a move is how f changes on the way of it, so that slopes of that are the differences of slopes there.  Where the run has
 /// the tangent of another pose, what that makes is missing.
 template <class Balance>
-class ClosedEndSlopes {
+class ClosedEndDerivatives {
  public:
   static constexpr std::size_t n = Balance::n, m = Balance::m, coordinates = Balance::coordinates, all = n + m;
   using Changes = typename Balance::Changes;
@@ -40,40 +40,40 @@ class ClosedEndSlopes {
     if (!decompose(balance, charts, from) && !decompose(balance, charts, from)) return false;  // with other pivots where those of matrices before have become small
     Changes pushed{}, moved{};
     for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
-      pushed[row].slope[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
-      moved[row].slope[0] += end_[k] * (end.v[column] - rule.v[column]);
+      pushed[row].derivative[0] += end_[k] * (end.vdot[column] - rule.vdot[column]);
+      moved[row].derivative[0] += end_[k] * (end.v[column] - rule.v[column]);
     });
     if (!balance.solve(projections_, pushed) || !balance.solve(projections_, moved)) return false;
-    const auto move = [&](double scale, const Changes& by, typename Balance::OfSlopes& slope) {
+    const auto move = [&](double scale, const Changes& by, typename Balance::OfDerivatives& derivative) {
       State at = rule;
       Fixed<double, n> way;
       for (std::size_t i = 0; i < n; ++i) {
-        const double x = scale * by[i].slope[0];
+        const double x = scale * by[i].derivative[0];
         at.vdot[i] += x, at.v[i] += h / 2 * x, way[i] = h * h / 4 * x;
       }
       retract<double>(charts, rule.q.data(), way.data(), at.q.data());
-      for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * by[n + i].slope[0];
-      balance.find(at, slope);
-      for (std::size_t k = 0; k < slope.size(); ++k) slope[k] = (slope[k] - rule_[k]) / scale;
+      for (std::size_t i = 0; i < m; ++i) at.lambda[i] += scale * by[n + i].derivative[0];
+      balance.find(at, derivative);
+      for (std::size_t k = 0; k < derivative.size(); ++k) derivative[k] = (derivative[k] - rule_[k]) / scale;
     };
     move(2 / h, moved, speeds_);
     move(1.0, pushed, accelerations_);
     return true;
   }
 
-  /// Accelerations and multipliers that lead to the end, where loops open by `gaps` along directions without their changes.
+  /// Accelerations and multipliers that lead to the end, where loops open by `violations` along directions without their changes.
   template <class Q, class V, class Inputs, class Held>
-  bool solve_rule(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& gaps, const Inputs& du, const Held& held, Changes& change) const {
+  bool solve_rule(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, Changes& change) const {
     balance.lose(rule_, q, v, du, held, change.data());
-    for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -4 / (h_ * h_) * gaps[i].slope;
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -4 / (h_ * h_) * violations[i].derivative;
     return balance.solve(matrix_, change);
   }
 
-  /// How speeds change by their projection, whose rates of loops open by `gaps` along directions without it; `first` are the changes that lead to the end.
+  /// How speeds change by their projection, whose rates of loops open by `violations` along directions without it; `first` are the changes that lead to the end.
   template <class Q, class V, class Inputs, class Held>
-  bool solve_speeds(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& gaps, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+  bool solve_speeds(Balance& balance, const Q& q, const V& v, const Fixed<Dual, m>& violations, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
     lose(balance, speeds_, q, v, du, held, first, change);
-    for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -gaps[i].slope;
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
     return balance.solve(projections_, change);
   }
 
@@ -83,7 +83,7 @@ class ClosedEndSlopes {
     Changes loops;
     lose(balance, accelerations_, q, v, du, held, first, change);
     balance.lose(end_, q, projected, du, held, loops.data());
-    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { loops[row].slope -= end_[k] * first[column].slope; });
+    for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) { loops[row].derivative -= end_[k] * first[column].derivative; });
     std::copy_n(loops.begin() + n, m, change.begin() + n);
     return balance.solve(projections_, change);
   }
@@ -99,21 +99,21 @@ class ClosedEndSlopes {
   }
 
   /// From slopes by the move of speeds to those by all that `lose` reads, by what leads to the end, and by gaps of the rates of loops.
-  bool pull_speeds(const Balance& balance, const Fixed<double, n>& by_move, Columns& by, First& by_first, Fixed<double, m>& by_gap) const {
+  bool pull_speeds(const Balance& balance, const Fixed<double, n>& by_move, Columns& by, First& by_first, Fixed<double, m>& by_violation) const {
     First x;
     if (!pull(balance, projections_, speeds_, by_move, {}, x, by, &by_first)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -x[n + i];
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -x[n + i];
     return true;
   }
 
   /// From slopes by accelerations and multipliers that lead to the end to those by all that `lose` reads, and by gaps of loops.
-  bool pull_rule(const Balance& balance, const First& by_first, Columns& by, Fixed<double, m>& by_gap) const {
+  bool pull_rule(const Balance& balance, const First& by_first, Columns& by, Fixed<double, m>& by_violation) const {
     First x;
     Fixed<double, n> by_a;
     Fixed<double, m> by_lambda;
     std::copy_n(by_first.begin(), n, by_a.begin()), std::copy_n(by_first.begin() + n, m, by_lambda.begin());
     if (!pull(balance, matrix_, rule_, by_a, by_lambda, x, by, nullptr)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -4 / (h_ * h_) * x[n + i];
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -4 / (h_ * h_) * x[n + i];
     return true;
   }
 
@@ -125,22 +125,22 @@ class ClosedEndSlopes {
 
   /// What forces lose by changes of all, `first` being those of accelerations and multipliers.
   template <class Q, class V, class Inputs, class Held>
-  void lose(Balance& balance, const typename Balance::OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
-    balance.lose(slope, q, v, du, held, change.data());
+  void lose(Balance& balance, const typename Balance::OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, const Changes& first, Changes& change) const {
+    balance.lose(derivative, q, v, du, held, change.data());
     for (std::size_t i = 0; i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].slope -= slope[Places::slopes[k]] * first[Places::columns[k] - Balance::first_acceleration].slope;
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) change[i].derivative -= derivative[Places::derivatives[k]] * first[Places::columns[k] - Balance::first_acceleration].derivative;
   }
 
   /// The solution x of transposed equations, and from it slopes by all that forces read, with `by_first` those by accelerations and multipliers, which are added.
-  bool pull(const Balance& balance, const Matrix& matrix, const typename Balance::OfSlopes& slope, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
+  bool pull(const Balance& balance, const Matrix& matrix, const typename Balance::OfDerivatives& derivative, const Fixed<double, n>& by_move, const Fixed<double, m>& by_lambda,
             First& x, Columns& by, First* by_first) const {
     std::copy(by_lambda.begin(), by_lambda.end(), std::copy(by_move.begin(), by_move.end(), x.begin()));
     if (!balance.solve_transposed(matrix, x)) return false;
     First forces;
     std::copy_n(x.begin(), n, forces.begin());
-    balance.pull(slope, forces.data(), by);
+    balance.pull(derivative, forces.data(), by);
     for (std::size_t i = 0; by_first && i < n; ++i)
-      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - Balance::first_acceleration] -= slope[Places::slopes[k]] * x[i];
+      for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) (*by_first)[Places::columns[k] - Balance::first_acceleration] -= derivative[Places::derivatives[k]] * x[i];
     return true;
   }
 
@@ -149,7 +149,7 @@ class ClosedEndSlopes {
   static void for_curvatures(Use use) {
     for (std::size_t i = n; i < all; ++i)
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k)
-        if (Places::columns[k] < Balance::first_multiplier) use(i, Places::slopes[k], Places::columns[k] - Balance::first_acceleration);
+        if (Places::columns[k] < Balance::first_multiplier) use(i, Places::derivatives[k], Places::columns[k] - Balance::first_acceleration);
   }
 
   bool decompose(const Balance& balance, std::span<const Chart> charts, const double* from) {
@@ -166,14 +166,14 @@ class ClosedEndSlopes {
         if (column < Balance::first_speed && Balance::turns(column)) continue;
         const bool is_speed = column >= Balance::first_speed;
         const std::size_t place = at(i, is_speed ? column - Balance::first_speed : Balance::unknown_of(column));
-        const double share = (is_speed ? by_speed : by_place) * rule_[Places::slopes[k]];
+        const double share = (is_speed ? by_speed : by_place) * rule_[Places::derivatives[k]];
         rule[place] += share, projections[place] += share;
       }
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
         const std::size_t column = Places::columns[k] - Balance::first_acceleration;
-        const double slope = (i < n ? rule_ : end_)[Places::slopes[k]];
-        projections[at(i, column)] += slope;
-        if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += slope;
+        const double derivative = (i < n ? rule_ : end_)[Places::derivatives[k]];
+        projections[at(i, column)] += derivative;
+        if (i < n || column >= n || !is_turn(charts, column)) rule[at(i, column)] += derivative;
       }
       if (i >= n) rule[at(i, i)] -= balance.gives_way(i - n), projections[at(i, i)] -= balance.gives_way(i - n);
     }
@@ -194,12 +194,12 @@ class ClosedEndSlopes {
     for (const Chart& chart : charts) {
       if (!chart.ball) continue;
       const auto e = static_cast<std::size_t>(chart.q + chart.scalars), w = static_cast<std::size_t>(chart.v + chart.scalars);
-      const BallSlopes turn = turn_slopes(from + e, delta_.data() + w);
+      const BallDerivatives turn = turn_derivatives(from + e, delta_.data() + w);
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t k = Places::starts[i]; k < Places::middles[i]; ++k)
           if (const std::size_t column = Places::columns[k]; column >= e && column < e + 4)
             for (std::size_t l = 0; l < 3; ++l) {
-              const double share = h_ * h_ / 4 * rule_[Places::slopes[k]] * turn.by[column - e][4 + l];
+              const double share = h_ * h_ / 4 * rule_[Places::derivatives[k]] * turn.by[column - e][4 + l];
               rule[Matrix::places.of(i, w + l)] += share, projections[Matrix::places.of(i, w + l)] += share;
             }
       for_curvatures([&](std::size_t row, std::size_t k, std::size_t column) {
@@ -214,7 +214,7 @@ class ClosedEndSlopes {
 
   double h_ = 0.0;
   Fixed<double, n> delta_;
-  typename Balance::OfSlopes rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
+  typename Balance::OfDerivatives rule_, end_, accelerations_, speeds_;  ///< what leads to the end, there, and of tangents times the moves of projections
   Matrix matrix_, projections_;  ///< of what leads to the end, and of projections
 };
 

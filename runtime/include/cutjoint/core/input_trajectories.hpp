@@ -12,17 +12,17 @@ namespace cutjoint {
 
 /// An input over time in pieces that begin at `times`, the first of which holds before, too: of each the value and its first three derivatives where it begins.
 /// Where it `jumps` from piece to piece, steps end at these times and begin anew.
-struct InputCourse {
+struct InputTrajectory {
   int input = 0, jumps = 0;
   long pieces = 0;
   const double *times = nullptr, *numbers = nullptr;
   const double* changes = nullptr;  ///< of these numbers along directions (directions, pieces, 4)
-  double* slopes = nullptr;         ///< of objectives by these numbers (objectives, pieces, 4)
+  double* derivatives = nullptr;         ///< of objectives by these numbers (objectives, pieces, 4)
 };
 
 /// Courses of inputs, `n` at most.  Within a part of a step the piece where it begins holds from its beginning on, and the piece where it ends to its end.
 template <std::size_t n>
-class InputCourses {
+class InputTrajectories {
  public:
   static constexpr std::size_t orders = 4;
 
@@ -34,14 +34,14 @@ class InputCourses {
   /// Whether the input of one is such.
   template <class Is>
   bool any_of(Is is) const {
-    return std::any_of(courses_.begin(), courses_.begin() + number_, [is](const InputCourse& x) { return is(static_cast<std::size_t>(x.input)); });
+    return std::any_of(trajectories_.begin(), trajectories_.begin() + number_, [is](const InputTrajectory& x) { return is(static_cast<std::size_t>(x.input)); });
   }
 
   void clear() { number_ = 0; }
 
-  void add(const InputCourse& course) {
+  void add(const InputTrajectory& trajectory) {
     pieces_[number_] = 0;
-    courses_[number_++] = course;
+    trajectories_[number_++] = trajectory;
   }
 
   /// A run begins at a time, with steps of a length.
@@ -58,7 +58,7 @@ class InputCourses {
     jumps_ = false;
     for (std::size_t i = 0; i < number_; ++i) {
       const std::size_t now = find(i, t);
-      jumps_ = jumps_ || (courses_[i].jumps && now > 0 && courses_[i].times[now] > t - rounding_);
+      jumps_ = jumps_ || (trajectories_[i].jumps && now > 0 && trajectories_[i].times[now] > t - rounding_);
     }
     return jumps_;
   }
@@ -67,7 +67,7 @@ class InputCourses {
   double next_jump() const {
     double next = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < number_; ++i)
-      if (courses_[i].jumps && pieces_[i] + 1 < static_cast<std::size_t>(courses_[i].pieces)) next = std::min(next, courses_[i].times[pieces_[i] + 1]);
+      if (trajectories_[i].jumps && pieces_[i] + 1 < static_cast<std::size_t>(trajectories_[i].pieces)) next = std::min(next, trajectories_[i].times[pieces_[i] + 1]);
     return next;
   }
 
@@ -86,24 +86,24 @@ class InputCourses {
   /// Value, rate and acceleration of each at a time, among those of all inputs.
   void fill(double t, double* input) {
     for (std::size_t i = 0; i < number_; ++i) {
-      const InputCourse& course = courses_[i];
-      since_[i] = t - course.times[find(i, t)];
-      evaluate(course.numbers + orders * pieces_[i], since_[i], [&](std::size_t order, double x) { input[place(course) + order] = x; });
+      const InputTrajectory& trajectory = trajectories_[i];
+      since_[i] = t - trajectory.times[find(i, t)];
+      evaluate(trajectory.numbers + orders * pieces_[i], since_[i], [&](std::size_t order, double x) { input[place(trajectory) + order] = x; });
     }
   }
 
   /// The third derivative of the input at a place among numbers of inputs, where it was filled in last; a null pointer without a course.
   const double* jerk(std::size_t at) const {
     for (std::size_t i = 0; i < number_; ++i)
-      if (place(courses_[i]) == at) return courses_[i].numbers + orders * pieces_[i] + 3;
+      if (place(trajectories_[i]) == at) return trajectories_[i].numbers + orders * pieces_[i] + 3;
     return nullptr;
   }
 
   /// Directions from one on, so many, are those of the host, or the numbers of one piece.
   void change_along(Along along) { along_ = along; }
-  void change_piece(std::size_t course, std::size_t piece) {
+  void change_piece(std::size_t trajectory, std::size_t piece) {
     along_ = Along::piece;
-    course_ = course;
+    trajectory_ = trajectory;
     piece_ = piece;
   }
 
@@ -111,16 +111,16 @@ class InputCourses {
   template <class Numbers>
   void add_changes(std::size_t first, std::size_t number, Numbers& du) const {
     if (along_ == Along::piece) {
-      for (std::size_t k = 0; k < number && pieces_[course_] == piece_; ++k) {
+      for (std::size_t k = 0; k < number && pieces_[trajectory_] == piece_; ++k) {
         double unit[orders] = {};
         unit[k] = 1.0;
-        evaluate(unit, since_[course_], [&](std::size_t order, double x) { du[place(courses_[course_]) + order].slope[k] += x; });
+        evaluate(unit, since_[trajectory_], [&](std::size_t order, double x) { du[place(trajectories_[trajectory_]) + order].derivative[k] += x; });
       }
     } else if (along_ == Along::changes) {
       for (std::size_t i = 0; i < number_; ++i)
-        for (std::size_t k = 0; k < number && courses_[i].changes; ++k) {
-          const double* const row = courses_[i].changes + orders * ((first + k) * static_cast<std::size_t>(courses_[i].pieces) + pieces_[i]);
-          evaluate(row, since_[i], [&](std::size_t order, double x) { du[place(courses_[i]) + order].slope[k] += x; });
+        for (std::size_t k = 0; k < number && trajectories_[i].changes; ++k) {
+          const double* const row = trajectories_[i].changes + orders * ((first + k) * static_cast<std::size_t>(trajectories_[i].pieces) + pieces_[i]);
+          evaluate(row, since_[i], [&](std::size_t order, double x) { du[place(trajectories_[i]) + order].derivative[k] += x; });
         }
     }
   }
@@ -128,39 +128,39 @@ class InputCourses {
   /// Add slopes of an objective by inputs where they were filled in last to those by numbers of courses.
   void pull(std::size_t objective, const double* by_input) const {
     for (std::size_t i = 0; i < number_; ++i) {
-      const double *by = by_input + place(courses_[i]), since = since_[i];
-      double* const slopes = slopes_of(objective, i, pieces_[i]);
-      if (!slopes) continue;
-      slopes[0] += by[0];
-      slopes[1] += by[1] + since * by[0];
-      slopes[2] += by[2] + since * (by[1] + since / 2 * by[0]);
-      slopes[3] += since * (by[2] + since / 2 * (by[1] + since / 3 * by[0]));
+      const double *by = by_input + place(trajectories_[i]), since = since_[i];
+      double* const derivatives = derivatives_of(objective, i, pieces_[i]);
+      if (!derivatives) continue;
+      derivatives[0] += by[0];
+      derivatives[1] += by[1] + since * by[0];
+      derivatives[2] += by[2] + since * (by[1] + since / 2 * by[0]);
+      derivatives[3] += since * (by[2] + since / 2 * (by[1] + since / 3 * by[0]));
     }
   }
 
   /// Slopes of an objective by the numbers of a piece.
-  double* slopes_of(std::size_t objective, std::size_t course, std::size_t piece) const {
-    const InputCourse& x = courses_[course];
-    return x.slopes ? x.slopes + orders * (objective * static_cast<std::size_t>(x.pieces) + piece) : nullptr;
+  double* derivatives_of(std::size_t objective, std::size_t trajectory, std::size_t piece) const {
+    const InputTrajectory& x = trajectories_[trajectory];
+    return x.derivatives ? x.derivatives + orders * (objective * static_cast<std::size_t>(x.pieces) + piece) : nullptr;
   }
 
-  void clear_slopes(std::size_t objective) const {
+  void clear_derivatives(std::size_t objective) const {
     for (std::size_t i = 0; i < number_; ++i)
-      if (double* const slopes = slopes_of(objective, i, 0)) std::fill_n(slopes, orders * static_cast<std::size_t>(courses_[i].pieces), 0.0);
+      if (double* const derivatives = derivatives_of(objective, i, 0)) std::fill_n(derivatives, orders * static_cast<std::size_t>(trajectories_[i].pieces), 0.0);
   }
 
   /// The piece of a course at a time.
-  std::size_t find(std::size_t course, double t) {
-    const InputCourse& x = courses_[course];
+  std::size_t find(std::size_t trajectory, double t) {
+    const InputTrajectory& x = trajectories_[trajectory];
     const double at = t <= from_ + rounding_ ? from_ + rounding_ : t >= until_ - rounding_ ? until_ - rounding_ : t;
-    std::size_t& piece = pieces_[course];
+    std::size_t& piece = pieces_[trajectory];
     while (piece + 1 < static_cast<std::size_t>(x.pieces) && x.times[piece + 1] <= at) ++piece;
     while (piece > 0 && x.times[piece] > at) --piece;
     return piece;
   }
 
  private:
-  static std::size_t place(const InputCourse& course) { return numbers_per_input * static_cast<std::size_t>(course.input); }
+  static std::size_t place(const InputTrajectory& trajectory) { return numbers_per_input * static_cast<std::size_t>(trajectory.input); }
 
   template <class Put>
   static void evaluate(const double* x, double since, Put put) {
@@ -170,13 +170,13 @@ class InputCourses {
   }
 
   std::size_t number_ = 0;
-  Fixed<InputCourse, n> courses_;
+  Fixed<InputTrajectory, n> trajectories_;
   Fixed<std::size_t, n> pieces_;  ///< that hold where inputs were filled in last
   Fixed<double, n> since_;        ///< their beginning
   double from_ = 0.0, until_ = 0.0, rounding_ = 0.0;
   bool jumps_ = false;
   Along along_ = Along::nothing;
-  std::size_t course_ = 0, piece_ = 0;
+  std::size_t trajectory_ = 0, piece_ = 0;
 };
 
 }  // namespace cutjoint

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cutjoint.commands.preparing import FinishedRun, read_request
-from cutjoint.compile.pipeline import with_asked_loops
+from cutjoint.compile.pipeline import with_requested_loops
 from cutjoint.compile.prepared import Request
 from cutjoint.export.laws import Numbers
 from cutjoint.methods import INTEGRATORS
@@ -36,22 +36,22 @@ def require_replay(request: Request, parameters: Mapping[str, float], view: Path
 
 
 def write_replay(
-    request: Request, played: FinishedRun | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
+    request: Request, ran: FinishedRun | None, view: Path, over: Path | None, parameters: Mapping[str, float], plan: SimulatorRun,
     run: Trajectory,
 ) -> Path:  # fmt: skip
     """Write the run of a plan as a page or a glTF file, one that failed with its last steps, ``over`` the run of an earlier page.
 
-    What was not ``played`` now was cached: a run of what is asked for.
+    What was not ``ran`` now was cached: a run of what is asked for.
 
     Raises:
         ModelError, OutputError: the model has been changed meanwhile, or the file cannot be written.
     """
-    played = FinishedRun(*read_request(request), parameters) if played is None else played
+    ran = FinishedRun(*read_request(request), parameters) if ran is None else ran
     end = request.options.end
-    scene = played.scene if end is None else replace(played.scene, end=end)
+    scene = ran.scene if end is None else replace(ran.scene, end=end)
     steps = with_each_step(replace(plan, with_coordinates=True), run)
-    model = with_asked_loops(played.model, scene, played.method)
-    shown = show_run(model, scene, played.method, played.parameters, steps, variant=played.variant)
+    model = with_requested_loops(ran.model, scene, ran.method)
+    shown = show_run(model, scene, ran.method, ran.parameters, steps, variant=ran.variant)
     return write_shown(view, shown, over=read_over(over, view))
 
 

@@ -52,11 +52,11 @@ def values_of(model: Model) -> dict[Any, float]:
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_an_opened_model_with_the_numbers_of_the_file_is_the_model(path: Path) -> None:
-    plain, opened = read_model(path), read_model(path, opened=["*"])
-    assert len(opened.parameters) > len(plain.parameters)
-    before, now = dict(expressions(plain)), dict(expressions(opened))
-    known = {p.symbol: p.value for p in plain.parameters} | values_of(opened)
+def test_a_tunable_model_with_the_numbers_of_the_file_is_the_model(path: Path) -> None:
+    plain, tunable = read_model(path), read_model(path, tunable=["*"])
+    assert len(tunable.parameters) > len(plain.parameters)
+    before, now = dict(expressions(plain)), dict(expressions(tunable))
+    known = {p.symbol: p.value for p in plain.parameters} | values_of(tunable)
     assert before.keys() == now.keys()
     changed = 0
     for place, value in before.items():
@@ -67,18 +67,18 @@ def test_an_opened_model_with_the_numbers_of_the_file_is_the_model(path: Path) -
 
 
 def test_names_are_those_of_places() -> None:
-    names = {p.name for p in read_model(PRESS, opened=["*"]).parameters}
+    names = {p.name for p in read_model(PRESS, tunable=["*"]).parameters}
     assert names >= {"crank.mass", "crank.inertia.1", "A.z", "press.gravity.z", "turn.rates.pin.angle_rate"}
-    opened = [p.name for p in read_model(PRESS, opened=["*.mass", "A.?"]).parameters if p.name not in ("stiffness", "damping")]
-    assert sorted(opened) == ["A.x", "A.y", "A.z", "crank.mass", "rod.mass", "slider.mass"]
+    tunable = [p.name for p in read_model(PRESS, tunable=["*.mass", "A.?"]).parameters if p.name not in ("stiffness", "damping")]
+    assert sorted(tunable) == ["A.x", "A.y", "A.z", "crank.mass", "rod.mass", "slider.mass"]
 
 
 @pytest.mark.parametrize(("pattern", "name", "value"), [
     ("turn.rates.pin.angle_rate", "turn.rates.pin.angle_rate", 10.0), ("*.rates.*", "turn.rates.pin.angle_rate", 10.0),
     ("press.gravity.z", "press.gravity.z", -9.81),
 ])  # fmt: skip
-def test_numbers_of_scenes_and_gravity_are_opened_by_name(pattern: str, name: str, value: float) -> None:
-    *_, added = read_model(PRESS, opened=[pattern]).parameters
+def test_numbers_of_scenes_and_gravity_are_tunable_by_name(pattern: str, name: str, value: float) -> None:
+    *_, added = read_model(PRESS, tunable=[pattern]).parameters
     assert (added.name, added.value) == (name, value)
 
 
@@ -100,7 +100,7 @@ scenes: {swing: {end: 0.2, output_step: 10 ms, positions: {left.pin.angle: 1, ri
 """
 
 
-def test_an_instance_is_opened_by_one_word() -> None:
+def test_an_instance_is_tunable_by_one_word() -> None:
     model = read_model_text(SUBMODEL.replace("BINDING", ", binding: param"), "pair.yaml")
     found = {p.name: (p.value, p.unit) for p in model.parameters}
     assert found["left.stiffness"] == (40.0, "N*m")
@@ -110,7 +110,7 @@ def test_an_instance_is_opened_by_one_word() -> None:
 
 
 def test_a_pattern_opens_the_arguments_of_instances() -> None:
-    model = read_model_text(SUBMODEL.replace("BINDING", ""), "pair.yaml", opened=["*.stiffness"])
+    model = read_model_text(SUBMODEL.replace("BINDING", ""), "pair.yaml", tunable=["*.stiffness"])
     assert [p.name for p in model.parameters] == ["left.stiffness", "right.stiffness"]
 
 
@@ -125,9 +125,9 @@ scenes: {run: {end: 0.1}}
 """
 
 
-def test_defaults_are_opened_by_a_pattern_alone() -> None:
+def test_defaults_are_tunable_by_a_pattern_alone() -> None:
     """Expressions over an opened one go along; an instance with a binding opens what stands there."""
-    model = read_model_text(DEFAULTED.replace("BINDING", ""), "rack.yaml", opened=["steering.column"])
+    model = read_model_text(DEFAULTED.replace("BINDING", ""), "rack.yaml", tunable=["steering.column"])
     assert [(p.name, p.value) for p in model.parameters] == [("steering.column", 120.0)]
     (force,) = model.forces
     assert model.parameters[0].symbol in force.law.free_symbols
@@ -136,9 +136,9 @@ def test_defaults_are_opened_by_a_pattern_alone() -> None:
     assert not {"steering.column", "steering.mass"} & {p.name for p in whole.parameters}
 
 
-def test_a_pattern_without_a_number_is_told() -> None:
+def test_a_pattern_without_a_number_is_reported() -> None:
     with pytest.raises(ModelError) as caught:
-        read_model(PRESS, opened=["*.mass", "crank.mas"])
+        read_model(PRESS, tunable=["*.mass", "crank.mas"])
     (problem,) = caught.value.problems
     assert problem.message == "no number that could be opened is called 'crank.mas'"
     assert problem.hint == "did you mean 'crank.mass'?"
@@ -151,7 +151,7 @@ def test_runs_with_other_numbers_are_those_of_another_file(method: str, tmp_path
     other = text.replace("rod: {mass: 1,", "rod: {mass: 3,").replace("B: [0.3, 0, 0]", "B: [0.3, 0, 0.11]")
     assert other.count("0.11]") == 1
     assert "mass: 3" in other
-    artifact = compile_model(PRESS, opened=["*.mass", "B.?"], method=method)
+    artifact = compile_model(PRESS, tunable=["*.mass", "B.?"], method=method)
     run = simulate(artifact, parameters={"rod.mass": 3, "B.z": 0.11}, error=False, dt=1e-3, end=0.5)
     model = read_model_text(other, "other.yaml")
     wanted = simulate(compile_scene(model, model.scenes["turn"], CompileOptions(method=method)), error=False, dt=1e-3, end=0.5)
@@ -162,12 +162,12 @@ def test_runs_with_other_numbers_are_those_of_another_file(method: str, tmp_path
 @needs_cpp
 def test_the_command_opens_and_says_the_price(tmp_path: Path) -> None:
     out = tmp_path / "run.csv"
-    done = CliRunner().invoke(main, ["simulate", str(PRESS), "--open", "*.mass", "--set", "rod.mass=2", "--out", str(out)])
+    done = CliRunner().invoke(main, ["simulate", str(PRESS), "--tunable", "*.mass", "--set", "rod.mass=2", "--out", str(out)])
     assert done.exit_code == 0, done.output
     refused = CliRunner().invoke(main, ["simulate", str(PRESS), "--set", "rod.mass=2", "--out", str(out)])
     assert refused.exit_code == 1
     folder = tmp_path / "folder"
-    done = CliRunner().invoke(main, ["compile", str(PRESS), "--open", "*.mass", "--out", str(folder)])
+    done = CliRunner().invoke(main, ["compile", str(PRESS), "--tunable", "*.mass", "--out", str(folder)])
     assert done.exit_code == 0, done.output
     assert "3 numbers are opened; 230 without" in done.output
     assert "crank.mass" in (folder / "press.run").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 from cutjoint.elements.forces.body_load import BodyLoad
-from cutjoint.elements.forces.on_road import GROUND, OnRoad
+from cutjoint.elements.forces.on_road import TERRAIN, OnRoad
 from cutjoint.model.errors import ModelError, Problem, nearest
 from cutjoint.model.expressions import parameter_symbol
 from cutjoint.model.operations import Term
@@ -24,7 +24,7 @@ _AXES = "xyz"
 
 
 @dataclass
-class Opening:
+class TunableNumbers:
     """Opens the numbers whose names match one of the ``patterns``, with * for any text, and notes the names of all.
 
     ``instances`` are patterns of instances that are opened whole: of numbers that stand there, not of defaults.
@@ -40,7 +40,7 @@ class Opening:
         self.names.add(name)
         return any(fnmatchcase(name, pattern) for pattern in (*self.patterns, *(() if is_default else self.instances)))
 
-    def opened(
+    def tunable(
         self, name: str, term: Term, expected: Dimension | None, span: Span, values: MutableMapping[Scalar, float], *,
         is_default: bool = False,
     ) -> Term:  # fmt: skip
@@ -81,34 +81,34 @@ def number_name(element: str, keys: Path, *, in_triple: bool) -> str:
 # Forces and ground from outside
 
 #: The units of the inputs of a pushed body or marker, by the ends of their names.
-PUSHES = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
+WRENCH_UNITS = {**dict.fromkeys(("fx", "fy", "fz"), "N"), **dict.fromkeys(("tx", "ty", "tz"), "N*m")}
 
 
-def with_inputs(model: Model, *, pushed: Sequence[str] = (), grounded: Sequence[str] = ()) -> Model:
-    """The model `with_pushes` and `with_grounds`."""
-    return with_grounds(with_pushes(model, pushed), grounded)
+def with_inputs(model: Model, *, external_wrenches: Sequence[str] = (), terrain: Sequence[str] = ()) -> Model:
+    """The model `with_external_wrenches` and `with_terrain`."""
+    return with_terrain(with_external_wrenches(model, external_wrenches), terrain)
 
 
-def with_grounds(model: Model, patterns: Sequence[str]) -> Model:
+def with_terrain(model: Model, patterns: Sequence[str]) -> Model:
     """The model whose wheels of names that match a pattern, with * for any text, have ground from a host beside their own and the road's.
 
-    Each has the inputs ``NAME.ground_height`` (m), ``NAME.ground_slope`` and ``NAME.ground_bank``, of value 0 where nobody gives one, which
-    are added, and ``NAME.friction``, a factor of value 1.
+    Each has the inputs ``NAME.terrain_height`` (m), ``NAME.terrain_slope`` and ``NAME.terrain_bank``, of value 0 where nobody gives one,
+    which are added, and ``NAME.friction``, a factor of value 1.
 
     Raises:
         ModelError: a pattern matches no wheel.
     """
     wheels = [force.name for force in model.forces if isinstance(force, OnRoad)]
     if idle := [pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in wheels)]:
-        words = [(f"ground '{pattern}'", nearest(pattern, wheels, "such as")) for pattern in idle]
+        words = [(f"terrain '{pattern}'", nearest(pattern, wheels, "such as")) for pattern in idle]
         message = "the model has no force of kind 'tyre' or 'wheel' of this name"
         raise ModelError([Problem(span=model.span, element=element, message=message, hint=hint) for element, hint in words])
     parameters, forces = [*model.parameters], []
     for force in model.forces:
         if isinstance(force, OnRoad) and any(fnmatchcase(force.name, pattern) for pattern in patterns):
-            ground = {end: _input(f"{force.name}.{end}", unit, force.span, float(end == "friction")) for end, unit in GROUND.items()}
-            parameters += ground.values()
-            force = force.with_ground({end: given.symbol for end, given in ground.items()})
+            terrain = {end: _input(f"{force.name}.{end}", unit, force.span, float(end == "friction")) for end, unit in TERRAIN.items()}
+            parameters += terrain.values()
+            force = force.with_added_terrain({end: given.symbol for end, given in terrain.items()})
         forces.append(force)
     return replace(model, parameters=tuple(parameters), forces=tuple(forces))
 
@@ -117,10 +117,10 @@ def _input(name: str, unit: str, span: Span, value: float = 0.0) -> Parameter:
     return Parameter(name=name, symbol=parameter_symbol(name), value=value, unit=unit, binding=Binding.INPUT, span=span)
 
 
-def with_pushes(model: Model, names: Sequence[str]) -> Model:
+def with_external_wrenches(model: Model, names: Sequence[str]) -> Model:
     """The model with a force (N) at the centre of mass of each body that is named, or at a marker, and a torque (N m), in global axes.
 
-    They are the inputs ``NAME.push.fx`` to ``NAME.push.tz``, of value 0 where nobody gives one.
+    They are the inputs ``NAME.wrench.fx`` to ``NAME.wrench.tz``, of value 0 where nobody gives one.
 
     Raises:
         ModelError: the model has no such body or marker, or a name is given twice.
@@ -131,10 +131,10 @@ def with_pushes(model: Model, names: Sequence[str]) -> Model:
     parameters, forces = [*model.parameters], [*model.forces]
     for name in names:
         place = places[name]
-        added = [_input(f"{name}.push.{end}", unit, place.span) for end, unit in PUSHES.items()]
+        added = [_input(f"{name}.wrench.{end}", unit, place.span) for end, unit in WRENCH_UNITS.items()]
         parameters += added
         x, y, z, *torque = (parameter.symbol for parameter in added)
-        forces += [_load(f"{name}.push", place, (x, y, z)), _load(f"{name}.twist", place, tuple(torque), is_torque=True)]
+        forces += [_load(f"{name}.wrench", place, (x, y, z)), _load(f"{name}.torque", place, tuple(torque), is_torque=True)]
     return replace(model, parameters=tuple(parameters), forces=tuple(forces))
 
 
@@ -146,10 +146,10 @@ def _faults(model: Model, names: Sequence[str], places: dict[str, Body | Marker]
             fault, hint = "the model has no body or marker of this name", nearest(name, places)
         elif name in names[:number]:
             fault, hint = "is given twice", "write it once"
-        elif taken & {f"{name}.push", f"{name}.twist"}:
+        elif taken & {f"{name}.wrench", f"{name}.torque"}:
             fault, hint = "the model has a force of its own that is called so", "give that another name"
         if fault:
-            yield Problem(span=model.span, element=f"push '{name}'", message=fault, hint=hint)
+            yield Problem(span=model.span, element=f"external wrench on '{name}'", message=fault, hint=hint)
 
 
 def _load(name: str, place: Body | Marker, components: Vector, *, is_torque: bool = False) -> BodyLoad:

@@ -13,7 +13,7 @@ from cutjoint.run.inputs import read_table
 from cutjoint.stepping.values import Array, find_place
 
 #: Values that are held for equal numbers of steps each, or a table over time, as of `simulate`.
-InputOverTime: TypeAlias = ArrayLike | Mapping[str, Any]
+InputTrajectoryLike: TypeAlias = ArrayLike | Mapping[str, Any]
 
 #: The number of knots in a row on which a piece depends at most.
 _KNOTS = 4
@@ -22,29 +22,29 @@ _KNOTS = 4
 @dataclass(frozen=True, kw_only=True)
 class Knots:
     """The numbers by which a course is given, ``number`` of them, and the pieces' dependence on these: that of each piece on four of
-    them in a row, ``slopes`` (4, pieces, 4), whose numbers are ``which`` (4, pieces)."""
+    them in a row, ``derivatives`` (4, pieces, 4), whose numbers are ``which`` (4, pieces)."""
 
     number: int
-    slopes: Array
+    derivatives: Array
     which: NDArray[np.intp]
 
     def spread(self) -> Array:
         """The change of the pieces' numbers with each knot, (knots, pieces, 4)."""
-        found = np.zeros((self.number, *self.slopes.shape[1:]))
-        for slopes, which in zip(self.slopes, self.which, strict=True):
-            found[which, np.arange(len(which))] += slopes
+        found = np.zeros((self.number, *self.derivatives.shape[1:]))
+        for derivatives, which in zip(self.derivatives, self.which, strict=True):
+            found[which, np.arange(len(which))] += derivatives
         return found
 
     def gather(self, by_pieces: Array) -> Array:
         """Slopes by knots, (objectives, knots), from those by the pieces' numbers, (objectives, pieces, 4)."""
         found = np.zeros((len(by_pieces), self.number))
-        for slopes, which in zip(self.slopes, self.which, strict=True):
-            np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, slopes))
+        for derivatives, which in zip(self.derivatives, self.which, strict=True):
+            np.add.at(found.T, which, np.einsum("opk,pk->po", by_pieces, derivatives))
         return found
 
 
 @dataclass(frozen=True, kw_only=True)
-class Course:
+class InputTrajectory:
     """The input at a ``place`` over time: value, rate, acceleration and third derivative, ``numbers`` (pieces, 4), of cubics that begin
     at ``times`` (s); ``jumps`` says whether it may from one to the next.  ``knots`` are the numbers that gave it, by name."""
 
@@ -55,9 +55,9 @@ class Course:
     knots: Mapping[str, Knots]
 
 
-def make_courses(
-    names: Sequence[str], given: Mapping[str, InputOverTime], start: float, steps: int, dt: float
-) -> tuple[Course, ...]:  # fmt: skip
+def make_trajectories(
+    names: Sequence[str], given: Mapping[str, InputTrajectoryLike], start: float, steps: int, dt: float
+) -> tuple[InputTrajectory, ...]:  # fmt: skip
     """Courses of inputs from those ``given`` by name, of a run of so many steps from a time on (s).
 
     Raises:
@@ -69,7 +69,7 @@ def make_courses(
     return tuple(_make(name, find_place(places, name), each, start, steps, dt) for name, each in given.items())
 
 
-def _make(name: str, place: int, given: InputOverTime, start: float, steps: int, dt: float) -> Course:
+def _make(name: str, place: int, given: InputTrajectoryLike, start: float, steps: int, dt: float) -> InputTrajectory:
     if not isinstance(given, Mapping):
         values = np.asarray(given, dtype=np.float64)
         if values.ndim != 1 or not len(values) or steps % len(values):
@@ -110,7 +110,7 @@ def _cubics(t: Array, values: Array, rates: Array | None) -> Array:
 
 def _linear(
     place: int, times: Array, pieces: Callable[[Mapping[str, Array]], Array], knots: Mapping[str, Array], *, jumps: bool
-) -> Course:  # fmt: skip
+) -> InputTrajectory:  # fmt: skip
     """A course whose pieces are a linear function of knots, each of four in a row: ones at every fourth say how."""
     found = {}
     for kind, values in knots.items():
@@ -119,8 +119,8 @@ def _linear(
         ones = [{other: np.zeros(len(each)) for other, each in knots.items()} for _ in range(_KNOTS)]
         for k, each in enumerate(ones):
             each[kind][k::_KNOTS] = 1.0
-        found[kind] = Knots(number=len(values), slopes=np.array([pieces(each) for each in ones]), which=which)
-    return Course(place=place, times=times, numbers=pieces(knots), jumps=jumps, knots=found)
+        found[kind] = Knots(number=len(values), derivatives=np.array([pieces(each) for each in ones]), which=which)
+    return InputTrajectory(place=place, times=times, numbers=pieces(knots), jumps=jumps, knots=found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,9 +134,9 @@ class Columns:
     of_knots: tuple[tuple[int, int, Knots], ...]
 
     @classmethod
-    def of(cls, by: Sequence[str], courses: Sequence[Course]) -> Columns:
+    def of(cls, by: Sequence[str], trajectories: Sequence[InputTrajectory]) -> Columns:
         """Columns of the numbers ``by``."""
-        known = {name: (i, knots) for i, course in enumerate(courses) for name, knots in course.knots.items()}
+        known = {name: (i, knots) for i, trajectory in enumerate(trajectories) for name, knots in trajectory.knots.items()}
         names: list[str] = []
         plain, of_knots = {}, []
         for name in by:
@@ -148,18 +148,18 @@ class Columns:
                 names.append(name)
         return cls(names=tuple(names), plain=plain, of_knots=tuple(of_knots))
 
-    def parts(self, course: int) -> Iterator[tuple[slice, Knots]]:
+    def parts(self, trajectory: int) -> Iterator[tuple[slice, Knots]]:
         """The columns of a course, by its number, and their knots."""
         for first, i, knots in self.of_knots:
-            if i == course:
+            if i == trajectory:
                 yield slice(first, first + knots.number), knots
 
-    def changes(self, courses: Sequence[Course]) -> list[Array | None]:
+    def changes(self, trajectories: Sequence[InputTrajectory]) -> list[Array | None]:
         """The change of the numbers of each course along all columns, (columns, pieces, 4); None of one that has none."""
         found: list[Array | None] = []
-        for i, course in enumerate(courses):
+        for i, trajectory in enumerate(trajectories):
             parts = list(self.parts(i))
-            change = np.zeros((len(self.names), *course.numbers.shape)) if parts else None
+            change = np.zeros((len(self.names), *trajectory.numbers.shape)) if parts else None
             for columns, knots in parts:
                 assert change is not None
                 change[columns] = knots.spread()

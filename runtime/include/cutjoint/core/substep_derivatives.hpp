@@ -9,7 +9,7 @@
 
 #include "cutjoint/core/coefficients.hpp"
 #include "cutjoint/core/event_derivatives.hpp"
-#include "cutjoint/core/radau/stage_slopes.hpp"
+#include "cutjoint/core/radau/stage_derivatives.hpp"
 #include "cutjoint/core/stepping/interpolant.hpp"
 
 namespace cutjoint {
@@ -23,7 +23,7 @@ struct StagesOf {
 
 template <class M, class Balance>
 struct StagesOf<M, Balance, true> {
-  using type = radau::StageSlopes<Balance>;
+  using type = radau::StageDerivatives<Balance>;
 
   struct Points : std::array<StateOf<M>, type::stages> {
     Points() : Points(StateOf<M>(M::sizes.coordinates, M::sizes.speeds, M::sizes.equations)) {}
@@ -35,10 +35,10 @@ struct StagesOf<M, Balance, true> {
 ///
 /// What is found by iteration, the accelerations at the end of the trapezoidal rule, multipliers, and the way to closed loops, goes on until derivatives stay
 /// too, so that they are those of the solution.
-template <class Simulation, Sized D, Sized S, std::size_t freedoms, class Balance = NoBalance>
-class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Balance> {
+template <class Simulation, Sized D, Sized S, std::size_t dofs, class Balance = NoResidual>
+class PartDerivatives : public EventDerivatives<Simulation, D, S, dofs, Balance> {
  public:
-  using Base = EventDerivatives<Simulation, D, S, freedoms, Balance>;
+  using Base = EventDerivatives<Simulation, D, S, dofs, Balance>;
   using typename Base::M;
 
  protected:
@@ -50,14 +50,14 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   static constexpr bool goes_on = !is_explicit && (!Base::has_system || m > 0 || has_stages);
 
   /// Whether it begins with the slope that the one before has found where its last stage stood, before loops were closed.
-  static constexpr bool carries_slope = is_explicit && m > 0;
+  static constexpr bool carries_derivative = is_explicit && m > 0;
 
   [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::type stages_;  ///< of a step, the stages of which stand at
   [[no_unique_address]] typename StagesOf<M, Balance, has_stages>::Points points_;
 
   Fixed<Dual, M::sizes.coordinates> turn_;  ///< rates of coordinates of that slope
-  bool is_slope_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
-  bool wants_slope_ = false;                ///< it is to be there at the end
+  bool is_derivative_known_ = false;             ///< that slope is there where a part begins, in `turn_` and in accelerations
+  bool wants_derivative_ = false;                ///< it is to be there at the end
 
   /// Get ready for a part from a state to another; false where its end has no derivative.
   bool find_part(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h) {
@@ -70,12 +70,12 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   /// From the beginning of the part to its end along directions; false where that has no derivative.
   bool go(Simulation& simulation, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     M& mechanism = simulation.mechanism();
-    if constexpr (is_explicit) return go_by_slopes(mechanism, from, end, h, number);
+    if constexpr (is_explicit) return go_by_derivatives(mechanism, from, end, h, number);
     else if constexpr (has_stages) return go_by_stages(mechanism, from, end, h, number);
     else if constexpr (seeks_multipliers) return this->go_by_rule(mechanism, from, end, h);
     else {
       if constexpr (Base::has_balance)
-        if (this->by_balance_) return !(this->has_no_slope_ = !this->go_by_balance(mechanism, from, end, h));
+        if (this->by_balance_) return !(this->has_no_derivative_ = !this->go_by_balance(mechanism, from, end, h));
       return this->go_by_fixed_point(mechanism, from, end, h);
     }
   }
@@ -94,13 +94,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
  private:
   /// Begin a part by the balance of forces, where there is one and it has not just failed.
   bool starts_by_balance() {
-    this->by_balance_ = Base::has_balance && !this->has_no_slope_;
-    this->has_no_slope_ = this->is_settled_ = false;
+    this->by_balance_ = Base::has_balance && !this->has_no_derivative_;
+    this->has_no_derivative_ = this->is_settled_ = false;
     return this->by_balance_;
   }
 
   /// An explicit method, whose last stage begins the next step.
-  bool go_by_slopes(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
+  bool go_by_derivatives(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     if constexpr (!is_explicit) return false;
     else return go_by_table<typename Steps::Method>(mechanism, from, end, h, number);
   }
@@ -108,8 +108,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   template <class Table>
   bool go_by_table(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
     constexpr std::size_t last = Table::stages - 1, all = switches > 0 ? Table::all : Table::stages;
-    std::array<Fixed<Dual, M::sizes.coordinates>, all> place_slopes;
-    std::array<Fixed<Dual, n>, all> speed_slopes;
+    std::array<Fixed<Dual, M::sizes.coordinates>, all> place_derivatives;
+    std::array<Fixed<Dual, n>, all> speed_derivatives;
     const Dual length(h, -begun_);
     from_ = q_;
     speeds_ = v_;
@@ -120,8 +120,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
       v_ = speeds_;
       std::array<typename Table::Row::value_type, all> weights;
       std::copy_n(Table::weights[stage].begin(), all, weights.begin());
-      add_slopes(length, weights, place_slopes, q_);
-      add_slopes(length, weights, speed_slopes, v_);
+      add_derivatives(length, weights, place_derivatives, q_);
+      add_derivatives(length, weights, speed_derivatives, v_);
       const double node = Table::nodes[stage].template as<double>();
       now = Dual(stage_.t = from.t + node * h, (1.0 - node) * begun_);
       mechanism.begin_step(stage_.t, 1.0);
@@ -135,14 +135,14 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
       coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
       return true;
     };
-    const auto keep = [&](std::size_t stage) { place_slopes[stage] = turn_, speed_slopes[stage] = vdot_; };
-    if (!is_slope_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
+    const auto keep = [&](std::size_t stage) { place_derivatives[stage] = turn_, speed_derivatives[stage] = vdot_; };
+    if (!is_derivative_known_) coordinate_rates<Dual>(charts(), q_.data(), v_.data(), turn_.data());
     for (std::size_t stage = 0; stage < last;) {
       keep(stage);
       lead(++stage);
-      if ((stage < last || wants_slope_ || cut_.is_made) && !derive()) return false;
+      if ((stage < last || wants_derivative_ || cut_.is_made) && !derive()) return false;
     }
-    ended_ = Slopes{};
+    ended_ = Tangents{};
     if constexpr (switches > 0)
       if (cut_.is_made) {
         keep(last);
@@ -155,8 +155,8 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
         }
         q_ = places;
         v_ = speeds;
-        this->template interpolate<Table>(length, from_, place_slopes, q_, this->turning_);
-        this->template interpolate<Table>(length, speeds_, speed_slopes, v_, this->bending_);
+        this->template interpolate<Table>(length, from_, place_derivatives, q_, this->turning_);
+        this->template interpolate<Table>(length, speeds_, speed_derivatives, v_, this->bending_);
         mechanism.begin_step(stage_.t = end.t, 1.0);
         this->take_inputs(mechanism);
         if (!this->meet_event(mechanism, end, number)) return false;
@@ -180,26 +180,26 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
 
   /// The end of a step whose stages balance forces as they do in the run.
   bool go_by_stages(M& mechanism, const StateOf<M>& from, const StateOf<M>& end, double h, std::size_t number) {
-    using Stages = radau::StageSlopes<Balance>;
+    using Stages = radau::StageDerivatives<Balance>;
     constexpr std::size_t last = Stages::stages - 1;
     const Dual length(h, -begun_);
     typename Stages::DualPlaces places;
-    typename Stages::DualSpeeds speeds, slopes, ways;
+    typename Stages::DualSpeeds speeds, derivatives, ways;
     typename Stages::Changes change;
     from_ = q_;
     speeds_ = v_;
     const auto bent = vdot_;
-    for (std::size_t i = 0; i <= last; ++i) std::copy(points_[i].vdot.begin(), points_[i].vdot.end(), slopes[i].begin());
-    stages_.lead(length, charts(), from_, speeds_, slopes, ways, places, speeds);
+    for (std::size_t i = 0; i <= last; ++i) std::copy(points_[i].vdot.begin(), points_[i].vdot.end(), derivatives[i].begin());
+    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
     const bool moves = this->is_time_moving_;
     for (std::size_t i = 0; i <= last; ++i) {
       Along* const rows = change.data() + i * Stages::unknowns;
       if (!moves) {
-        if (this->courses_) {
+        if (this->trajectories_) {
           mechanism.begin_step(points_[i].t, 1.0);
           this->take_inputs(mechanism);
         }
-        this->balance_.lose(stages_.slope(i), places[i], speeds[i], this->du_, this->dheld_, rows);
+        this->balance_.lose(stages_.derivative(i), places[i], speeds[i], this->du_, this->dheld_, rows);
         continue;
       }
       q_ = places[i];
@@ -212,13 +212,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     }
     if (!this->balance_.solve(stages_.matrix(), change)) return false;
     for (std::size_t i = 0; i <= last; ++i)
-      for (std::size_t l = 0; l < n; ++l) slopes[i][l].slope = change[i * Stages::unknowns + l].slope;
-    stages_.lead(length, charts(), from_, speeds_, slopes, ways, places, speeds);
+      for (std::size_t l = 0; l < n; ++l) derivatives[i][l].derivative = change[i * Stages::unknowns + l].derivative;
+    stages_.lead(length, charts(), from_, speeds_, derivatives, ways, places, speeds);
     q_ = places[last];
     v_ = speeds[last];
-    vdot_ = slopes[last];
-    for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].slope};
-    ended_ = Slopes{};
+    vdot_ = derivatives[last];
+    for (std::size_t l = 0; l < m; ++l) this->lambda_[l] = {points_[last].lambda[l], change[last * Stages::unknowns + n + l].derivative};
+    ended_ = Tangents{};
     be_at(mechanism, points_[last].t);
     if constexpr (switches > 0)
       if (cut_.is_made) {
@@ -248,17 +248,17 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
     std::copy_n(at.begin() + q_.size(), n, v_.begin());
     const auto still = [](auto&... numbers) {
       const auto each = [](auto& some) {
-        for (Dual& x : some) x.slope = Slopes{};
+        for (Dual& x : some) x.derivative = Tangents{};
       };
       (each(numbers), ...);
     };
     still(begin.q, begin.v, begin.vdot, done.q, done.v, done.vdot, way);
     between.join(length.value, begin, done, way);
     Dual share(cut_.share);
-    share.slope[0] = 1.0 / length.value;
+    share.derivative[0] = 1.0 / length.value;
     between.at(share, at);
-    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].slope[0];
-    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].slope[0];
+    for (std::size_t i = 0; i < q_.size(); ++i) this->turning_[i] = at[i].derivative[0];
+    for (std::size_t i = 0; i < n; ++i) this->bending_[i] = at[q_.size() + i].derivative[0];
     be_at(mechanism, end.t);
     if (!this->meet_event(mechanism, end, number)) return false;
     be_at(mechanism, end.t);
@@ -272,13 +272,13 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
       typename Balance::Changes change;
       this->balance_.find(state.t, state.q, state.v, state.vdot, state.lambda, this->u_);
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      if (!this->balance_.close_gaps(phi_, change)) return false;
+      if (!this->balance_.close_violations(phi_, change)) return false;
       from_ = q_;
-      for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].slope};
+      for (std::size_t i = 0; i < n; ++i) step_[i] = {0.0, change[i].derivative};
       retract<Dual>(charts(), from_.data(), step_.data(), q_.data());
       mechanism_.constraint_residual(q_.data(), v_.data(), phi_.data(), phid_.data());
-      if (!this->balance_.close_gaps(phid_, change)) return false;
-      for (std::size_t i = 0; i < n; ++i) v_[i].slope += change[i].slope;
+      if (!this->balance_.close_violations(phid_, change)) return false;
+      for (std::size_t i = 0; i < n; ++i) v_[i].derivative += change[i].derivative;
     }
     return true;
   }
@@ -298,23 +298,23 @@ class PartDerivatives : public EventDerivatives<Simulation, D, S, freedoms, Bala
   static bool is_at_most(const Numbers& numbers, double most) {
     const Dual found = Base::largest(numbers);
     for (std::size_t k = 0; k < directions; ++k)
-      if (!(found.slope[k] <= most)) return false;
+      if (!(found.derivative[k] <= most)) return false;
     return found.value <= most;
   }
 
   /// Moves until a gap and its derivatives are rounding, or the next one leaves no more.
   template <class Numbers, class Measure, class Move>
-  bool close(const Fixed<Dual, m>& gap, Numbers& numbers, Measure measure, Move move, Numbers& before) {
+  bool close(const Fixed<Dual, m>& violation, Numbers& numbers, Measure measure, Move move, Numbers& before) {
     constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
     double factor = 1.0, last = std::numeric_limits<double>::infinity();
     for (int iteration = 0; iteration < 50; ++iteration) {
       measure();
-      const double left = this->largest_share(gap, numbers);
+      const double left = this->largest_share(violation, numbers);
       if (!(left <= std::numeric_limits<double>::max())) return false;
       if (iteration > 0) factor = left / last;
-      if (left <= rounding || (iteration > 0 && factor > 0.5 && (left <= 1e-9 || is_at_most(gap, rounding)))) return true;
+      if (left <= rounding || (iteration > 0 && factor > 0.5 && (left <= 1e-9 || is_at_most(violation, rounding)))) return true;
       before = numbers;
-      mechanism_.project(q_.data(), gap.data(), step_.data());
+      mechanism_.project(q_.data(), violation.data(), step_.data());
       move();
       if (left * std::min(1.0, factor) <= rounding && iteration > 0) return true;
       last = left;

@@ -90,7 +90,7 @@ def test_our_models_use_their_parameters_and_the_words_of_this_version(file: Pat
     assert read_model(file).notes == ()
 
 
-def test_a_mechanism_that_cannot_move_is_told_from_one_that_guides_drive(tmp_path: Path) -> None:
+def test_a_mechanism_that_cannot_move_is_reported_from_one_that_guides_drive(tmp_path: Path) -> None:
     free = ARM
     assert "degrees of freedom 1 words" in said_by_check(free, tmp_path)
     rigid = said_by_check(free.replace("kind: revolute", "kind: fixed").replace(", axis: [0, 1, 0]", "").replace(

@@ -13,16 +13,16 @@ namespace cutjoint {
 /// What the last step did: the gap (m or rad) of the `equation` that stands open by the largest share of its limit; the largest rate (m/s or rad/s) at
 /// which one opens; what the last iteration still changed the accelerations by, as a share of 1 + the largest of them; the smallest pivot of the
 /// factors, as a share of the largest entry of its column, infinity where there are none; iterations and evaluations.
-struct Effort {
-  double gap = 0.0, rate = 0.0, change = 0.0, pivot = std::numeric_limits<double>::infinity();
+struct StepStatistics {
+  double violation = 0.0, violation_rate = 0.0, change = 0.0, pivot = std::numeric_limits<double>::infinity();
   long iterations = 0, evaluations = 0;
   int equation = -1;
 };
 
-/// The numbers that have limits: those of `Effort`, in that order.
-enum class Limit : int { gap = 0, rate = 1, change = 2, pivot = 3, iterations = 4, evaluations = 5 };
+/// The numbers that have limits: those of `StepStatistics`, in that order.
+enum class Limit : int { violation = 0, violation_rate = 1, change = 2, pivot = 3, iterations = 4, evaluations = 5 };
 
-inline constexpr const char* limit_names[] = {"gap", "rate", "change", "pivot", "iterations", "evaluations"};
+inline constexpr const char* limit_names[] = {"violation", "violation_rate", "change", "pivot", "iterations", "evaluations"};
 
 /// Limits that a host sets: of pivots the least, of all others the most.
 class Limits {
@@ -46,12 +46,12 @@ class Limits {
   }
 
   /// Which limit a step exceeds, and by what; nothing where none.
-  Fault watch(const Effort& effort, double t, long step) const {
-    const double numbers[] = {effort.gap, effort.rate, effort.change, effort.pivot, static_cast<double>(effort.iterations), static_cast<double>(effort.evaluations)};
+  Fault watch(const StepStatistics& statistics, double t, long step) const {
+    const double numbers[] = {statistics.violation, statistics.violation_rate, statistics.change, statistics.pivot, static_cast<double>(statistics.iterations), static_cast<double>(statistics.evaluations)};
     for (std::size_t i = 0; i < number; ++i)
       if (i == pivot_ ? !(numbers[i] >= values_[i]) : !(numbers[i] <= values_[i]))
         return {.cause = Cause::limit_exceeded, .list = FaultList::limits, .index = static_cast<int>(i), .t = t, .step = step, .value = numbers[i], .size = values_[i],
-                .equation = i == 0 ? effort.equation : -1};
+                .equation = i == 0 ? statistics.equation : -1};
     return {};
   }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutjoint.compile.folders import make_standalone, plan_delivery
+from cutjoint.compile.c_export import make_standalone, plan_delivery
 from cutjoint.compile.options import CompileOptions
 from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.model.read import read_model, read_model_text
@@ -22,7 +22,20 @@ from tests.fmu.slaves import text_of
 from tests.mechanisms.driven import DRIVEN
 from tests.reduce.test_guards import TEXT as HAMMER
 
-from .folders import ALONE, DEFINITIONS, HERE, RANDOM_CALLS, C, compile_object, folder_of, foreign_symbols, link, run, standalone_of, write
+from .c_exports import (
+    ALONE,
+    DEFINITIONS,
+    HERE,
+    RANDOM_CALLS,
+    C,
+    compile_object,
+    folder_of,
+    foreign_symbols,
+    link,
+    run,
+    standalone_of,
+    write,
+)
 
 pytestmark = needs_cpp
 
@@ -97,7 +110,7 @@ def test_two_models_in_one_program(press: Path, tmp_path: Path) -> None:
         '#include "press.h"\n#include "four_bar.h"\n'
         "static double one[PRESS_SIZE / sizeof(double)], other[FOUR_BAR_SIZE / sizeof(double)];\n"
         "int main(void) {\n  press_sim* a = press_create(one, sizeof one);\n  four_bar_sim* b = four_bar_create(other, sizeof other);\n"
-        "  return press_start(a) || four_bar_start(b) || press_play(a, 10, 0) || four_bar_play(b, 10, 0);\n}\n"
+        "  return press_start(a) || four_bar_start(b) || press_run(a, 10, 0) || four_bar_run(b, 10, 0);\n}\n"
     )
     run(link(tmp_path, "both", ["-I.", f"-I{press}", "both.c", "four_bar.o", press / "press.o"]))
 

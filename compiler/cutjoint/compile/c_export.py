@@ -1,4 +1,4 @@
-"""Mechanisms behind a C interface: folders that stand alone, libraries, and the files of ``compile --out``.
+"""Mechanisms behind a C interface: C exports, libraries, and the files of ``compile --out``.
 
 Program -> files -> simulator or library
 """
@@ -18,17 +18,17 @@ from cutjoint.analysis.mobility import find_mobility
 from cutjoint.compile.options import CompileOptions
 from cutjoint.emit.classes import Beginning, SimulationCode, System
 from cutjoint.emit.library import emit_library
-from cutjoint.emit.sizes import direction_rows, record_length, simulation_size
+from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import emit_standalone, mark_of
 from cutjoint.emit.steps import STEPS, Steps
-from cutjoint.formulate.implicit.equations import formulate_balance
+from cutjoint.formulate.implicit.equations import formulate_residual
 from cutjoint.formulate.inputs import open_parameters
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.records import POSES, Equations, SystemEquations
 from cutjoint.formulate.recursive.equations import formulate_recursive
 from cutjoint.formulate.switches import guides_jump
-from cutjoint.formulate.transposed import Derived, Linearised, linearise_balance, transpose
+from cutjoint.formulate.transposed import Derived, Linearised, linearise_residual, transpose
 from cutjoint.methods import (
     DEFAULT_INTEGRATOR,
     DEFAULT_METHOD,
@@ -124,9 +124,9 @@ class Standalone:
         return self.parts.lanes
 
     @property
-    def freedoms(self) -> int | None:
+    def dofs(self) -> int | None:
         """The degrees of freedom where it has minimal coordinates and derivatives."""
-        return self.parts.freedoms
+        return self.parts.dofs
 
     @property
     def poses(self) -> tuple[str, ...]:
@@ -134,9 +134,9 @@ class Standalone:
         return self.parts.poses
 
     @property
-    def direction_rows(self) -> int:
+    def seed_rows(self) -> int:
         """The number of rows of a matrix of directions, 0 without derivatives."""
-        return direction_rows(self.parts)
+        return seed_rows(self.parts)
 
     @property
     def record(self) -> int:
@@ -289,8 +289,8 @@ def make_standalone(
         _require_partials(equations)
     if any(f.name == POSES for f in equations.mechanism.functions):
         _require_relative(equations, POSES, "which do not say how all bodies stand")
-    freedoms = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
-    parts = replace(_parts(equations, program, lanes), freedoms=freedoms, derives_steps=derives_steps)
+    dofs = find_mobility(equations.mechanism).degrees_of_freedom if linearise else None
+    parts = replace(_parts(equations, program, lanes), dofs=dofs, derives_steps=derives_steps)
     options = choose_steps(equations.scene, parts.method, integrator, equal_steps=equal_steps)
     chosen = str(options.integrator)
     if adjoint:
@@ -316,7 +316,7 @@ def choose_steps(scene: Scene, method: str, integrator: str | None, *, equal_ste
     """
     known = STEPS[method]
     if integrator is not None and integrator not in known:
-        raise RunError(f"integrator: '{integrator}' is not one of folders that stand alone, {', '.join(known)}")
+        raise RunError(f"integrator: '{integrator}' is not one of C exports, {', '.join(known)}")
     wanted = integrator or (scene.numerics.integrator if equal_steps else _simulated(scene, method))
     chosen = DEFAULT_INTEGRATOR if wanted is None or wanted not in known else wanted
     tolerance = None if integrator or equal_steps else find_tolerance(scene, method, chosen)
@@ -387,11 +387,11 @@ def _transposed(parts: SimulationCode) -> Derived:
 def _balance(parts: SimulationCode, scene: Scene, steps: Steps) -> Linearised | None:
     """The slopes of the balance of forces of a mechanism; None where steps do not need them, as they do where Newton's iteration has the
     equations of loops, and evaluations over numbers with derivatives take fewer operations."""
-    needed = steps.by_balance or (parts.system is not None and parts.mechanism.equation_names)
-    balance = formulate_balance(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
-    derived = linearise_balance(balance, schedule_recursive(balance, lanes=parts.program.lanes))
+    needed = steps.by_residual or (parts.system is not None and parts.mechanism.equation_names)
+    balance = formulate_residual(parts.mechanism, find_closure(scene.numerics, METHODS[parts.method]).name)
+    derived = linearise_residual(balance, schedule_recursive(balance, lanes=parts.program.lanes))
     most = _EVALUATIONS * parts.program.instructions("evaluate")
-    return derived if needed or derived.program.instructions("balance_slopes") <= most else None
+    return derived if needed or derived.program.instructions("residual_jacobian") <= most else None
 
 
 # Files of compile --out
@@ -430,14 +430,14 @@ def plan_delivery(
     folder, integrator, linearise = path_of(options.out), options.integrator, options.linearise or options.adjoint
     if folder is None or options.precision != DEFAULT_PRECISION:
         if integrator is not None:
-            raise RunError("integrator: only folders that stand alone have one of their own; give it to simulate instead")
+            raise RunError("integrator: only C exports have one of their own; give it to simulate instead")
         if linearise:
             able = f"use method {join_or(linearised_methods())}, in {DEFAULT_PRECISION}"
-            raise RunError(f"linearise: only folders that stand alone have derivatives; give one by out, and {able}")
+            raise RunError(f"linearise: only C exports have derivatives; give one by out, and {able}")
         if options.reproducible:
-            raise RunError(f"reproducible: only folders that stand alone are; give one by out, in {DEFAULT_PRECISION}")
+            raise RunError(f"reproducible: only C exports are; give one by out, in {DEFAULT_PRECISION}")
         if options.poses:
-            raise RunError(f"poses: only folders that stand alone have them; give one by out, in {DEFAULT_PRECISION}")
+            raise RunError(f"poses: only C exports have them; give one by out, in {DEFAULT_PRECISION}")
         delivery = None if folder is None else Delivery(folder=folder, files=generated.source.files, program="simulator", alone=None)
     else:
         alone = make_standalone(

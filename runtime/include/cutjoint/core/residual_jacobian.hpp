@@ -23,7 +23,7 @@
 namespace cutjoint {
 
 /// No balance of forces: accelerations are found over numbers with derivatives.
-struct NoBalance {
+struct NoResidual {
   static constexpr bool is_there = false;
 };
 
@@ -35,7 +35,7 @@ struct NoBalance {
 /// give way to multipliers by a share of what their penalties let them, which further solutions take back: equations that depend on each other have the
 /// multipliers to which the augmented update leads.  Two states are kept, where a step begins and where it ends.
 template <class M, template <class> class C, class T>
-class BalanceSlopes {
+class ResidualJacobian {
  public:
   static constexpr bool is_there = true;
   static constexpr std::size_t n = M::sizes.speeds, m = M::sizes.equations, coordinates = M::sizes.coordinates, inputs = numbers_per_input * M::sizes.inputs,
@@ -47,7 +47,7 @@ class BalanceSlopes {
                                first_loaded = first_input + given, first_acceleration = first_loaded + loaded,
                                first_multiplier = first_acceleration + n, width = first_multiplier + m;
   static constexpr bool has_balls = coordinates > M::sizes.joint_speeds();
-  using OfSlopes = Fixed<double, T::starts[n + m]>;  ///< as they are written
+  using OfDerivatives = Fixed<double, T::starts[n + m]>;  ///< as they are written
 
   void drive_by([[maybe_unused]] const InputSource<double>& source) {
     if constexpr (given > 0) plain_.drive_by(source);
@@ -75,7 +75,7 @@ class BalanceSlopes {
     if constexpr (loaded > 0) {
       const auto changes = [](const Dual& x) {
         double size = 0.0;
-        for (std::size_t k = 0; k < directions; ++k) size += std::abs(x.slope[k]);
+        for (std::size_t k = 0; k < directions; ++k) size += std::abs(x.derivative[k]);
         return size > 0.0;
       };
       const bool were_changing = std::exchange(are_changing_, std::any_of(parameters, parameters + M::sizes.parameters, changes));
@@ -83,7 +83,7 @@ class BalanceSlopes {
       Fixed<Dual, loaded> values;
       load_mechanism(with_changes_, parameters, roads, stabilisation, penalties);
       with_changes_.loaded_values(values.data());
-      for (std::size_t i = 0; i < loaded; ++i) changes_[i].slope = values[i].slope;
+      for (std::size_t i = 0; i < loaded; ++i) changes_[i].derivative = values[i].derivative;
     }
   }
 
@@ -105,22 +105,22 @@ class BalanceSlopes {
     std::copy(vdot.begin(), vdot.end(), x.vdot.begin());
     std::copy(lambda.begin(), lambda.end(), x.lambda.begin());
     std::copy(u.begin(), u.end(), x.u.begin());
-    find(x, x.slope);
+    find(x, x.derivative);
     x.decomposed_for = none;
   }
 
   /// The slopes at a state.
   template <class State>
-  void find(const State& x, OfSlopes& slope) {
+  void find(const State& x, OfDerivatives& derivative) {
     plain_.begin_step(x.t, 1.0);
-    plain_.balance_slopes(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), slope.data());
+    plain_.residual_jacobian(x.q.data(), x.v.data(), x.vdot.data(), x.lambda.data(), derivative.data());
   }
 
   /// What the balance loses by changes of all but accelerations and multipliers, row by row.
   template <class Q, class V, class Inputs, class Held>
-  void lose(const OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
+  void lose(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Along* rows) {
     Changes found;
-    lose_in_places(slope, q, v, du, held, found);
+    lose_in_places(derivative, q, v, du, held, found);
     for (std::size_t i = 0; i < n + m; ++i) rows[i] = found[order[i]];
   }
 
@@ -136,10 +136,10 @@ class BalanceSlopes {
   }
 
   /// How coordinates or speeds change least, as masses see it, so that gaps of loops close; false where they stay open.
-  bool close_gaps(const Fixed<Dual, m>& gaps, Changes& change) {
+  bool close_violations(const Fixed<Dual, m>& violations, Changes& change) {
     At& x = at_[now_];
     for (std::size_t i = 0; i < n; ++i) change[i] = {};
-    for (std::size_t i = 0; i < m; ++i) change[n + i].slope = -gaps[i].slope;
+    for (std::size_t i = 0; i < m; ++i) change[n + i].derivative = -violations[i].derivative;
     return decompose_plain(x) && solve(x.matrix, change);
   }
 
@@ -171,20 +171,20 @@ class BalanceSlopes {
     return std::all_of(x.begin(), x.end(), [](double each) { return each - each == 0.0; });
   }
 
-  /// Slopes by gaps of loops, which `close_gaps` has closed, from those by what that moves.
-  bool pull_gaps(const Fixed<double, n>& by_move, Fixed<double, m>& by_gap) {
+  /// Slopes by gaps of loops, which `close_violations` has closed, from those by what that moves.
+  bool pull_violations(const Fixed<double, n>& by_move, Fixed<double, m>& by_violation) {
     Numbers x;
     std::copy(by_move.begin(), by_move.end(), x.begin());
     At& at = at_[now_];
     if (!decompose_plain(at) || !solve_transposed(at.matrix, x)) return false;
-    for (std::size_t i = 0; i < m; ++i) by_gap[i] = -x[n + i];
+    for (std::size_t i = 0; i < m; ++i) by_violation[i] = -x[n + i];
     return true;
   }
 
   /// Slopes by all but accelerations and multipliers of what `lose` takes from rows, added to `by`.
-  void pull(const OfSlopes& slope, const double* by_rows, Fixed<double, first_acceleration>& by) const {
+  void pull(const OfDerivatives& derivative, const double* by_rows, Fixed<double, first_acceleration>& by) const {
     for (std::size_t i = 0; i < n + m; ++i)
-      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= slope[T::slopes[k]] * by_rows[i];
+      for (std::size_t k = T::starts[i]; k < T::middles[i]; ++k) by[T::columns[k]] -= derivative[T::derivatives[k]] * by_rows[i];
   }
 
   /// How loaded values change along directions.
@@ -209,7 +209,7 @@ class BalanceSlopes {
   bool solve_end(const Q& q, const V& v, const Inputs& du, const Held& held, Changes& change) {
     At& x = at_[now_];
     Changes found;
-    lose_in_places(x.slope, q, v, du, held, found);
+    lose_in_places(x.derivative, q, v, du, held, found);
     const bool is_found = solve_in_places(x.matrix, found);
     for (std::size_t i = 0; i < n + m; ++i) change[i] = found[order[i]];
     return is_found;
@@ -221,7 +221,7 @@ class BalanceSlopes {
     if (x.decomposed_for == h) return true;
     const double by_speed = h / 2, by_place = h * h / 4;
     double* const weights = weights_.data();
-    [[maybe_unused]] BallSlopes* turn = x.turns.data();
+    [[maybe_unused]] BallDerivatives* turn = x.turns.data();
     std::fill_n(weights + first_speed, n, by_speed);
     for (const Chart& chart : charts) {
       const auto place = static_cast<std::size_t>(chart.q), scalars = static_cast<std::size_t>(chart.scalars);
@@ -229,7 +229,7 @@ class BalanceSlopes {
       if constexpr (has_balls) {
         if (!chart.ball) continue;
         const auto at = static_cast<std::size_t>(chart.v);
-        const auto& by = (*turn++ = turn_slopes(from + place + scalars, delta + at + scalars)).by;
+        const auto& by = (*turn++ = turn_derivatives(from + place + scalars, delta + at + scalars)).by;
         for (std::size_t c = 0; c < 4; ++c)
           for (std::size_t k = 0; k < 3; ++k) weights[columns.share[place + scalars + c] + k * columns.stride[place + scalars + c]] = by_place * by[c][4 + k];
       }
@@ -238,7 +238,7 @@ class BalanceSlopes {
   }
 
   /// How the balls were turned in the step that `decompose_end` was called for last.
-  const BallSlopes* turns() const { return at_[now_].turns.data(); }
+  const BallDerivatives* turns() const { return at_[now_].turns.data(); }
 
   /// Whether there is the matrix of the end of a step of this length, from which `correct` goes on.
   bool knows(double h) const { return at_[now_].decomposed_for == h; }
@@ -248,7 +248,7 @@ class BalanceSlopes {
     At& x = at_[now_];
     double by[n + m], force[n + m];
     for (std::size_t i = 0; i < n; ++i) by[slots[first_acceleration + i]] = left[i];
-    find_products<true>(x.slope.data(), by, force);
+    find_products<true>(x.derivative.data(), by, force);
     x.matrix.solve(force);
     for (std::size_t i = 0; i < n; ++i) left[i] = -force[order[i]];
     for (std::size_t i = 0; i < m; ++i) pull[i] = -force[order[n + i]];
@@ -299,7 +299,7 @@ class BalanceSlopes {
     constexpr Sources() {
       for (std::size_t i = 0; i < n + m; ++i)
         for (std::size_t k = T::starts[i]; k < T::starts[i + 1]; ++k)
-          row[T::slopes[k]] = static_cast<std::uint32_t>(i), column[T::slopes[k]] = static_cast<std::uint32_t>(T::columns[k]);
+          row[T::derivatives[k]] = static_cast<std::uint32_t>(i), column[T::derivatives[k]] = static_cast<std::uint32_t>(T::columns[k]);
     }
 
     /// Whether slopes side by side belong to one row, and to one column.
@@ -344,7 +344,7 @@ class BalanceSlopes {
   }();
 
   struct Factor {
-    std::uint32_t slope, place;
+    std::uint32_t derivative, place;
   };
 
   /// Factors of a row, or of rows side by side: first those of a column that is the same for all.
@@ -401,25 +401,25 @@ class BalanceSlopes {
 
   /// Products with changes by `slots`, less than nought, by `order`.
   template <bool by_accelerations, class Number>
-  static void find_products(const double* slopes, const Number* by, Number* found) {
+  static void find_products(const double* derivatives, const Number* by, Number* found) {
     for (std::size_t i = 0; i < n + m; ++i)
       if (widest<by_accelerations>[i] == 8) found[order[i]] = Number{};
-    subtract_products<by_accelerations, 4>(slopes, by, found);
-    subtract_products<by_accelerations, 2>(slopes, by, found);
-    subtract_products<by_accelerations, 1>(slopes, by, found);
+    subtract_products<by_accelerations, 4>(derivatives, by, found);
+    subtract_products<by_accelerations, 2>(derivatives, by, found);
+    subtract_products<by_accelerations, 1>(derivatives, by, found);
   }
 
   template <bool by_accelerations, std::size_t side, class Number>
-  static void subtract_products(const double* slopes, const Number* by, Number* found) {
+  static void subtract_products(const double* derivatives, const Number* by, Number* found) {
     if constexpr (has_side(side)) {
       static constexpr Products<by_accelerations, side> products{};
       for (const Line& line : products.lines) {
         auto& place = reinterpret_cast<Sides<side, Number>&>(found[line.place]);
         auto sum = line.adds && !line.is_shared ? place : Sides<side, Number>::of([](std::size_t) { return Number{}; });
         const Factor* factor = products.factors.data() + line.first;
-        const auto slope = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(slopes[factor->slope]); };
-        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(slope(), by[factor->place]);
-        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(slope(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
+        const auto derivative = [&]() -> const Beside<side>& { return reinterpret_cast<const Beside<side>&>(derivatives[factor->derivative]); };
+        for (; factor < products.factors.data() + line.shared; ++factor) sum.subtract(derivative(), by[factor->place]);
+        for (; factor < products.factors.data() + line.end; ++factor) sum.subtract(derivative(), reinterpret_cast<const Sides<side, Number>&>(by[factor->place]));
         if (line.is_shared) found[line.place] += sum.sum();
         else place = sum;
       }
@@ -441,7 +441,7 @@ class BalanceSlopes {
   }
 
   struct Entry {
-    std::uint32_t slope, share, at;
+    std::uint32_t derivative, share, at;
   };
 
   /// All of them, those behind `same` with shares of their own.
@@ -458,8 +458,8 @@ class BalanceSlopes {
     constexpr Entries() {
       std::size_t number = 0;
       for (const bool are_apart : {false, true})
-        visit_entries<side>(are_apart, [&](std::size_t slope, std::size_t share, std::size_t at) {
-          list[number++] = {static_cast<std::uint32_t>(slope), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
+        visit_entries<side>(are_apart, [&](std::size_t derivative, std::size_t share, std::size_t at) {
+          list[number++] = {static_cast<std::uint32_t>(derivative), static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(at)};
         });
     }
   };
@@ -472,8 +472,8 @@ class BalanceSlopes {
     Fixed<double, n> v, vdot;
     Fixed<double, m> lambda;
     Fixed<double, given> u;
-    OfSlopes slope;
-    Fixed<BallSlopes, balls> turns;
+    OfDerivatives derivative;
+    Fixed<BallDerivatives, balls> turns;
     Bordered<T> matrix;
   };
 
@@ -513,11 +513,11 @@ class BalanceSlopes {
     if constexpr (has_side(side)) {
       static constexpr Entries<side> entries{};
       using Sides = Beside<side>;
-      const auto slope = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.slope[entry.slope]); };
+      const auto derivative = [&](const Entry& entry) -> const Sides& { return reinterpret_cast<const Sides&>(x.derivative[entry.derivative]); };
       const auto place = [&](const Entry& entry) -> Sides& { return reinterpret_cast<Sides&>(x.matrix.entries()[entry.at]); };
-      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += slope(entries.list[k]) * weights_[entries.list[k].share];
+      for (std::size_t k = 0; k < entries.same; ++k) place(entries.list[k]) += derivative(entries.list[k]) * weights_[entries.list[k].share];
       for (std::size_t k = entries.same; k < entries.all; ++k)
-        place(entries.list[k]) += slope(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
+        place(entries.list[k]) += derivative(entries.list[k]) * reinterpret_cast<const Sides&>(weights_[entries.list[k].share]);
     }
   }
 
@@ -539,8 +539,8 @@ class BalanceSlopes {
   template <class Matrix, std::size_t size>
   bool solve_in_places(const Matrix& matrix, std::array<Along, size>& found) const {
     matrix.solve(found.data());
-    Slopes odd{};
-    for (const Along& along : found) odd += 0.0 * along.slope;
+    Tangents odd{};
+    for (const Along& along : found) odd += 0.0 * along.derivative;
     double sum = 0.0;
     for (std::size_t k = 0; k < directions; ++k) sum += odd[k];
     return sum == 0.0 && close(matrix, found);
@@ -548,27 +548,27 @@ class BalanceSlopes {
 
   /// What the balance loses by changes of all but accelerations and multipliers, in the order of places.
   template <class Q, class V, class Inputs, class Held>
-  void lose_in_places(const OfSlopes& slope, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
+  void lose_in_places(const OfDerivatives& derivative, const Q& q, const V& v, const Inputs& du, const Held& held, Changes& found) {
     const auto put = [this](std::size_t first, const auto& numbers) {
-      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].slope = numbers[j].slope;
+      for (std::size_t j = 0; j < numbers.size(); ++j) by_[slots[first + j]].derivative = numbers[j].derivative;
     };
     put(0, q), put(first_speed, v), put(first_input, du), put(first_held, held), put(first_loaded, changes_);
-    find_products<false>(slope.data(), by_.data(), found.data());
+    find_products<false>(derivative.data(), by_.data(), found.data());
   }
 
   /// The largest change along each direction of accelerations, or of multipliers.
   template <class Matrix, std::size_t size>
-  static Slopes largest(const std::array<Along, size>& changes, bool of_multipliers) {
-    Slopes most{};
+  static Tangents largest(const std::array<Along, size>& changes, bool of_multipliers) {
+    Tangents most{};
     for (std::size_t i = 0; i < size; ++i)
       if ((i % (n + m) >= n) == of_multipliers) {
-        const Slopes& slope = changes[places_of<Matrix>[i]].slope;
-        most = larger(larger(slope, -slope), most);
+        const Tangents& derivative = changes[places_of<Matrix>[i]].derivative;
+        most = larger(larger(derivative, -derivative), most);
       }
     return most;
   }
 
-  static double share_of(const Slopes& part, const Slopes& whole) {
+  static double share_of(const Tangents& part, const Tangents& whole) {
     double share = 0.0;
     for (std::size_t k = 0; k < directions; ++k) share = std::max(share, part[k] > 0.0 ? part[k] / whole[k] : 0.0);
     return share;
@@ -582,8 +582,8 @@ class BalanceSlopes {
       std::array<Along, size> more;
       const std::array<Along, size>* last = &change;
       for (int iteration = 0; iteration < 8; ++iteration) {
-        const Slopes pulled = largest<Matrix>(*last, true);
-        for (std::size_t i = 0; i < size; ++i) more[i].slope = (*last)[i].slope * -gives_way_[own_places<Matrix>[i]];
+        const Tangents pulled = largest<Matrix>(*last, true);
+        for (std::size_t i = 0; i < size; ++i) more[i].derivative = (*last)[i].derivative * -gives_way_[own_places<Matrix>[i]];
         matrix.solve(more.data());
         for (std::size_t i = 0; i < size; ++i) change[i] += more[i];
         if (share_of(largest<Matrix>(more, false), largest<Matrix>(change, false)) * std::min(1.0, share_of(largest<Matrix>(more, true), pulled)) <= 1e-13) return true;

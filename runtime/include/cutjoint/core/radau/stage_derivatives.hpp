@@ -34,18 +34,18 @@ struct BallStages {
     for (std::size_t j = 0; j < Table::stages; ++j) {
       Dual at[3], by[3], rate[3];
       for (std::size_t k = 0; k < 3; ++k) {
-        at[k] = theta[3 * j + k], at[k].slope[k] = 1.0;
-        by[k] = omega[3 * j + k], by[k].slope[3 + k] = 1.0;
+        at[k] = theta[3 * j + k], at[k].derivative[k] = 1.0;
+        by[k] = omega[3 * j + k], by[k].derivative[3 + k] = 1.0;
       }
       chart_rates<Dual>(std::span(&here, 1), at, by, rate);
       for (std::size_t i = 0; i < Table::stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) {
           const std::size_t row = 3 * i + k;
-          right[size / directions][row].slope[size % directions] += weight(i, j) * rate[k].value;
+          right[size / directions][row].derivative[size % directions] += weight(i, j) * rate[k].value;
           for (std::size_t c = 0; c < 3; ++c) {
             const std::size_t column = 3 * j + c;
-            matrix[column * size + row] = (row == column ? 1.0 : 0.0) - h * weight(i, j) * rate[k].slope[c];
-            right[column / directions][row].slope[column % directions] = h * weight(i, j) * rate[k].slope[3 + c];
+            matrix[column * size + row] = (row == column ? 1.0 : 0.0) - h * weight(i, j) * rate[k].derivative[c];
+            right[column / directions][row].derivative[column % directions] = h * weight(i, j) * rate[k].derivative[3 + c];
           }
         }
     }
@@ -53,8 +53,8 @@ struct BallStages {
     triangles.decompose();
     for (auto& columns : right) triangles.solve(columns.data(), room.data());
     for (std::size_t i = 0; i < size; ++i) {
-      for (std::size_t j = 0; j < size; ++j) by_omega[i][j] = right[j / directions][i].slope[j % directions];
-      by_length[i] = right[size / directions][i].slope[size % directions];
+      for (std::size_t j = 0; j < size; ++j) by_omega[i][j] = right[j / directions][i].derivative[j % directions];
+      by_length[i] = right[size / directions][i].derivative[size % directions];
     }
   }
 };
@@ -65,7 +65,7 @@ struct BallStages {
 ///
 /// over the accelerations and multipliers of all of them, which falls apart as that of one does.
 template <class Balance>
-class StageSlopes {
+class StageDerivatives {
  public:
   static constexpr std::size_t stages = Table::stages, n = Balance::n, m = Balance::m, coordinates = Balance::coordinates, unknowns = n + m;
   using Changes = Fixed<Along, stages * unknowns>;
@@ -77,7 +77,7 @@ class StageSlopes {
   bool find(Balance& balance, double h, std::span<const Chart> charts, const double* from, const Points& points, Find find) {
     for (std::size_t i = 0; i < stages; ++i) {
       find(i);
-      balance.find(points[i], slope_[i]);
+      balance.find(points[i], derivative_[i]);
       displacement<double>(charts, from, points[i].q.data(), delta_[i].data());
     }
     find_balls(h, charts, from, points);
@@ -86,11 +86,11 @@ class StageSlopes {
 
   /// Displacements, coordinates and speeds of the stages by coordinates and speeds of the step's start and by accelerations.
   template <class Q, class V>
-  void lead(const Dual& h, std::span<const Chart> charts, const Q& from, const V& speeds, const DualSpeeds& slopes, DualSpeeds& delta, DualPlaces& q, DualSpeeds& v) const {
+  void lead(const Dual& h, std::span<const Chart> charts, const Q& from, const V& speeds, const DualSpeeds& derivatives, DualSpeeds& delta, DualPlaces& q, DualSpeeds& v) const {
     for (std::size_t i = 0; i < stages; ++i) {
       v[i] = speeds;
       for (std::size_t j = 0; j < stages; ++j)
-        for (std::size_t l = 0; l < n; ++l) v[i][l] += weight(i, j) * h * slopes[j][l];
+        for (std::size_t l = 0; l < n; ++l) v[i][l] += weight(i, j) * h * derivatives[j][l];
     }
     for (std::size_t i = 0; i < stages; ++i) {
       delta[i].fill(Dual());
@@ -101,9 +101,9 @@ class StageSlopes {
       const BallStages& ball = balls_[place];
       for (std::size_t i = 0; i < stages; ++i)
         for (std::size_t k = 0; k < 3; ++k) {
-          Dual& theta = delta[i][at + k] = {delta_[i][at + k], h.slope * ball.by_length[3 * i + k]};
+          Dual& theta = delta[i][at + k] = {delta_[i][at + k], h.derivative * ball.by_length[3 * i + k]};
           for (std::size_t j = 0; j < stages; ++j)
-            for (std::size_t c = 0; c < 3; ++c) theta.slope += ball.by_omega[3 * i + k][3 * j + c] * v[j][at + c].slope;
+            for (std::size_t c = 0; c < 3; ++c) theta.derivative += ball.by_omega[3 * i + k][3 * j + c] * v[j][at + c].derivative;
         }
     });
     for (std::size_t i = 0; i < stages; ++i) retract<Dual>(charts, from.data(), delta[i].data(), q[i].data());
@@ -112,9 +112,9 @@ class StageSlopes {
   /// Slopes by coordinates and speeds of the step's start, added, and by accelerations, from those by coordinates and speeds of the stages.
   template <class Q, class V>
   void pull(double h, std::span<const Chart> charts, const double* from, const std::array<Q, stages>& by_q, std::array<V, stages> by_v, Q& by_from, V& by_speeds,
-            std::array<V, stages>& by_slopes) const {
+            std::array<V, stages>& by_derivatives) const {
     std::array<V, stages> by_delta{};
-    for (std::size_t i = 0; i < stages; ++i) RetractionSlopes<balls>(charts, from, delta_[i].data()).pull(by_q[i].data(), by_from.data(), by_delta[i].data());
+    for (std::size_t i = 0; i < stages; ++i) RetractionDerivatives<balls>(charts, from, delta_[i].data()).pull(by_q[i].data(), by_from.data(), by_delta[i].data());
     for (const Chart& chart : charts)
       for (int k = 0; k < chart.scalars; ++k)
         for (std::size_t i = 0; i < stages; ++i)
@@ -126,7 +126,7 @@ class StageSlopes {
     for (std::size_t i = 0; i < stages; ++i)
       for (std::size_t l = 0; l < n; ++l) {
         by_speeds[l] += by_v[i][l];
-        for (std::size_t j = 0; j < stages; ++j) by_slopes[j][l] += h * weight(i, j) * by_v[i][l];
+        for (std::size_t j = 0; j < stages; ++j) by_derivatives[j][l] += h * weight(i, j) * by_v[i][l];
       }
   }
 
@@ -137,12 +137,12 @@ class StageSlopes {
       rows[i] = {};
       for (std::size_t k = Places::middles[i]; k < Places::starts[i + 1]; ++k) {
         const std::size_t column = Places::columns[k] - Balance::first_acceleration;
-        rows[i].slope += slope_[stage][Places::slopes[k]] * (column < n ? vdot[column].slope : lambda[column - n].slope);
+        rows[i].derivative += derivative_[stage][Places::derivatives[k]] * (column < n ? vdot[column].derivative : lambda[column - n].derivative);
       }
     }
   }
 
-  const typename Balance::OfSlopes& slope(std::size_t stage) const { return slope_[stage]; }
+  const typename Balance::OfDerivatives& derivative(std::size_t stage) const { return derivative_[stage]; }
   const auto& matrix() const { return matrix_; }
 
  private:
@@ -185,7 +185,7 @@ class StageSlopes {
       balls_[place].find(h, theta, omega);
       for (std::size_t j = 0; j < stages; ++j)
         for (std::size_t i = 0; i < stages; ++i) {
-          const BallSlopes turn = turn_slopes(from + e, delta_[i].data() + at);
+          const BallDerivatives turn = turn_derivatives(from + e, delta_[i].data() + at);
           Turn& by = turns_[place][i][j] = {};
           for (std::size_t k = 0; k < 3; ++k)
             for (std::size_t c = 0; c < 3; ++c) {
@@ -206,9 +206,9 @@ class StageSlopes {
         for (std::size_t k = Places::starts[row]; k < Places::middles[row]; ++k) {
           const std::size_t column = Places::columns[k];
           if (column >= Balance::first_input) continue;
-          for (std::size_t j = 0; j < stages; ++j) add_state(balance, column, i, j, h, slope_[i][Places::slopes[k]], [&](std::size_t at, double share) { add(j, at, share); });
+          for (std::size_t j = 0; j < stages; ++j) add_state(balance, column, i, j, h, derivative_[i][Places::derivatives[k]], [&](std::size_t at, double share) { add(j, at, share); });
         }
-        for (std::size_t k = Places::middles[row]; k < Places::starts[row + 1]; ++k) add(i, Places::columns[k] - Balance::first_acceleration, slope_[i][Places::slopes[k]]);
+        for (std::size_t k = Places::middles[row]; k < Places::starts[row + 1]; ++k) add(i, Places::columns[k] - Balance::first_acceleration, derivative_[i][Places::derivatives[k]]);
         if (row >= n) add(i, row, -balance.gives_way(row - n));
       }
     return matrix_.decompose(Matrix::everywhere);
@@ -216,21 +216,21 @@ class StageSlopes {
 
   /// Shares of a slope by a coordinate or a speed in stage i, by the accelerations of stage j.
   template <class Add>
-  void add_state(const Balance&, std::size_t column, std::size_t i, std::size_t j, double h, double slope, Add add) const {
-    if (column >= Balance::first_speed) return add(column - Balance::first_speed, slope * h * weight(i, j));
+  void add_state(const Balance&, std::size_t column, std::size_t i, std::size_t j, double h, double derivative, Add add) const {
+    if (column >= Balance::first_speed) return add(column - Balance::first_speed, derivative * h * weight(i, j));
     const std::size_t unknown = Balance::unknown_of(column);
     if (!Balance::turns(column)) {
       double twice = 0.0;
       for (std::size_t k = 0; k < stages; ++k) twice += weight(i, k) * weight(k, j);
-      return add(unknown, slope * h * h * twice);
+      return add(unknown, derivative * h * h * twice);
     }
     if constexpr (balls > 0) {
       const auto [ball, c] = Balance::ball_of(column);
-      for (std::size_t k = 0; k < 3; ++k) add(unknown + k, slope * turns_[ball][i][j].by[c][k]);
+      for (std::size_t k = 0; k < 3; ++k) add(unknown + k, derivative * turns_[ball][i][j].by[c][k]);
     }
   }
 
-  std::array<typename Balance::OfSlopes, stages> slope_;
+  std::array<typename Balance::OfDerivatives, stages> derivative_;
   std::array<Fixed<double, n>, stages> delta_;
   std::array<BallStages, balls> balls_;
   std::array<std::array<std::array<Turn, stages>, stages>, balls> turns_;

@@ -10,7 +10,7 @@
 namespace cutjoint {
 
 /// The gap (m or rad) of the equation that stands open by the largest share of its limit; of none where there are no equations.
-struct Gap {
+struct ConstraintViolation {
   int equation = -1;
   double size = 0.0, limit = 0.0;
 
@@ -23,7 +23,7 @@ struct Gap {
   long next_measurement() const { return size < 0.1 * limit ? 16 : 1; }
 
   Fault fault(double t, long step) const {
-    return {.cause = Cause::loops_torn, .list = FaultList::equations, .index = equation, .t = t, .step = step, .value = size, .size = limit};
+    return {.cause = Cause::loops_violated, .list = FaultList::equations, .index = equation, .t = t, .step = step, .value = size, .size = limit};
   }
 };
 
@@ -34,8 +34,8 @@ inline double closing_time(const SimulationSettings& settings) {
 
 /// The largest gap of equations; `residual_of(i)` is that of one.
 template <class ResidualOf>
-Gap largest_gap(std::size_t equations, const double* limits, ResidualOf residual_of) {
-  Gap largest;
+ConstraintViolation largest_violation(std::size_t equations, const double* limits, ResidualOf residual_of) {
+  ConstraintViolation largest;
   for (std::size_t i = 0; i < equations; ++i) {
     const double size = std::abs(static_cast<double>(residual_of(i)));
     if (largest.equation < 0 || size * largest.limit > largest.size * limits[i]) largest = {static_cast<int>(i), size, limits[i]};

@@ -40,16 +40,16 @@ def press() -> cutjoint.Simulation:
 
 def test_gaps_and_rates_are_those_of_the_jacobian(press: cutjoint.Simulation) -> None:
     press.reset(iterations=2)
-    press.play(40)
+    press.run(40)
     step = press.last_step
-    assert (step.gap, step.equation) == press.gap
-    assert step.gap > 0
-    assert step.rate == pytest.approx(np.abs(press.jacobian @ press.speeds.array).max(), abs=1e-14)
+    assert (step.violation, step.equation) == press.constraint_violation
+    assert step.violation > 0
+    assert step.violation_rate == pytest.approx(np.abs(press.constraint_jacobian @ press.speeds.array).max(), abs=1e-14)
 
 
 def test_the_change_is_that_by_one_more_iteration(press: cutjoint.Simulation) -> None:
     press.reset(iterations=0)
-    press.play(10)
+    press.run(10)
     before, found = press.snapshot(), []
     for iterations in (3, 4):
         press.restore(before)
@@ -75,7 +75,7 @@ def test_the_pivot_is_that_of_the_elimination(tmp_path: Path) -> None:
 def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> None:
     free = cutjoint.load(PRESS, integrator="trapezoidal").reset()
     press.reset()
-    free.play(20)
+    free.run(20)
     most = free.last_step.iterations
     press.set_limits(iterations=most - 1)
     told = set()
@@ -92,17 +92,17 @@ def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> N
     copy = press.copy()
     with pytest.raises(cutjoint.SimulationError, match="'iterations'"):
         copy.advance(press.time + 0.1)
-    press.set_limits(iterations=np.inf, gap=1e-30)
-    with pytest.raises(cutjoint.SimulationError, match=r"'gap' is [1-9]\.\d\de-\d+, the limit 1\.00e-30, at 'elbow\.") as caught:
-        press.play(100)
-    told_gap = float(str(caught.value).partition("'gap' is ")[2].partition(",")[0])
-    assert told_gap == pytest.approx(press.last_step.gap, rel=0.005)
-    press.set_limits(gap=np.inf, pivot=0.5, rate=1.0, change=1.0, evaluations=100)
+    press.set_limits(iterations=np.inf, violation=1e-30)
+    with pytest.raises(cutjoint.SimulationError, match=r"'violation' is [1-9]\.\d\de-\d+, the limit 1\.00e-30, at 'elbow\.") as caught:
+        press.run(100)
+    reported_violation = float(str(caught.value).partition("'violation' is ")[2].partition(",")[0])
+    assert reported_violation == pytest.approx(press.last_step.violation, rel=0.005)
+    press.set_limits(violation=np.inf, pivot=0.5, violation_rate=1.0, change=1.0, evaluations=100)
     press.advance(press.time + 0.1)  # a method without factors has no pivot that is too small
-    with pytest.raises(KeyError, match="did you mean 'gap'"):
+    with pytest.raises(KeyError, match="did you mean 'violation'"):
         press.set_limits(gab=1.0)
     with pytest.raises(cutjoint.SimulationError, match="not finite, or out of its range"):
-        press.set_limits(gap=-1.0)
+        press.set_limits(violation=-1.0)
 
 
 def test_a_step_in_parts_is_made_too(tmp_path: Path) -> None:
@@ -128,11 +128,11 @@ def test_a_step_in_parts_is_made_too(tmp_path: Path) -> None:
 
 def test_a_call_ends_at_the_step_beyond_a_limit() -> None:
     sim = cutjoint.load(PRESS, integrator="rk4").reset(dt=1e-3)
-    sim.set_limits(rate=0.0)
-    with pytest.raises(cutjoint.SimulationError, match="'rate'"):
+    sim.set_limits(violation_rate=0.0)
+    with pytest.raises(cutjoint.SimulationError, match="'violation_rate'"):
         sim.advance(0.1)
     assert 0 < sim.time < 0.1
-    sim.set_limits(rate=np.inf)
+    sim.set_limits(violation_rate=np.inf)
     sim.advance(0.1)
     sim.step()
     assert sim.time == pytest.approx(0.101)

@@ -108,11 +108,11 @@ def adjoint(graph: Graph, weights: Mapping[int, int], targets: Collection[int]) 
         if n not in depends or n not in sums:
             continue
         graph.section = graph.nodes[n].section
-        slope = _joined(graph, sums.pop(n), graph.nodes[n].lanes)
+        derivative = _joined(graph, sums.pop(n), graph.nodes[n].lanes)
         if n in targets:
-            found[n] = slope
-        elif graph.value(slope) != 0.0:
-            for a, share, lane in _shares(graph, scalars, n, slope):
+            found[n] = derivative
+        elif graph.value(derivative) != 0.0:
+            for a, share, lane in _shares(graph, scalars, n, derivative):
                 if a in depends and graph.value(share) != 0.0:
                     _gather(graph, sums[a], share, lane)
     graph.section = section
@@ -143,19 +143,19 @@ def _joined(graph: Graph, sums: _Sums, lanes: int) -> int:
     return apart if sums.all is None else graph.add(sums.all, apart)
 
 
-def _shares(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Iterator[tuple[int, int, int | None]]:
+def _shares(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Iterator[tuple[int, int, int | None]]:
     """The share of each argument in a node's slope, and its lane, None for all."""
     node = graph.nodes[n]
     match node.op:
         case "gather":
-            yield from ((a, graph.lane(slope, k), None) for k, a in enumerate(node.args))
+            yield from ((a, graph.lane(derivative, k), None) for k, a in enumerate(node.args))
         case "lane":
             assert isinstance(node.data, int)
-            yield node.args[0], slope, node.data
+            yield node.args[0], derivative, node.data
         case "lane_sum":
-            yield node.args[0], slope, None
+            yield node.args[0], derivative, None
         case _:
-            for a, share in zip(node.args, _products(graph, scalars, n, slope), strict=True):
+            for a, share in zip(node.args, _products(graph, scalars, n, derivative), strict=True):
                 yield a, share if graph.nodes[a].lanes else _over_lanes(graph, share, node.lanes), None
 
 
@@ -166,24 +166,24 @@ def _over_lanes(graph: Graph, share: int, lanes: int) -> int:
     return graph.mul(graph.const(float(lanes)), share) if lanes else share
 
 
-def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[int]:
+def _products(graph: Graph, scalars: _Scalars, n: int, derivative: int) -> Sequence[int]:
     """A node's slope times its derivative by each argument."""
     node = graph.nodes[n]
     match node.op:
         case "add":
-            return slope, slope
+            return derivative, derivative
         case "sub":
-            return slope, graph.neg(slope)
+            return derivative, graph.neg(derivative)
         case "neg":
-            return (graph.neg(slope),)
+            return (graph.neg(derivative),)
         case "where":
             zero = graph.const(0.0)
-            return zero, graph.call("where", (node.args[0], slope, zero)), graph.call("where", (node.args[0], zero, slope))
+            return zero, graph.call("where", (node.args[0], derivative, zero)), graph.call("where", (node.args[0], zero, derivative))
         case "div":
-            by_above = _chosen(graph, slope, lambda x: graph.div(x, node.args[1]), graph.nodes[node.args[1]].lanes)
-            by_above = graph.div(slope, node.args[1]) if by_above is None else by_above
+            by_above = _chosen(graph, derivative, lambda x: graph.div(x, node.args[1]), graph.nodes[node.args[1]].lanes)
+            by_above = graph.div(derivative, node.args[1]) if by_above is None else by_above
             return by_above, graph.neg(_times(graph, by_above, n))
-    return [_times(graph, slope, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
+    return [_times(graph, derivative, p.number) for p in partial_derivatives(scalars, scalars.of(n))]
 
 
 def _times(graph: Graph, a: int, b: int) -> int:
@@ -217,7 +217,7 @@ _ALL = -1
 _Edge: TypeAlias = dict[tuple[int | None, int | None], int]
 
 
-def slopes(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
+def derivatives(graph: Graph, results: Sequence[int], targets: Collection[int]) -> list[dict[int, int]]:
     """The slopes of each of the results, none of which has lanes, by each of the ``targets``, with as many lanes as that has, if it depends
     on it.  Ways end at targets.
 
@@ -263,7 +263,7 @@ class _Elimination:
                 if other in left:
                     heapq.heappush(heap, (self._cost(other), other))
         number = {n: -1 - i for i, n in enumerate(self._results)}
-        return [self._slopes(self._before[number[n]], lane) for n, lane in places]
+        return [self._derivatives(self._before[number[n]], lane) for n, lane in places]
 
     def _place(self, n: int) -> tuple[int, int | None]:
         """The scalar that a result is, or the one of which it is a lane."""
@@ -365,18 +365,19 @@ class _Elimination:
         else:
             edge[key] = total
 
-    def _slopes(self, edges: dict[int, _Edge], lane: int | None) -> dict[int, int]:
+    def _derivatives(self, edges: dict[int, _Edge], lane: int | None) -> dict[int, int]:
         """The slopes by targets of a result to which edges lead, or of a lane of it."""
-        graph, found = self._graph, {a: slope for a, edge in edges.items() if (slope := self._slope(a, edge, lane)) is not None}
+        graph, found = self._graph, {a: derivative for a, edge in edges.items()
+            if (derivative := self._derivative(a, edge, lane)) is not None}
         for n in self._gathered:
             if n in found:
-                slope = found.pop(n)
+                derivative = found.pop(n)
                 for k, a in enumerate(graph.nodes[n].args):
                     if a in self._targets:
-                        found[a] = graph.add(found[a], graph.lane(slope, k)) if a in found else graph.lane(slope, k)
+                        found[a] = graph.add(found[a], graph.lane(derivative, k)) if a in found else graph.lane(derivative, k)
         return found
 
-    def _slope(self, target: int, edge: _Edge, lane: int | None) -> int | None:
+    def _derivative(self, target: int, edge: _Edge, lane: int | None) -> int | None:
         """The slope that an edge from a target to a result stands for, or to a lane of it; None where it does not reach that."""
         graph, lanes = self._graph, self._lanes(target)
         parts, apart = list[int](), dict[int, int]()
