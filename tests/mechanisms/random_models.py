@@ -202,7 +202,7 @@ class Workshop:
     # Massless links
 
     def link(self, one: str, other: str) -> None:
-        """A massless link between two bodies, as of the wheel suspension: its own freedoms are those that its closure holds."""
+        """A massless link between two bodies, as of the wheel suspension: its own motions are those that its closure holds."""
         if self.chance(0.5):
             link = self.grow(one, K.UNIVERSAL, massless=True)
             self.close(K.SPHERICAL, other, link)

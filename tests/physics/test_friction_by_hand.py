@@ -20,7 +20,7 @@ from tests.conftest import with_heavy
 from tests.physics.simulation import compile_text, completed
 from tests.physics.test_friction import BLOCK, PENDULUM, ROD, run
 
-#: A crank of 0.1 m, a rod of 0.3 m and a slider, all in one plane; the joints have the freedoms that leave no equation redundant.
+#: A crank of 0.1 m, a rod of 0.3 m and a slider, all in one plane; the joints have the motions that leave no equation redundant.
 CRANK = """
 cutjoint: 1
 name: crank

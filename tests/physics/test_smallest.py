@@ -60,7 +60,7 @@ def test_a_prescribed_motion_alone_runs(method: str, integrator: str) -> None:
 
 def test_nothing_that_moves_has_no_modes() -> None:
     modes = cutjoint.find_modes(read_model_text(_text(), "g.yaml"))
-    assert (modes.freedoms, len(modes.modes)) == (0, 0)
+    assert (modes.degrees_of_freedom, len(modes.modes)) == (0, 0)
 
 
 @pytest.mark.parametrize("method", ["augmented", "classical"])

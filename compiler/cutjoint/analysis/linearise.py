@@ -38,7 +38,7 @@ class Linearisation:
 class ReducedSystem:
     """The linearised equations in independent unknowns.
 
-    ``basis`` N (speeds, freedoms), ``stiffness`` and ``damping`` (freedoms, freedoms) beside a unit mass, and ``first_order``, the matrix
+    ``basis`` N (speeds, dofs), ``stiffness`` and ``damping`` (dofs, dofs) beside a unit mass, and ``first_order``, the matrix
     of (z, w, x)' with the first-order states x.
     """
 
@@ -53,7 +53,7 @@ class NoMassError(ValueError):
 
 
 def free_directions(J: Array) -> Array:
-    """An orthonormal basis (speeds, freedoms) of the null space of J; equations that follow from others do no harm."""
+    """An orthonormal basis (speeds, dofs) of the null space of J; equations that follow from others do no harm."""
     if 0 in J.shape:
         return np.eye(J.shape[1])
     _, values, right = np.linalg.svd(J)

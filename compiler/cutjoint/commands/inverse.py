@@ -23,6 +23,6 @@ def command(model: Path, scene: str | None, drives: str | None, end: float | Non
     console = options.console_beside(out)
     console.print(drive_table(found))
     if found.redundant:
-        console.print("more drives than freedoms: of all forces that do, these have the least norm", markup=False)
+        console.print("more drives than degrees of freedom: the forces of minimum norm are given", markup=False)
     if out is not None:
         console.print(f"results: {write_drives(found, out)}", markup=False)

@@ -1,1 +1,1 @@
-"""Joint kernels, derived by SymPy: the freedoms of tree joints, the conditions of cut joints, and the directions of both."""
+"""Joint kernels, derived by SymPy: the motions of tree joints, the conditions of cut joints, and the directions of both."""

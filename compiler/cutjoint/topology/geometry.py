@@ -1,4 +1,4 @@
-"""Joints as numbers in the design position: the freedoms of a tree joint and the conditions of a cut joint, as twists about the world's
+"""Joints as numbers in the design position: the motions of a tree joint and the conditions of a cut joint, as twists about the world's
 origin, and the condition of the equations of loops.
 """
 

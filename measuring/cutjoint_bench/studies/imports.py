@@ -45,7 +45,7 @@ from cutjoint.topology.reading import read_model_text
 from cutjoint_bench.robots import PinocchioRobot, Solution
 from cutjoint_bench.studies.provenance import provenance
 
-_HEAD = ("file", "bodies", "joints", "freedoms", "by rank", "states", "place, m", "acceleration", "singular", "there", "light", "heavy",
+_HEAD = ("file", "bodies", "joints", "degrees of freedom", "by rank", "states", "place, m", "acceleration", "singular", "there", "light", "heavy",
          "gap, m", "slip", "energy", "bound", "ends")  # fmt: skip
 
 #: States whose constraints are worse conditioned are near a singular pose.
@@ -237,7 +237,7 @@ def solve_angles(hinges: list[Joint], wanted: Array) -> Array:
 
 @dataclass
 class Worst:
-    """The largest differences at a file's states; ``freedoms`` are those of the oracle."""
+    """The largest differences at a file's states; degrees of freedom are those of the oracle."""
 
     singular: int = 0
     place: float = 0.0

@@ -59,7 +59,7 @@ class Rubbed:
         return force
 
     def vectors(self, k: Kinematics, reactions: Reactions) -> list[Block]:
-        """The vectors, each (3, 1), whose lengths make the load; what is in the joint's own freedoms does not load it."""
+        """The vectors, each (3, 1), whose lengths make the load; what is in the joint's own motions does not load it."""
         b, force, joint = k.builder, self.force, self.joint
         pull, moment = reactions.on_follower(joint.name)
         axis, slides, turns = directions(joint, force.coordinate)

@@ -29,7 +29,7 @@ class WithDynamics : public Base {
     return call_ok;
   }
 
-  /// Velocities of a point, which is given where it is in the design position, and of its body's turn by rates: (6, freedoms) by rows.
+  /// Velocities of a point, which is given where it is in the design position, and angular velocity of its body by rates: (6, degrees of freedom) by rows.
   static int point_jacobian(WithDynamics* s, int index, const double* point, double* jacobian) {
     if (const int status = Base::ask(s)) return status;
     if (index < 0 || static_cast<std::size_t>(index) >= count) return no_such_index;

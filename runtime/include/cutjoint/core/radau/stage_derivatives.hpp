@@ -63,7 +63,7 @@ struct BallStages {
 ///
 ///     v_i = v_0 + h sum_j A_ij a_j         delta_i = h sum_j A_ij T(delta_j)^-1 v_j         q_i = retract(q_0, delta_i)
 ///
-/// over the accelerations and multipliers of all of them, which falls apart as that of one does.
+/// over the accelerations and multipliers of all of them, which decomposes as that of one does.
 template <class Balance>
 class StageDerivatives {
  public:

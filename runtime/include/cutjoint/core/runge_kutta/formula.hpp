@@ -118,7 +118,7 @@ class Formula {
     for (std::size_t i = 0; i < Table::dense.size(); ++i) weigh(h, Table::dense[i], parts_[4 + i]);
   }
 
-  /// The slopes of the step's ends stand in their places meanwhile.
+  /// The derivatives at the step's ends stand in their places meanwhile.
   void find_stages_between() {
     const auto [t, h, lacks_stages] = accepted_;
     derivatives_[0].swap(derivatives_[Table::stages - 1]);
