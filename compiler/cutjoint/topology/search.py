@@ -97,7 +97,7 @@ class Exchanges:
         """
         result, place = spanning.exchanged(cut, instead), self.around(spanning, cut).index(instead)
         for other in spanning.cuts:
-            if other is not cut and self.number[other.name] == self.number[cut.name] and bool(other.cut) == bool(cut.cut):
+            if other.name != cut.name and self.number[other.name] == self.number[cut.name] and bool(other.cut) == bool(cut.cut):
                 around = enumerate(self.around(result, other))
                 alike = [(abs(i - place), i, j) for i, j in around if self.number[j.name] == self.number[instead.name]]
                 result = result.exchanged(other, min(alike)[2]) if alike else result
