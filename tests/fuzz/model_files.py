@@ -66,7 +66,7 @@ outputs: [{push: {value: drag.force, unit: kN}}]
     "parts/data/drag.csv": "# made\nrate [mm/s], value [kN]\n-1000, 2\n250.5, 0.5\n1e3, -2\n",
     "points.csv": "name, x [mm], y, z\nA, 100, 0.2, 0.3\nB, 0, 0, -1\n",
 }
-#: What a reader of YAML makes characters of, or cannot.
+#: Escapes of YAML, some of which name no character.
 ESCAPES = (
     '"\\ud800"', '"\\udfff\\ud800"', '"\\U00110000"', '"\\UFFFFFFFF"', '"\\0"',
     '"\\x1b"', '"\\e[31m"', '"\\u202e"', '"\\N"', '"\\uFFFE"', "\u00b2",

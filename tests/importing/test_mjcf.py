@@ -342,7 +342,7 @@ def test_coordinates_in_the_head_are_those_of_mujoco(tmp_path: Path) -> None:
 
 
 def test_actuators_with_several_controls_and_delays_are_named(tmp_path: Path) -> None:
-    """Those behind them keep their own controls."""
+    """Motors behind them keep their own controls."""
     motors = (
         '<actuator><orientation name="aim" joint="ball" kp="3"/><motor name="late" joint="a_j" delay="0.01" nsample="10"/>'
         '<motor name="m" joint="a_j" gear="7" ctrllimited="true" ctrlrange="-2 3"/></actuator>'
