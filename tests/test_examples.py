@@ -12,6 +12,7 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -229,3 +230,27 @@ def test_pytorch_checks_the_trajectory_of_the_press() -> None:
     known = runpy.run_path(str(EXAMPLES / "gradient_torch.py"))
     ones = torch.ones(2, dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda x: known["Course"].apply(x * known["SCALES"]), ones)
+
+    def loss(x: Any) -> Any:
+        return known["Course"].apply(x * known["SCALES"]).sum() + (x**2).sum()
+
+    with pytest.raises(RuntimeError, match="once_differentiable"):  # where it took the slopes for constants: 2 on the diagonal alone
+        torch.autograd.functional.hessian(loss, ones.detach())
+
+
+@pytest.mark.heavy
+def test_other_packages_refuse_second_derivatives() -> None:
+    jax = pytest.importorskip("jax")
+    known = runpy.run_path(str(EXAMPLES / "gradient_jax.py"))
+    with pytest.raises((TypeError, ValueError)):
+        jax.hessian(lambda x: known["course"](x).sum())(np.array([2000.0, 0.1]))
+    with pytest.raises((TypeError, ValueError)):
+        jax.jacrev(jax.grad(lambda x: known["course"](x).sum()))(np.array([2000.0, 0.1]))
+
+
+@pytest.mark.heavy
+def test_casadi_refuses_second_derivatives() -> None:
+    casadi = pytest.importorskip("casadi")
+    known = runpy.run_path(str(EXAMPLES / "gradient_casadi.py"))
+    with pytest.raises(RuntimeError):
+        casadi.Function("h", [known["x"]], [casadi.hessian(casadi.sum1(known["course"](known["x"])), known["x"])[0]])

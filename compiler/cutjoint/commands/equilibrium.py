@@ -26,10 +26,9 @@ def command(model: Path, scene: str | None, tunable: tuple[str, ...], changes: t
         found = find_scene_equilibrium(checked, chosen, parameters=parameters)
     options.out.print(pose_table(found))
     options.out.print(force_table(found))
-    held = dict.fromkeys(name.rpartition(".")[0] for name in chosen.positions if name not in chosen.near)
-    seen = {getattr(reaction, "joint", "") for reaction in checked.reactions}
-    if unseen := [joint for joint in held if joint not in seen]:
-        options.out.print(f"held where the scene has it, by a force that a reaction of the joint shows: {', '.join(unseen)}", markup=False)
+    if found.held:
+        forces = ", ".join(f"{name} {value:.4g} {unit}" for name, (value, unit) in found.held.items())
+        options.out.print(f"held at the start by: {forces}, released at t = 0", markup=False)
     if view is not None:
         with options.progress_bar(f"drawing {model.name}"):
             write_shown(view, show_equilibrium(checked, chosen, parameters, found))

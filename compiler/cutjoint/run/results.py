@@ -313,12 +313,14 @@ class Batch:
 class MechanismState:
     """A state of a mechanism: the value and unit of each quantity by ``element.quantity``; nan where a quantity has no value there.
 
-    ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.
+    ``undetermined`` are independent speeds that neither scene nor loops determine, which are as small as they can be.  ``held`` has the
+    force along each coordinate that the scene's positions hold at rest, with its unit.
     """
 
     values: Mapping[str, float]
     units: Mapping[str, str]
     undetermined: tuple[str, ...] = ()
+    held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
     def __getitem__(self, column: str) -> float:
         return self.values[column]
