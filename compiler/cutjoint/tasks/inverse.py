@@ -181,7 +181,7 @@ class _Inverse:
         s = np.linalg.svd(jacobian[:, rest], compute_uv=False)
         left = len(rest) - int((s > _RANK * s.max(initial=0.0)).sum())
         if left:
-            raise RunError(f"scene '{self._scene.name}' prescribes the motion only in part: {left} degrees of freedom are left; drive these too")
+            raise RunError(f"scene '{self._scene.name}' prescribes part of the motion: {left} degrees of freedom left; drive these too")
         slopes = np.zeros((equations.speeds, len(lead)))
         slopes[lead] = np.eye(len(lead))
         slopes[rest] = -np.linalg.lstsq(jacobian[:, rest], jacobian[:, lead], rcond=_RANK)[0] if rest else 0

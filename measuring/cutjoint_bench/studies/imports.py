@@ -45,8 +45,8 @@ from cutjoint.topology.reading import read_model_text
 from cutjoint_bench.robots import PinocchioRobot, Solution
 from cutjoint_bench.studies.provenance import provenance
 
-_HEAD = ("file", "bodies", "joints", "degrees of freedom", "by rank", "states", "place, m", "acceleration", "singular", "there", "light", "heavy",
-         "gap, m", "slip", "energy", "bound", "ends")  # fmt: skip
+_HEAD = ("file", "bodies", "joints", "degrees of freedom", "by rank", "states", "place, m", "acceleration", "singular", "there", "light",
+         "heavy", "gap, m", "slip", "energy", "bound", "ends")  # fmt: skip
 
 #: States whose constraints are worse conditioned are near a singular pose.
 _CONDITION = 500
