@@ -195,8 +195,9 @@ class CheckedMinimal : public CheckedSimulation<Model> {
     return snapshot ? Base::template write<Memory>([s] { return Memory{s->sim.memory(), s->minimal.choice()}; }, snapshot) : no_array;
   }
 
-  static int restore(CheckedMinimal* s, const void* snapshot) {
+  static int restore(CheckedMinimal* s, const void* snapshot, std::size_t bytes) {
     if (!Base::holds_one(s)) return no_simulation;
+    if (bytes != snapshot_size()) return no_array;
     return Base::template read<Memory>(snapshot, [s](const Memory& memory) {
       s->sim.restore(memory.sim);
       s->minimal.restore(memory.choice);
