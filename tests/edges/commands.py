@@ -23,11 +23,11 @@ _SHORT = {"--end": "0.01", "--method": "recursive"}
 #: The command for which such an option goes with another value of its choice alone.
 _ELSEWHERE = ("export", "--method")
 #: Options beside an option that is refused without them.
-_BESIDE = {"over": ["--view=out_view.html"], "beside": ["--plots=out_plots"]}
+_BESIDE = {"ghost_page": ["--view=out_view.html"], "compare": ["--plots=out_plots"]}
 #: Files other than models that options and arguments read.
-READ = {"cases": TABLE, "study": STUDY, "file": ROBOT}
+READ = {"cases": TABLE, "study": STUDY, "file": ROBOT, "folder": "."}
 #: Options and arguments that read a file of which users have none here.
-_UNREADY = ("over", "fmus", "beside", "functions", "replay")
+_UNREADY = ("ghost_page", "fmus", "compare", "functions", "replay")
 
 
 def commands() -> dict[str, click.Command]:
