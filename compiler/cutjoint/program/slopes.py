@@ -14,7 +14,7 @@ import heapq
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 from typing import TypeAlias
 
@@ -189,7 +189,7 @@ def _products(graph: Graph, scalars: _Scalars, n: int, slope: int) -> Sequence[i
 def _times(graph: Graph, a: int, b: int) -> int:
     """A product; what a choice leaves out stays out, where it may have no value."""
     for one, other in ((a, b), (b, a)):
-        chosen = _chosen(graph, one, lambda x, other=other: _times(graph, x, other), graph.nodes[other].lanes)
+        chosen = _chosen(graph, one, partial(_times, graph, b=other), graph.nodes[other].lanes)
         if chosen is not None:
             return chosen
     return graph.mul(a, b)
