@@ -14,7 +14,7 @@ from cutjoint.model.operations import Term
 from cutjoint.model.read import read_model_text
 from cutjoint.program.blocks import BindingTime, Builder
 from cutjoint.program.differentiate import Differentiator
-from cutjoint.program.elimination import adjoint, slopes
+from cutjoint.program.elimination import adjoint, derivatives
 from cutjoint.program.interpret import interpret_blocks, interpret_scalars
 from cutjoint.program.lower import Lowering
 
@@ -59,7 +59,7 @@ def laws() -> Iterator[tuple[str, sympy.Expr]]:
         yield from ((f"force {force.name}", law) for name in force.element.laws if isinstance(law := getattr(force, name), sympy.Expr))
 
 
-def derivatives(expression: sympy.Expr) -> Iterator[tuple[Mapping[str, float], float, list[list[float]]]]:
+def by_three_ways(expression: sympy.Expr) -> Iterator[tuple[Mapping[str, float], float, list[list[float]]]]:
     """At random places the arguments, the value, and derivatives forwards, from the result on and by elimination."""
     names = sorted(map(str, expression.free_symbols))
     b, lowering = Builder(), Lowering()
@@ -70,7 +70,7 @@ def derivatives(expression: sympy.Expr) -> Iterator[tuple[Mapping[str, float], f
     lowering.lower([block, *columns])
     ((root,),) = lowering.elements[block]
     graph, places = lowering.graph, [lowering.elements[c][0][0] for c in columns]
-    reverse, eliminated = adjoint(graph, {root: graph.const(1.0)}, places), slopes(graph, [root], places)[0]
+    reverse, eliminated = adjoint(graph, {root: graph.const(1.0)}, places), derivatives(graph, [root], places)[0]
     rng = np.random.default_rng(5)
     for trial in range(24):
         x = 10 ** rng.uniform(-3, 5, len(names)) * rng.choice((-1, 1), len(names))
@@ -88,7 +88,7 @@ def derivatives(expression: sympy.Expr) -> Iterator[tuple[Mapping[str, float], f
 def test_derivatives_of_laws_are_finite_far_beyond_usual_arguments() -> None:
     tried = 0
     for name, law in laws():
-        for x, value, ways in derivatives(law) if law.free_symbols else ():
+        for x, value, ways in by_three_ways(law) if law.free_symbols else ():
             if np.isfinite(value) and 0 not in x.values():
                 assert np.isfinite(ways).all(), (name, x)
             if np.isfinite(ways[0]).all():
@@ -102,7 +102,7 @@ def test_derivatives_of_laws_are_finite_far_beyond_usual_arguments() -> None:
 @pytest.mark.parametrize("text", FORMS)
 def test_a_choice_leaves_out_derivatives_that_have_no_value(text: str) -> None:
     law = read_term(text, {name: Term(variable(name)) for name in "ab"}).value
-    for x, value, ways in derivatives(law):
+    for x, value, ways in by_three_ways(law):
         if np.isfinite(value):
             assert np.isfinite(ways).all(), x
             assert ways == [pytest.approx(ways[0], rel=1e-9)] * 3, x

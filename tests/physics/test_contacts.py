@@ -205,3 +205,36 @@ def test_surfaces_that_are_none_are_reported(tmp_path: Path, surface: str, said:
     with pytest.raises(ModelError) as error:
         read_model(path)
     assert said in str(error.value)
+
+
+#: A ball that falls, with a spin or without, touches and flies on.
+SPUN = """
+cutjoint: 1
+name: spun
+gravity: [0, 0, -9.81]
+bodies: {ball: {mass: 1, centre_of_mass: [0, 0, 0.21], inertia: [0.016, 0.016, 0.016]}}
+joints: {p: {kind: planar, bodies: [ground, ball], at: [0, 0, 0.21], axis: [0, -1, 0]}}
+forces:
+  sole: {kind: contact, bodies: [ground, ball], at: [0, 0, 0], normal: z, along: x, centre: [0, 0, 0.21], radius: 0.2,
+         force: [grip.Fx, grip.Fy, grip.Fz]}
+submodels: {contact_law: {include: library/contact_law}}
+instances:
+  grip: {use: contact_law, with: {deflection: sole.deflection, deflection_rate: sole.deflection_rate, vx: sole.vx, vy: sole.vy,
+         stiffness: 1e5, damping: 0.3, friction: 0.4}}
+outputs: [ball.x, ball.z, ball.wy]
+scenes: {run: {end: 0.15, output_step: 0.01, rates: {p.angle_rate: SPIN}}}
+"""
+
+
+@pytest.mark.parametrize("spin", [12, 0])
+@pytest.mark.parametrize(("method", "integrator", "events"), [
+    ("recursive", "dormand-prince", "located"), ("recursive", "dormand-prince", "crossed"), ("recursive", "dop853", "located"),
+    ("recursive-newton", "radau5", "located"), ("recursive-newton", "radau5", "crossed"),
+])  # fmt: skip
+def test_touching_and_flight_go_on_by_all_methods(tmp_path: Path, method: str, integrator: str, events: str, spin: int) -> None:
+    """About the point on the plane that the ball touches its angular momentum stays while it slides and grips: I w + m r vx."""
+    run = run_of(tmp_path, SPUN.replace("SPIN", str(spin)), method, integrator=integrator, events=events, tolerance=1e-6, error=False)
+    vx = np.gradient(run["ball.x"], run.t)
+    flying = run.t > 0.1
+    assert np.ptp(run["ball.x"][~flying & (run.t < 0.04)]) < 1e-9
+    np.testing.assert_allclose(0.016 * (run["ball.wy"][flying] + spin), -0.2 * vx[flying], rtol=0.03, atol=1e-9)  # it sinks by 3 % of 0.2 m

@@ -197,7 +197,7 @@ def test_what_is_asked_for_is_not_welded_to_the_ground() -> None:
 
 
 def test_a_guide_that_moves_is_not_welded() -> None:
-    assert set(words(weld_bodies(*read(WELDED, "external_wrenches")))) == {"weld"}
+    assert set(words(weld_bodies(*read(WELDED, "pushed")))) == {"weld"}
 
 
 def test_what_no_output_can_feel_is_dropped() -> None:

@@ -60,7 +60,7 @@ from cutjoint.toolchain.wasm import build_module, build_twin, mathematics, with_
 #: Processor seconds that lanes take to compile: some, and some for each operation of an evaluation.
 _COMPILING, _COMPILING_AN_OPERATION = 1.0, 1e-3
 
-#: Evaluations that one over numbers with derivatives along eight directions takes: docs/evidence/measured/performance.md.
+#: Evaluations that one over numbers with derivatives along eight directions takes.
 _EVALUATIONS = 14
 
 #: Processor seconds that lanes save in a step, for the root of the operations, since mechanisms of many have lanes of their own.

@@ -6,6 +6,7 @@ They share no code with the lowering or the printer: blocks are evaluated with w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -57,9 +58,14 @@ def interpret_blocks(
     """
     values: dict[Block, Array] = {}
     with np.errstate(all="ignore"):
-        for block in reachable_blocks(roots):
+        for block in _in_order(tuple(roots)):
             values[block] = _evaluate(block, [values[a] for a in block.args], inputs, roads)
     return values
+
+
+@lru_cache(maxsize=16)
+def _in_order(roots: tuple[Block, ...]) -> list[Block]:
+    return reachable_blocks(roots)
 
 
 def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
