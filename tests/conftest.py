@@ -106,11 +106,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Page]:
     """Chromium without a window; what opens it is not in all copies of the tests' mechanisms (tests/test_same_code.py)."""
-    from tests.view.browser import CHROMIUM, tunable
+    from tests.view.browser import CHROMIUM, opened
 
     if CHROMIUM is None:
         pytest.skip("needs chromium")
-    with tunable() as page:
+    with opened() as page:
         yield page
 
 
