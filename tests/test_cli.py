@@ -237,7 +237,7 @@ def test_the_first_of_several_scenes_is_reported(command: str, tmp_path: Path) -
     named = call(command, model, "--scene", "still")
     assert named.stdout == result.stdout
     assert named.stderr.strip() == ""
-    assert "the first otherwise" in " ".join(call(command, "--help").output.split())
+    assert "Default: the first" in " ".join(call(command, "--help").output.split())
     wrong = call(command, model, "--scene", "there")
     assert wrong.exit_code == 1
     assert wrong.output.strip() == f"{model}: no scene 'there'; the model has still, moved"

@@ -63,8 +63,8 @@ def test_words_of_modes_are_explained(tmp_path: Path) -> None:
         words[name] = " ".join(result.output.partition("words")[2].split())
     assert words["swing"].startswith("eigenvalue its real part is the rate at which the motion grows")
     assert "moves coordinates and the amplitudes of each" in words["swing"]
-    assert "indifferent" not in words["swing"]
-    assert words["wheel"] == "indifferent directions that nothing brings back, each by its leading coordinate"
+    assert "rigid-body" not in words["swing"]
+    assert words["wheel"] == "rigid-body modes motions that nothing brings back, each by its leading coordinate"
 
 
 def test_parameters_that_nothing_uses_are_named() -> None:

@@ -275,7 +275,7 @@ def test_vehicle(tmp_path: Path) -> None:
     out = tmp_path / "modes.json"
     status, output = command(MODELS / "iltis.yaml", "--out", out)
     assert status == 0, output
-    assert "rigid_body_modes, with 6 eigenvalues of zero: chassis_free.x, chassis_free.y, chassis_free.wz" in " ".join(output.split())
+    assert "rigid-body modes, with 6 eigenvalues of zero: chassis_free.x, chassis_free.y, chassis_free.wz" in " ".join(output.split())
     found = json.loads(out.read_text())
     assert (found["about"], found["degrees_of_freedom"], found["zero_eigenvalues"]) == ("static equilibrium", 10, 6)
     leaders = [max(m["shape"], key=lambda n: m["shape"][n]["share"]) for m in found["modes"]]

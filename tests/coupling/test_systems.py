@@ -22,9 +22,9 @@ _SPACES = 'xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" x
 
 #: A chain: the first FMU hangs on the model, the second on the first.
 CHAIN = (
-    ("external_wrenches", "mass.x", "hanging", "given"), ("hanging", "pull.force", "external_wrenches", "given"), ("hanging", "mass.x",
+    ("pushed", "mass.x", "hanging", "given"), ("hanging", "pull.force", "pushed", "given"), ("hanging", "mass.x",
         "second", "given"),
-    ("second", "pull.force", "external_wrenches", "other"),
+    ("second", "pull.force", "pushed", "other"),
 )  # fmt: skip
 WITH_OTHER = PUSHED.replace("{ given:", "{ other: {value: 0, unit: N, binding: input}, given:").replace('"-given"', '"-given + 0.5*other"')
 
@@ -58,7 +58,7 @@ def test_a_system_runs_as_its_connections_by_hand(tmp_path: Path) -> None:
     model = tmp_path / "pushed.yaml"
     model.write_text(WITH_OTHER)
     fmus = {name: made(HANGING, tmp_path / "made" / f"{name}.fmu") for name in ("hanging", "second")}
-    names = ("external_wrenches", "hanging", "second")
+    names = ("pushed", "hanging", "second")
     text = structure("".join(map(component, names)), "".join(connection(*ends) for ends in CHAIN))
     archive = system(tmp_path / "chain.ssp", text, **{name: file.read_bytes() for name, file in fmus.items()})
     result = simulate(model, archive, tmp_path / "system.csv", "--integrator", "rk4", "--no-error")
@@ -77,7 +77,7 @@ def test_ports_that_a_system_does_not_connect_stay(tmp_path: Path) -> None:
     model = tmp_path / "pushed.yaml"
     model.write_text(PUSHED.replace("outputs: [mass.x, pull.force]", "outputs: [{place: {value: mass.x, unit: m}}]"))
     fmu = made(HANGING.replace("given", "place"), tmp_path / "made" / "hanging.fmu")
-    text = structure(component("external_wrenches") + component("hanging"), connection("hanging", "pull.force", "external_wrenches",
+    text = structure(component("pushed") + component("hanging"), connection("hanging", "pull.force", "pushed",
         "given"))
     archive = system(tmp_path / "loose.ssp", text, hanging=fmu.read_bytes())
     result = simulate(model, archive, tmp_path / "loose.csv", "--no-error")
@@ -87,10 +87,10 @@ def test_ports_that_a_system_does_not_connect_stay(tmp_path: Path) -> None:
     assert "read place as place" in words_of(plain)
 
 
-_BOTH = component("external_wrenches") + component("hanging")
+_BOTH = component("pushed") + component("hanging")
 _BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;"><!ENTITY c SYSTEM "file:///etc/passwd">]>'
 
-_LOOP, _PLAIN = ("hanging", "pull.force", "external_wrenches", "given"), component("external_wrenches")
+_LOOP, _PLAIN = ("hanging", "pull.force", "pushed", "given"), component("pushed")
 
 
 def beside(name: str = "hanging", **how: str) -> str:
@@ -111,7 +111,7 @@ REFUSED = [
     (structure(_BOTH, connection(*_LOOP, inner="<ssc:LinearTransformation factor='2'/>")), "transforms what it passes"),
     (structure(_BOTH, connection("hanging", "pull.force", "elsewhere", "given")), "no component is named 'elsewhere'"),
     (structure(_BOTH, connection("hanging", "pull.force", "hanging", "given")), "is within one component"),
-    (structure(_BOTH, connection("hanging", "x", "external_wrenches", "a") + connection("hanging", "x", "external_wrenches", "b")),
+    (structure(_BOTH, connection("hanging", "x", "pushed", "a") + connection("hanging", "x", "pushed", "b")),
         "'hanging:x' is connected"),
     (structure(_BOTH.replace("resources/", "&b;resources/"), "", head=_HEAD + _BOMB), "has a document type, which no system needs"),
     (structure(_BOTH, "", head=_HEAD + _BOMB.replace("&a;", "")), "has a document type, which no system needs"),
@@ -123,7 +123,7 @@ REFUSED = [
 @pytest.mark.parametrize(("text", "message"), REFUSED)
 def test_what_no_system_may_have_is_reported(text: str, message: str, tmp_path: Path) -> None:
     file = system(tmp_path / "s.ssp", text, hanging=b"x")
-    with pytest.raises(RunError) as told, open_system([file], {}, "external_wrenches"):
+    with pytest.raises(RunError) as told, open_system([file], {}, "pushed"):
         pass
     assert str(told.value).startswith(f"{file}: ")
     assert message in str(told.value)
@@ -136,8 +136,8 @@ def test_what_is_no_system_is_reported(tmp_path: Path) -> None:
         pass
     nothing = "There is no item named 'SystemStructure.ssd'"
     for name, message in (("no.ssp", "File is not a zip file"), ("empty.ssp", nothing), ("x.ssp", "No such file")):
-        with pytest.raises(RunError, match=message), open_system([tmp_path / name], {}, "external_wrenches"):
+        with pytest.raises(RunError, match=message), open_system([tmp_path / name], {}, "pushed"):
             pass
     with pytest.raises(RunError, match="give it alone, without --connect"), open_system([tmp_path / "x.ssp"], {"a": "b"},
-        "external_wrenches"):
+        "pushed"):
         pass

@@ -43,7 +43,7 @@ outputs: [mass.x, pull.force]
 scenes: {{ run: {{end: 0.5, output_step: 10 ms, rates: {{rail.displacement_rate: 1.0}}, numerics: {{dt: 1 ms}}}} }}
 """
 HANGING = MASS.format(name="hanging", unit="m", mass=2, law="100*(given - position)")
-PUSHED = MASS.format(name="external_wrenches", unit="N", mass=3, law="-given")
+PUSHED = MASS.format(name="pushed", unit="N", mass=3, law="-given")
 
 
 @pytest.fixture(scope="module")
@@ -113,13 +113,13 @@ def test_inputs_that_jump_leave_the_trapezoidal_rule_its_order(controller: Path,
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_two_models_step_side_by_side_as_by_hand(version: int, tmp_path: Path) -> None:
-    paths = {name: tmp_path / f"{name}.yaml" for name in ("hanging", "external_wrenches")}
+    paths = {name: tmp_path / f"{name}.yaml" for name in ("hanging", "pushed")}
     for path, text in zip(paths.values(), (HANGING, PUSHED), strict=True):
         path.write_text(text)
     fmu = made(HANGING, tmp_path / "hanging.fmu", version)
     out, step = tmp_path / "pushed.csv", 0.004
     connections = ("--connect", "given=mass.x", "--connect", "pull.force=given")
-    result = simulate(paths["external_wrenches"], fmu, out, *connections, "--communication-step", step, "--integrator", "rk4", "--no-error")
+    result = simulate(paths["pushed"], fmu, out, *connections, "--communication-step", step, "--integrator", "rk4", "--no-error")
     assert result.exit_code == 0, result.output
     _, columns = read_table(out)
     other, one = (cutjoint.load(path, integrator="rk4").reset() for path in paths.values())
@@ -145,7 +145,7 @@ def test_several_fmus_step_side_by_side_as_by_hand(tmp_path: Path) -> None:
     """The first hangs on the model, the second on the first, with steps of communication twice as long."""
     external_wrenches = PUSHED.replace("{ given:", "{ other: {value: 0, unit: N, binding: input}, given:").replace('"-given"',
         '"-given + 0.5*other"')
-    paths = {name: tmp_path / f"{name}.yaml" for name in ("external_wrenches", "hanging")}
+    paths = {name: tmp_path / f"{name}.yaml" for name in ("pushed", "hanging")}
     for path, text in zip(paths.values(), (external_wrenches, HANGING), strict=True):
         path.write_text(text)
     fast = changed(made(HANGING, tmp_path / "made" / "hanging.fmu"), tmp_path, ('stepSize="0.01"', 'stepSize="0.002"'))
@@ -154,14 +154,14 @@ def test_several_fmus_step_side_by_side_as_by_hand(tmp_path: Path) -> None:
     pairs = ("hanging:given=mass.x", "hanging:pull.force=given", "second:given=hanging:mass.x", "second:pull.force=other")
     connections = [word for pair in pairs for word in ("--connect", pair)]
     view = tmp_path / "pushed.html"
-    result = simulate(paths["external_wrenches"], fast, out, slow, *connections, "--integrator", "rk4", "--no-error", "--view", view)
+    result = simulate(paths["pushed"], fast, out, slow, *connections, "--integrator", "rk4", "--no-error", "--view", view)
     assert result.exit_code == 0, result.output
     for words in ("hanging.fmu, FMI 2, second.fmu, FMI 2", "read hanging:mass.x as given", "communication second.fmu 125 steps of 0.004 s"):
         assert words in words_of(result)
     assert view.stat().st_size > 100_000
     _, columns = read_table(out)
     assert list(columns) == ["mass.x", "pull.force", "given", "other"]
-    one, first, second = (cutjoint.load(path, integrator="rk4").reset() for path in (paths["external_wrenches"], paths["hanging"],
+    one, first, second = (cutjoint.load(path, integrator="rk4").reset() for path in (paths["pushed"], paths["hanging"],
         paths["hanging"]))
     other = 0.0
     for i in range(250):

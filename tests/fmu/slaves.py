@@ -49,7 +49,7 @@ def fmu_of(
 
 #: Mechanisms of the tests, by names.
 _TEXTS = {"driven": DRIVEN, "spinning": SPINNING, "bounce": bouncing_text(5.0, 0.3), "swaying": swaying_text(),
-          "external_wrenches": pushed_text("push - 50*max(position - 0.3, 0)")}  # fmt: skip
+          "pushed": pushed_text("push - 50*max(position - 0.3, 0)")}  # fmt: skip
 
 
 def text_of(name: str) -> str:

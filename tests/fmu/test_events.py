@@ -162,7 +162,7 @@ def test_nobody_ends_a_step_that_must_not_end_early() -> None:
 @pytest.mark.parametrize("integrator", ["rk4", "dormand-prince"])
 def test_inputs_jump_in_event_mode(integrator: str) -> None:
     """2 kg that 2 N push from rest, until the event at a spring of 50 N/m, where the force goes to 0."""
-    slave = Slave(fmu_of("external_wrenches", 3, integrator=integrator), events=True, early=True)
+    slave = Slave(fmu_of("pushed", 3, integrator=integrator), events=True, early=True)
     assert slave.set(push=2.0, **(TOLERANCE if integrator == "dormand-prince" else {})) == slave.initialise() == OK
     to_step_mode(slave)
     assert slave.step(0.0, 1.0) == OK

@@ -309,7 +309,7 @@ class Maker:
         if "functions" in made:
             for controller in made["controllers"].values():
                 kept = {"function": "worn", "arguments": [rng.choice(known), rng.choice(known)]}
-                controller.setdefault("memory", {})["bytes"] = kept if self.chance(0.95) else {"function": "external_wrenches",
+                controller.setdefault("memory", {})["bytes"] = kept if self.chance(0.95) else {"function": "pushed",
                     "arguments": ["t"]}
         for force in made["forces"].values():
             if isinstance(force.get("law"), str) and self.chance():
@@ -328,11 +328,11 @@ class Maker:
         results = rng.choice((["force", "heat"], {"force": "N", "heat": "W"}, {"force": 1, "heat": unit}))
         memory = rng.choice((1, 7, 64, *((0, 300, "64") if self.chance(0.1) else ())))
         made["functions"] = {
-            "external_wrenches": {"arguments": {"a": "m", "b": "m/s"} if self.chance(0.1) else ["a", "b"], "partials": self.chance()},
+            "pushed": {"arguments": {"a": "m", "b": "m/s"} if self.chance(0.1) else ["a", "b"], "partials": self.chance()},
             "worn": {"arguments": ["a", "b"], "results": results, "memory": memory},
         }
         if self.chance():
-            made["functions"]["external_wrenches"]["unit"] = rng.choice(("N", "m", "1"))
+            made["functions"]["pushed"]["unit"] = rng.choice(("N", "m", "1"))
         calls = ["pushed({}, {})", *(f"worn.{result}({{}}, {{}}, {name}.bytes)" for result in results for name in controllers)]
         return [*calls, "worn({}, {})", "worn.cold({}, {}, t)", "pushed({})"] if self.chance(0.1) else calls
 

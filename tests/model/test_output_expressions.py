@@ -77,7 +77,7 @@ def test_scenes_may_share_an_output() -> None:
 
 def test_objectives_of_a_study_read_outputs_by_their_names() -> None:
     reader = Reader(read_model_text(TEXT, "m.yaml"))
-    expression, _ = reader.read("2*tilt", Span(file="s.yaml", line=1, column=1))
+    expression, *_ = reader.read("2*tilt", Span(file="s.yaml", line=1, column=1))
     assert expression == 2 * quantity_symbol("tilt", "value")
 
 

@@ -180,7 +180,7 @@ def _where(condition: sympy.Basic, yes: sympy.Expr, no: sympy.Expr) -> sympy.Exp
 def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
     text = re.sub(r"\bv\b", "rate", re.sub(r"\bx\b", "position", law))
     start = {"coordinates": {"slide.displacement": 0.3}, "speeds": {"slide.displacement_rate": -0.8}}
-    sim = loaded(pushed_text(f"10*({text})*(1 + push)"), "external_wrenches").reset(**start)
+    sim = loaded(pushed_text(f"10*({text})*(1 + push)"), "pushed").reset(**start)
     sim.inputs["push"] = 0.4
     near = sim.linearise()
     x, v, push = symbols = sympy.symbols("x v push", real=True)
@@ -193,7 +193,7 @@ def test_laws_have_the_derivatives_of_sympy(law: str) -> None:
 
 
 def test_where_functions_are_infinitely_steep_what_stays_has_no_derivative() -> None:
-    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "external_wrenches").reset().linearise()
+    near = loaded(pushed_text("-3*position + 5*sqrt(position**2 + rate**2)"), "pushed").reset().linearise()
     assert near.A.tolist() == [[0, 1], [-1.5, 0]]
 
 

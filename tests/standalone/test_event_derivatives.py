@@ -111,7 +111,7 @@ scenes: {run: {end: 1, output_step: 0.01}}
 @pytest.mark.parametrize("integrator", ["rk4", "dormand-prince"])
 def test_a_force_that_ends_at_a_time(integrator: str) -> None:
     """z = F T (t - T/2) / m."""
-    run = loaded(PUSHED, "external_wrenches", integrator=integrator).reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"],
+    run = loaded(PUSHED, "pushed", integrator=integrator).reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"],
         events=9)
     assert run.end[1][0] == pytest.approx([2 * (0.8 - 0.3137) / 4, 0.3137 * (0.8 - 0.3137 / 2) / 4], rel=1e-12)
     assert run.events is not None
@@ -253,14 +253,14 @@ def test_what_has_no_derivative_is_reported_by_name() -> None:
     with pytest.raises(cutjoint.SimulationError, match=r"speeds jump where a guide changes its formula: 'rail' \(jerked.yaml:10\)") as told:
         sim.forward_sensitivities(40, ["pin.angle"], ["begin"])
     assert told.value.status == 35
-    sim = loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.3137)
+    sim = loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137)
     with pytest.raises(cutjoint.SimulationError, match=r"just where a step ends.*: 'thrust'") as told:
         sim.forward_sensitivities(2, ["mass.z"], ["until"])
     assert told.value.status == 36
-    assert loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.3137).forward_sensitivities(2, ["mass.z"], ["push"]).end[1][0,
+    assert loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.3137).forward_sensitivities(2, ["mass.z"], ["push"]).end[1][0,
         0] > 0.0
     with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*'thrust'.*or differentiate a run"):
-        loaded(PUSHED, "external_wrenches", integrator="rk4").reset(dt=0.5).step_derivatives()
+        loaded(PUSHED, "pushed", integrator="rk4").reset(dt=0.5).step_derivatives()
     with pytest.raises(ValueError, match="name numbers by which they change"):
         sim.forward_sensitivities(1, [], [], events=1)
     with pytest.raises(TypeError, match="trapezoidal rule go over events"):

@@ -146,7 +146,7 @@ def test_a_ball_that_bounces(text: str, known: Callable, integrator: str, dt: fl
 
 def test_a_force_that_ends_at_a_time() -> None:
     """z = F T (t - T/2) / m."""
-    run = by_radau(PUSHED, "external_wrenches").reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"], events=9)
+    run = by_radau(PUSHED, "pushed").reset(dt=0.01).forward_sensitivities(80, ["mass.z"], ["until", "push"], events=9)
     assert run.end[1][0] == pytest.approx([2 * (0.8 - 0.3137) / 4, 0.3137 * (0.8 - 0.3137 / 2) / 4], rel=1e-12)
     assert run.events is not None
     assert run.events.derivatives_of_times == pytest.approx(np.array([[1, 0]]), abs=1e-12)
@@ -170,7 +170,7 @@ def test_loops_at_a_force_that_jumps(integrator: str) -> None:
 
 
 def test_a_step_that_ends_at_an_event_has_none() -> None:
-    sim = by_radau(PUSHED, "external_wrenches").reset(dt=0.5)
+    sim = by_radau(PUSHED, "pushed").reset(dt=0.5)
     with pytest.raises(cutjoint.SimulationError, match=r"no derivative: it ended at an event.*'thrust'.*or differentiate a run"):
         sim.step_derivatives()
     assert sim.time == 0.0

@@ -40,7 +40,7 @@ def simulation(scene: str, pattern: str) -> cutjoint.Simulation:
 
 def test_a_force_of_straight_lines_has_its_closed_form() -> None:
     """A value moves the force by a hat: v by its area over the mass, x by that times the time that is left, 0.4 s - t."""
-    sim = simulation("external_wrenches", "push.law.table.value.*")
+    sim = simulation("pushed", "push.law.table.value.*")
     by = [f"push.law.table.value.{i}" for i in range(4)]
     assert list(sim.parameters) == by
     knots = np.array([0, 0.1, 0.2, 0.4])

@@ -154,7 +154,7 @@ _MODE_WORDS = (
     ("moves", "coordinates and the amplitudes of each, m and rad beside the first one's 1: signs and angles are phases; in brackets the "
      "share of the kinetic energy, which is negative where a coordinate works against what carries it; wx is a turn about x"),
     ("without dampers", "the same with all damping left out; a real eigenvalue there is an unstable equilibrium"),
-    ("rigid_body_modes", "directions that nothing brings back, each by its leading coordinate"),
+    ("rigid-body modes", "motions that nothing brings back, each by its leading coordinate"),
 )  # fmt: skip
 
 
@@ -164,15 +164,15 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
-        yield f"no modes about {about}: {modes.degrees_of_freedom} degrees of freedom, {len(modes.rigid_body_modes)} of them indifferent"
+        yield f"no modes about {about}: {modes.degrees_of_freedom} degrees of freedom, {len(modes.rigid_body_modes)} of them rigid-body modes"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:
-        yield f"rigid_body_modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
+        yield f"rigid-body modes, with {modes.zeros} eigenvalue{'s' * (modes.zeros != 1)} of zero: {', '.join(modes.rigid_body_modes)}"
     if modes.held:
         names = join_and([f"'{name}'" for name in modes.held])
         yield f"{names}: sampled values are held constant: these are not the modes of the sampled loop; a run shows whether it is stable"
-    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid_body_modes": modes.zeros}
+    told = {"eigenvalue": modes.modes, "moves": modes.modes, "without dampers": modes.undamped, "rigid-body modes": modes.zeros}
     yield facts("words", [(word, meaning) for word, meaning in _MODE_WORDS if told[word]])
 
 

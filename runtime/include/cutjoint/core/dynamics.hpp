@@ -15,7 +15,7 @@ template <class Base, std::size_t count>
 class WithDynamics : public Base {
  public:
   /// M and f of M z'' = f, each unless it is a null pointer.
-  static int dynamics(WithDynamics* s, double* mass, double* force) {
+  static int equations_of_motion(WithDynamics* s, double* mass, double* force) {
     if (const int status = Base::ask(s)) return status;
     std::array<double, states + 1> rates;
     std::array<double, f * f + 1> M;
