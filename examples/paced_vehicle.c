@@ -36,10 +36,10 @@ static double memory[ILTIS_SIZE / sizeof(double)];
 
 /* Each wheel's pose, and the first of its inputs: height, slope, bank and friction follow one another. */
 static const int wheels[4][2] = {
-    {ILTIS_POSE_OF_front_left_carrier, ILTIS_INPUT_front_left_tyre_ground_height},
-    {ILTIS_POSE_OF_front_right_carrier, ILTIS_INPUT_front_right_tyre_ground_height},
-    {ILTIS_POSE_OF_rear_left_carrier, ILTIS_INPUT_rear_left_tyre_ground_height},
-    {ILTIS_POSE_OF_rear_right_carrier, ILTIS_INPUT_rear_right_tyre_ground_height},
+    {ILTIS_POSE_OF_front_left_carrier, ILTIS_INPUT_front_left_tyre_terrain_height},
+    {ILTIS_POSE_OF_front_right_carrier, ILTIS_INPUT_front_right_tyre_terrain_height},
+    {ILTIS_POSE_OF_rear_left_carrier, ILTIS_INPUT_rear_left_tyre_terrain_height},
+    {ILTIS_POSE_OF_rear_right_carrier, ILTIS_INPUT_rear_right_tyre_terrain_height},
 };
 
 static double now(void) {

@@ -176,7 +176,7 @@ class Simulation {
   #do(name, ...values) {
     const status = this.#call(name, ...values);
     if (status === 0) return;
-    const said = status > 0 ? this.explain() : '';
+    const said = status > 0 ? this.failureText() : '';
     throw new SimulationError(said || this.#model.text(this.#model.call('status_text', status)), status, this.time);
   }
 

@@ -91,7 +91,7 @@ def test_the_warning_of_slip_of_the_moment_has_the_largest_step() -> None:
     """Explicit steps at 1 m/s are smooth up to it, and rough at twice as much."""
     scene = "end: 0.3, output_step: 0.002, rates: {slide.displacement_rate: 1, w.rolling.bearing.angle_rate: 1/0.3}, inputs: {brake: 20}"
     model = corner("62", LEVEL, f"{scene}, states: {{w.rolling.rolled: 1}}", ", steady: 1")
-    most = float(re.search(r"steps of (\S+) s at most", model.notes[-1])[1])  # type: ignore[index]
+    most = float(re.search(r"steps of (\S+) s at most", " ".join(model.notes))[1])  # type: ignore[index]
     artifact = compile_scene(model, model.scenes["run"])
     for share, smooth in ((1, True), (2, False)):
         force = completed(simulate(artifact, error=False, integrator="rk4", dt=share * most))["w.rolling.contact.Fx"][50:]

@@ -296,7 +296,7 @@ scenes: {rest: {end: 0.01}}
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_what_does_not_move_step_size_too_small(method: str) -> None:
+def test_what_does_not_move_stands_still(method: str) -> None:
     model = read_model_text(STILL, "still.yaml")
     run = cutjoint.simulate(compile_scene(model, find_scene(model, None), CompileOptions(method=method)), error=False)
     assert set(run["block.x"]) == {0.5}

@@ -112,7 +112,7 @@ def test_what_cannot_be() -> None:
         sim.adjoint_sensitivities(10, ["pin.angle"], ["g"], np.ones((1, 3, 1)), every=10)
     with pytest.raises(KeyError, match="no 'gg'; did you mean 'g'"):
         sim.adjoint_sensitivities(10, ["pin.angle"], ["gg"], "end")
-    with pytest.raises(ValueError, match="no objective 'max'; there is end, integral, mean, rms, largest, smallest"):
+    with pytest.raises(ValueError, match="no objective 'max'; there is end, integral, mean, rms, maximum, minimum"):
         sim.adjoint_sensitivities(10, ["pin.angle"], ["g"], "max")
     for steps, every, error, told in ((10, 0, ValueError, "every: 0 is below 1"), (-1, 1, ValueError, "steps: -1 is below 0"),
                                       (10, 2.5, TypeError, "every: 2.5 is no whole number")):  # fmt: skip
@@ -168,7 +168,7 @@ def test_a_pose_at_rest_follows_its_closed_form() -> None:
     back = sim.adjoint_sensitivities(50, list(sim.outputs), by, "end", initial_sensitivities=rest.states)
     assert along.end[1] == pytest.approx(rest.derivatives, abs=1e-9)
     assert back.derivatives == pytest.approx(rest.derivatives, abs=1e-9)
-    with pytest.raises(ValueError, match=re.escape("begin: it is (1, 3), not (2, 3), states and numbers")):
+    with pytest.raises(ValueError, match=re.escape("initial_sensitivities: it is (1, 3), not (2, 3), states and numbers")):
         sim.adjoint_sensitivities(1, ["rail.displacement"], by, "end", initial_sensitivities=rest.states[:1])
     sim.reset(dt=1e-2, coordinates={"rail.displacement": 0.1})
     with pytest.raises(ValueError, match="the mechanism moves: a state changes by"):

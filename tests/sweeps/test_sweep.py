@@ -242,9 +242,9 @@ def test_every_function_of_expressions(tmp_path: Path) -> None:
         "atan2(y, x)": lambda x, y, t: np.arctan2(y, x), "sinh(x)": lambda x, y, t: np.sinh(x), "cosh(y)": lambda x, y, t: np.cosh(y),
         "tanh(y)": lambda x, y, t: np.tanh(y), "sqrt(x)": lambda x, y, t: np.sqrt(x), "log(x)": lambda x, y, t: np.log(x),
         "exp(2.5 - x/y**2*0)": lambda x, y, t: np.exp(2.5) + 0 * x, "exp(x - 1.25)": lambda x, y, t: np.exp(x - 1.25),
-        "abs(y)": lambda x, y, t: np.abs(y), "sign(y)": lambda x, y, t: np.sign(y), "max(x, y)": lambda x, y, t: np.maximum(x, y),
-        "min(x, y, t)": lambda x, y, t: np.minimum(np.minimum(x, y), t),
-        "where(y < 0 and x > 0.3, t, -x**7)": lambda x, y, t: np.where((y < 0) & (x > 0.3), t, -x**7),
+        "abs(y)": lambda x, y, t: np.abs(y), "sign(y)": lambda x, y, t: np.sign(y), "max(x, y*t)": lambda x, y, t: np.maximum(x, y * t),
+        "min(x, y*t, x*x/x)": lambda x, y, t: np.minimum(x, y * t),
+        "where(y < 0 and x > 0.3, y*t, -x)": lambda x, y, t: np.where((y < 0) & (x > 0.3), y * t, -x), "x**7": lambda x, y, t: x**7,
         "x**-3 + 1/y**(2/3)*0 + y**3": lambda x, y, t: x**-3.0 + y**3, "pi*x - 2": lambda x, y, t: np.pi * x - 2,
     }  # fmt: skip
     texts = [re.sub(r"\b([xy])\b", lambda found: {"x": "slider.x", "y": "slider.vx"}[found[1]], text) for text in expected]

@@ -22,9 +22,11 @@ _STATEMENTS = 400
 
 #: The functions that straight-line code is made of: arguments, and the same for a build's precision.
 _ARGUMENTS = {
-    "factor": ("[[maybe_unused]] const Real* __restrict tangent, Real* __restrict factors", "const Precision*, Precision*"),
+    "factor": (
+        "[[maybe_unused]] const Real* __restrict tangent, [[maybe_unused]] Real* __restrict factors", "const Precision*, Precision*",
+    ),
     "solve": (
-        "const Real* __restrict factors, [[maybe_unused]] Real* __restrict x, Real* __restrict y",
+        "[[maybe_unused]] const Real* __restrict factors, [[maybe_unused]] Real* __restrict x, [[maybe_unused]] Real* __restrict y",
         "const Precision*, Precision*, Precision*",
     ),
 }

@@ -164,7 +164,7 @@ def mode_tables(modes: Modes) -> Iterator[Table | str]:
     if modes.modes:
         yield _table(f"modes about {about}", modes.modes)
     else:
-        yield f"no modes about {about}: {modes.degrees_of_freedom} degrees of freedom, {len(modes.rigid_body_modes)} of them rigid-body modes"
+        yield f"no modes about {about}: {len(modes.rigid_body_modes)} rigid-body modes, {modes.degrees_of_freedom} degrees of freedom"
     if modes.undamped:
         yield _table("without dampers", modes.undamped, damped=False)
     if modes.zeros:

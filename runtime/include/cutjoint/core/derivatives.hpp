@@ -119,7 +119,8 @@ class Derivatives {
     if (j < states) return dx_[j];
     if (j < states + inputs) return du_[numbers_per_input * (j - states)];
     if (j < after) return parameters_[j - states - inputs];
-    return du_[numbers_per_input * ((j - after) % inputs) + 1 + (j - after) / inputs];
+    constexpr std::size_t each = inputs > 0 ? inputs : 1;
+    return du_[numbers_per_input * ((j - after) % each) + 1 + (j - after) / each];
   }
 
   static std::span<const Chart> charts() { return M::charts; }
