@@ -70,7 +70,7 @@ def test_a_wheel_on_a_road(peer: str, _: str, road: str, speed: str, tmp_path: P
     np.testing.assert_allclose(found, own, rtol=1e-12, atol=1e-10)
 
 
-@pytest.mark.parametrize(("peer", "course"), of_each(lambda expected: expected.trajectories))
+@pytest.mark.parametrize(("peer", "trajectory"), of_each(lambda expected: expected.trajectories))
 def test_trajectories(peer: str, trajectory: Trajectory, tmp_path: Path) -> None:
     case = trajectory.case()
     found = [

@@ -21,7 +21,7 @@ from cutjoint.view.meshes import box
 from cutjoint.view.page import Camera, PlotColumn, make_page
 from cutjoint.view.records import Drawing, Node, Part
 from tests.edges.calling import call
-from tests.view.browser import Page, tunable
+from tests.view.browser import Page, opened
 from tests.view.lever import MODEL, glb, obj, stl
 from tests.view.pages import part_of, with_part
 
@@ -145,7 +145,7 @@ def _browser() -> Page:
     """One browser for all inputs of a process."""
     stack = ExitStack()
     Finalize(None, stack.close, exitpriority=10)
-    return stack.enter_context(tunable())
+    return stack.enter_context(opened())
 
 
 def _open(file: Path, *, blank: bool = False) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ from cutjoint.model.records import JointKind, Model, Numerics, Output, Scene
 from cutjoint.reduce.sequence import STEPS
 from cutjoint.run.scenes import find_scene
 from cutjoint.toolchain.build import write_source
-from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching, symmetric
+from tests.mechanisms import bouncing, chains, four_bar, overconstrained, planar, random_models, swaying, switching
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -107,8 +107,6 @@ TEXTS: dict[str, Callable[[], str]] = {
     "table": lambda: switching.TABLE,
     "wheel": lambda: switching.WHEEL,
     "pulses": lambda: switching.PULSES,
-    "carriage": lambda: symmetric.CARRIAGE,
-    "wings": partial(symmetric.wings_text, "y"),
 }
 
 

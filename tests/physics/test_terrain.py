@@ -10,7 +10,7 @@ import pytest
 import cutjoint
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
-from cutjoint.elements.forces.on_road import GROUND
+from cutjoint.elements.forces.on_road import TERRAIN
 from cutjoint.elements.forces.tyre import Tyre
 from cutjoint.export.fmu.variables import make_interface
 from cutjoint.formulate.records import RecursiveEquations
@@ -124,14 +124,14 @@ def test_a_host_gives_it_before_each_step(tmp_path: Path) -> None:
 def test_a_host_has_inputs_that_no_file_names(tmp_path: Path) -> None:
     """They are as those that a file names, to the last bit."""
     own = ("height", "along", "across", "grip")
-    start, fields = "rates: {x.displacement_rate: 5}", "\n    ".join(map(": ".join, zip(GROUND, own, strict=True)))
+    start, fields = "rates: {x.displacement_rate: 5}", "\n    ".join(map(": ".join, zip(TERRAIN, own, strict=True)))
     more = "along: {value: 0, binding: input}, across: {value: 0, binding: input}, grip: {value: 1, binding: input}"
     (tmp_path / "named.yaml").write_text(text("[0, 1, 0]", FREE, fields, start).replace("binding: input}}", f"binding: input}}, {more}}}"))
     (tmp_path / "bare.yaml").write_text(text("[0, 1, 0]", FREE, "", start))
     files = {"named.yaml": (), "bare.yaml": ["wh*"]}
     sims = [cutjoint.load(tmp_path / file, terrain=names, integrator="rk4").reset(dt=1e-3) for file, names in files.items()]
     for step in range(100):
-        for end, name, value in zip(GROUND, own, (0.005 * np.sin(0.1 * step), 0.02, -0.01, 1 - 0.005 * step), strict=True):
+        for end, name, value in zip(TERRAIN, own, (0.005 * np.sin(0.1 * step), 0.02, -0.01, 1 - 0.005 * step), strict=True):
             sims[0].inputs[name] = sims[1].inputs[f"wheel.{end}"] = value
         for sim in sims:
             sim.step()
@@ -187,15 +187,15 @@ def test_a_car_comes_to_rest_wherever_the_ground_lifts_it() -> None:
 def test_it_is_added_to_what_the_file_has() -> None:
     model = read_model_text(text("[0, 1, 0]", LIFT, "terrain_height: 2*height\n    friction: 0.5", "inputs: {height: 0}"), "rolling.yaml")
     (wheel,) = (f for f in with_terrain(model, ["*"]).forces if isinstance(f, Tyre))
-    given = dict(zip(("p_height", *(f"p_wheel.{end}" for end in GROUND)), (0.1, 0.03, 0.2, 0.3, 0.8), strict=True))
-    ground = {name: float(x.subs({symbol: given[str(symbol)] for symbol in x.free_symbols})) for name, x in wheel.ground.items()}
+    given = dict(zip(("p_height", *(f"p_wheel.{end}" for end in TERRAIN)), (0.1, 0.03, 0.2, 0.3, 0.8), strict=True))
+    ground = {name: float(x.subs({symbol: given[str(symbol)] for symbol in x.free_symbols})) for name, x in wheel.terrain.items()}
     assert ground == pytest.approx({"terrain_height": 0.23, "terrain_slope": 0.2, "terrain_bank": 0.3, "friction": 0.4})
 
 
 @pytest.mark.parametrize("pattern", ["whel", "hub"])
 def test_wheels_that_are_none_are_reported(pattern: str) -> None:
     model = read_model_text(text("[0, 1, 0]", LIFT, "", "rates: {}"), "rolling.yaml")
-    with pytest.raises(cutjoint.ModelError, match=f"ground '{pattern}': the model has no force of kind 'tyre' or 'wheel' of this name"):
+    with pytest.raises(cutjoint.ModelError, match=f"terrain '{pattern}': the model has no force of kind 'tyre' or 'wheel' of this name"):
         with_terrain(model, ["*", pattern])
 
 
@@ -226,7 +226,7 @@ def test_it_is_an_input_of_fmus() -> None:
 def test_what_is_wrong_with_it_is_reported(tmp_path: Path) -> None:
     wrong = {
         "terrain_height: 3 kg": "terrain_height needs", "friction: 1 m": "friction needs",
-        "ground_slop: 0.1": "did you mean 'terrain_slope'",
+        "terrain_slop: 0.1": "did you mean 'terrain_slope'",
     }  # fmt: skip
     for more, words in wrong.items():
         with pytest.raises(cutjoint.ModelError, match=words):

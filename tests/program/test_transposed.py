@@ -14,7 +14,7 @@ from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.formulate.transposed import Derived, linearise_residual, transpose
 from cutjoint.methods import METHODS, Loops
 from cutjoint.program.blocks import FUNCTIONS, BindingTime
-from cutjoint.program.elimination import adjoint, slopes
+from cutjoint.program.elimination import adjoint, derivatives
 from cutjoint.program.interpret import interpret_scalars
 from cutjoint.program.lower import call_scalar
 from cutjoint.program.records import Program
@@ -115,16 +115,16 @@ def _compare(
         found = interpret_scalars(program.graph, [r.scalar for r in results], moved, roads)  # type: ignore[arg-type]
         return sum(inputs[f"by_{r.target}"][r.index] * found[r.scalar] for r in results)
 
-    slopes = partial(_slopes, transposed, inputs, roads)
+    derivatives_of = partial(_slopes, transposed, inputs, roads)
     ends = [value(way) for way in (-2, -1, 1, 2)]
     by_loaded, along = np.zeros(transposed.loaded), 0.0
     for function in (f.name for f in transposed.program.functions if f.name in (f"{name}_transposed", f"{name}_summed")):
-        for (symbol, index), slope in slopes(function).items():
+        for (symbol, index), slope in derivatives_of(function).items():
             if symbol == "loaded":
                 by_loaded[index] += slope
             elif symbol in ways:
                 along += slope * ways[symbol][index]
-    for (symbol, index), slope in slopes("load_transposed", by_loaded=by_loaded).items():
+    for (symbol, index), slope in derivatives_of("load_transposed", by_loaded=by_loaded).items():
         along += slope * ways[symbol][index]
     assert along == pytest.approx((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / 12e-4, rel=share)
 
@@ -149,7 +149,7 @@ def test_derivatives_by_elimination_are_those_of_adjoints() -> None:
     chosen = graph.call("where", (graph.call("lt", (x[4], x[3])), middle, graph.mul(root, root)))
     results = [graph.lane(again, 0), graph.lane(again, 2), graph.lane_sum(again), middle, chosen, graph.const(1.0)]
     targets = {*x, lanes}
-    found = slopes(graph, results, targets)
+    found = derivatives(graph, results, targets)
     wanted = [adjoint(graph, {y: graph.const(1.0)}, targets) for y in results]
     for x_4, place in ((1.5, range(6)), (1.1, [0, 1, 2, 3, 3])):
         at = {"x": np.array([0.3, 0.5, -0.7, 1.3, x_4, 0.9])}

@@ -30,7 +30,7 @@ CASES = [{"load": float(k)} for k in range(6)]
 
 
 def results(*loads: int) -> list[dict[str, object]]:
-    return [{"status": "done", "evaluations": 7, "end": [k], "smallest": [None], "largest": [k + 0.5]} for k in loads]
+    return [{"status": "done", "evaluations": 7, "end": [k], "minimum": [None], "maximum": [k + 0.5]} for k in loads]
 
 
 def rows_of(path: Path) -> list[str]:

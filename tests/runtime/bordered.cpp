@@ -47,7 +47,7 @@ int main() {
         for (std::size_t j = 0; j < n; ++j) sum += (A[i][j] = there[i][j] ? number(random) : 0.0) * x[j];
         const std::size_t slot = Matrix::places.slot(i);
         b[slot] = sum;
-        for (std::size_t k = 0; k < directions; ++k) many[slot].slope[k] = sum * static_cast<double>(k + 1);
+        for (std::size_t k = 0; k < directions; ++k) many[slot].derivative[k] = sum * static_cast<double>(k + 1);
       }
       const auto decompose = [&] {
         matrix->clear();
@@ -65,7 +65,7 @@ int main() {
       for (std::size_t i = 0; i < n; ++i) {
         const std::size_t slot = Matrix::places.slot(i);
         error = std::max(error, std::abs(b[slot] - x[i]));
-        for (std::size_t k = 0; k < directions; ++k) error = std::max(error, std::abs(many[slot].slope[k] / static_cast<double>(k + 1) - x[i]));
+        for (std::size_t k = 0; k < directions; ++k) error = std::max(error, std::abs(many[slot].derivative[k] / static_cast<double>(k + 1) - x[i]));
       }
     }
   }

@@ -98,6 +98,6 @@ def test_what_cannot_be_asked_is_reported() -> None:
     for place, point, words in ((-1, room.ctypes.data, "an index is not"), (99, room.ctypes.data, "an index is not"), (0, None, "array")):
         status = both.library.point_jacobian(both.address, place, point, room.ctypes.data)
         assert words in both.library.status_text(status).decode()
-    assert both.library.dynamics(both.address, None, None) == 0
+    assert both.library.equations_of_motion(both.address, None, None) == 0
     with pytest.raises(ValueError, match="three"):
         both.point_jacobian("cart", [1.0, 2.0])

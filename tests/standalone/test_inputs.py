@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile import folders as standalone
+from cutjoint.compile import c_export as standalone
 from tests.conftest import needs_cpp
 from tests.mechanisms.driven import DRIVEN, LIFT, PUSH, guided, orders, pushed_text
 

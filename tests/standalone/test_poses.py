@@ -130,7 +130,7 @@ def test_contacts_are_where_planes_of_wheels_meet_the_ground(tmp_path: Path) -> 
     ground = {"wheel": (0.02, 0.1, -0.2), "tyre": (-0.01, -0.05, 0.15)}
     for name, values in ground.items():
         for end, value in zip(("height", "slope", "bank"), values, strict=True):
-            sim.inputs[f"{name}.ground_{end}"] = value
+            sim.inputs[f"{name}.terrain_{end}"] = value
     sim.advance(0.2)
     poses = sim.poses
     assert poses.names == ("carrier", "rim", "nose", "wheel", "tyre")

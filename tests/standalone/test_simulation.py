@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile import folders as standalone
+from cutjoint.compile import c_export as standalone
 from cutjoint.model.read import read_model
 from cutjoint.run.scenes import find_case
 from cutjoint.stepping.load import load_scene

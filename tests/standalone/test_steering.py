@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile import folders as standalone
+from cutjoint.compile import c_export as standalone
 from cutjoint.stepping.simulation import Simulation
 from tests.conftest import needs_cpp
 from tests.mechanisms.steered import law, steered_text

@@ -99,7 +99,7 @@ def test_a_step_beyond_a_limit_is_made_and_told(press: cutjoint.Simulation) -> N
     assert reported_violation == pytest.approx(press.last_step.violation, rel=0.005)
     press.set_limits(violation=np.inf, pivot=0.5, violation_rate=1.0, change=1.0, evaluations=100)
     press.advance(press.time + 0.1)  # a method without factors has no pivot that is too small
-    with pytest.raises(KeyError, match="did you mean 'violation'"):
+    with pytest.raises(KeyError, match="no 'gab'; there is violation"):
         press.set_limits(gab=1.0)
     with pytest.raises(cutjoint.SimulationError, match="not finite, or out of its range"):
         press.set_limits(violation=-1.0)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import cutjoint
-from cutjoint.compile import folders as standalone
+from cutjoint.compile import c_export as standalone
 from cutjoint.compile.c_export import lanes_break_even
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model

@@ -56,16 +56,27 @@ def interpret_blocks(
     Inputs (..., n) may carry batch axes, which the values (..., rows, columns) of all that depends on them have too.  The lanes of a block
     are the axis before its rows.
     """
-    values: dict[Block, Array] = {}
+    constants, others = _in_order(tuple(roots))
+    values = dict(constants)
     with np.errstate(all="ignore"):
-        for block in _in_order(tuple(roots)):
+        for block in others:
             values[block] = _evaluate(block, [values[a] for a in block.args], inputs, roads)
     return values
 
 
 @lru_cache(maxsize=16)
-def _in_order(roots: tuple[Block, ...]) -> list[Block]:
-    return reachable_blocks(roots)
+def _in_order(roots: tuple[Block, ...]) -> tuple[dict[Block, Array], list[Block]]:
+    """The values of blocks that read no input and no road, and the other blocks, arguments first."""
+    constants: dict[Block, Array] = {}
+    others = []
+    with np.errstate(all="ignore"):
+        for block in reachable_blocks(roots):
+            data: Any = block.data
+            if block.op == "symbol" or (block.op == "call" and data[1] is not None) or not all(a in constants for a in block.args):
+                others.append(block)
+            else:
+                constants[block] = _evaluate(block, [constants[a] for a in block.args], {}, {})
+    return constants, others
 
 
 def _evaluate(block: Block, args: list[Array], inputs: Mapping[str, Array], roads: Mapping[str, RoadTable]) -> Array:
