@@ -192,7 +192,7 @@ def test_a_run_file_changes_the_run(press: Path) -> None:
     assert rows[0][3] == pytest.approx(known["slider.vx"][0] / 2, rel=1e-9)
     (press / "wrong.run").write_text("end 1\nparameter stifness 3\n")
     done = subprocess.run([program, "wrong.run"], cwd=press, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (1, "wrong.run:2: an index is not that of any: parameter stifness 3\n")
+    assert (done.returncode, done.stderr) == (1, "wrong.run:2: an index is out of range: parameter stifness 3\n")
 
 
 def test_a_project_takes_it_in_both_ways(tmp_path: Path) -> None:

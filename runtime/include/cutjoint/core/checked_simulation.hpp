@@ -96,7 +96,7 @@ struct Text {
 inline const char* text_of_status(int status) {
   switch (status) {
     case no_simulation: return "the simulation is a null pointer, or its memory holds none";
-    case no_such_index: return "an index is not that of any";
+    case no_such_index: return "an index is out of range";
     case not_started: return "the simulation has not been started";
     case not_finite: return "a number is not finite, or out of its range";
     case no_array: return "an array is a null pointer, or no snapshot of this model and version, or a damaged one";
