@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 import cutjoint
 from cutjoint.cli import main
-from cutjoint.run.scenes import load_model
+from cutjoint.model.read import read_model_text
+from cutjoint.run.scenes import find_scene, load_model
 from cutjoint.stepping.load import load_scene
 from tests.conftest import MODELS, needs_cpp, with_heavy
 from tests.standalone.test_event_derivatives import BY, PUSHED, SPRING, STOPPED, THRUST, along, numbers, sprung, thrown
@@ -102,6 +103,19 @@ def test_chains_balls_states_and_controllers(text: str, name: str, outputs: int,
 def press() -> cutjoint.Simulation:
     model, scene = load_model(MODELS / "press.yaml", None, ["A.z"])
     return load_scene(model, scene, method="recursive-newton", integrator="radau5-fixed", adjoint=True)
+
+
+def test_no_number_is_read_before_it_is_written() -> None:
+    """A free top beside a force that ends does not follow its end, wherever the memory of its steps begins as a pattern."""
+    body = "bodies: {top: {mass: 1, centre_of_mass: [0, 0, 0], inertia: [1, 2, 3]}, mass:"
+    joint = "joints: {tip: {kind: spherical, bodies: [ground, top], at: [0, 0, 0]}, slide:"
+    text = PUSHED.replace("bodies: {mass:", body).replace("joints: {slide:", joint).replace("0.01}}", "0.01, rates: {tip.wx: 1, tip.wy: 2}}}")
+    model = read_model_text(text.replace("[mass.z]", "[top.wx, top.wz]"), "top.yaml")
+    flags = ("-O0", "-ftrivial-auto-var-init=pattern")
+    sim = load_scene(model, find_scene(model, None), method="recursive-newton", integrator="radau5-fixed", linearise=True, flags=flags)
+    run = sim.reset(dt=5e-3).forward_sensitivities(70, ["top.wx", "top.wz"], ["until"])
+    assert run.end[0][1] != 0
+    assert run.end[1].tolist() == pytest.approx(np.zeros((2, 1)), abs=1e-9)
 
 
 def test_a_loop_and_its_hardpoint() -> None:

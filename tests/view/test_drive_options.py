@@ -20,6 +20,11 @@ from tests.view.conftest import call
 DELTA = MODELS / "delta.yaml"
 
 
+def compile_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cutjoint.compile.c_export.Standalone.build_module", lambda self: b"")
+    monkeypatch.setattr("cutjoint.view.drive.require_zig", lambda: "")
+
+
 @pytest.mark.parametrize(("change", "said"), [
     ({"every": 0}, "(every: "), ({"dt": -1.0}, "(dt: "), ({"given": {"q1": "fast"}}, "(given.q1: "), ({"events": [[0, "q1"]]}, "(events.0"),
     ({"steps": 1.5}, "(steps: "), ({"more": 1}, "(more: "), ({"mark": "0"}, "a drive of 'delta', circle, in another version"),
@@ -31,7 +36,7 @@ def test_a_replay_refuses_what_no_page_has_saved(change: dict[str, object], said
 
 
 def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.compile.c_export.Standalone.build_module", lambda self: b"")
+    compile_nothing(monkeypatch)
     model, scene = find_case(read_model_text(DELTA.read_text(encoding="utf-8"), "delta.yaml"), None)
     drive = make_drive(model, scene, {}, ranges=[Ends(name="q2", low=-0.1, high=0.2)], roles={"throttle": Ends(name="kp", high=900.0)})
     axes = {axis["name"]: axis for axis in drive.facts["axes"]}  # type: ignore[attr-defined]
@@ -51,13 +56,13 @@ def test_ends_follow_from_options_units_and_names(tmp_path: Path, monkeypatch: p
     (("--out", "x.txt"), "write a name that ends in .html"),
     (("--replay", DELTA), "no drive; save one in a page of cutjoint drive as 'drive (JSON)'"),
 ])  # fmt: skip
-def test_wrong_options_are_reported(options: tuple[object, ...], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.compile.c_export.Standalone.build_module", lambda self: b"")
+def test_wrong_options_are_reported(options: tuple[object, ...], said: str) -> None:
+    """Before any compiler is looked for."""
     assert said in call("drive", DELTA, *options, status=1)
 
 
 def test_a_replay_has_the_options_that_change_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutjoint.compile.c_export.Standalone.build_module", lambda self: b"")
+    compile_nothing(monkeypatch)
     options = ("--loops", "embedded", "--method", "recursive-newton", "--tunable", "crank.*")
     call("drive", MODELS / "slider_crank.yaml", *options, "--out", tmp_path / "page.html")
     found = re.search(r'"replay": "([^"]*)"', (tmp_path / "page.html").read_text(encoding="utf-8"))

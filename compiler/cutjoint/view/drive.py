@@ -136,11 +136,11 @@ def make_drive(
 
     Raises:
         RunError: a name is none of an input or a parameter, or a unit is another.
+        MissingToolsError: there is no compiler for WebAssembly.
         others: as of `pipeline.generate`, `make_standalone` and `Standalone.build_module`.
     """
     rests = {p.name: p.value for p in input_parameters(model)}
     values = {**parameter_values(model, parameters), **rests, **given_inputs(model, parameters)}
-    require_zig()
     numbers = Numbers.of(model, scene, parameters)
     masses = {body.name: numbers.number(body.mass) for body in model.bodies}
     wheels = list(_wheels(model))
@@ -150,6 +150,7 @@ def make_drive(
         model=model, values=values, weight=weight, extent=find_sizes(model, scene, numbers).extent,
         roles={**(_find_roles(model) if is_car else {}), **(roles or {})}, ranges={each.name: each for each in ranges},
     ).find()  # fmt: skip
+    require_zig()
     alone = simulated(model, scene, method)
     step, elements, equations = alone.settings.step if dt is None else dt, bodies_of(model), alone.parts.stepped
     facts = {

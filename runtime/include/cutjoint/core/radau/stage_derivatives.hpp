@@ -30,7 +30,7 @@ struct BallStages {
     constexpr Chart here{0, 0, 0, true};
     std::array<double, size * size> matrix;
     std::array<std::size_t, size> order;
-    std::array<Along, size> right[2], room;
+    std::array<Along, size> right[2]{}, room;
     for (std::size_t j = 0; j < Table::stages; ++j) {
       Dual at[3], by[3], rate[3];
       for (std::size_t k = 0; k < 3; ++k) {
