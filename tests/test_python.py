@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -64,6 +65,18 @@ def test_the_import_is_light() -> None:
     script = "import sys, cutjoint; print([n for n in ('sympy', 'numpy', 'yaml', 'cutjoint.compile.pipeline') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=environment())
     assert done.stdout == "[]\n"
+
+
+def test_the_list_of_commands_imports_none_of_them() -> None:
+    known = "print([n for n in ('sympy', 'numpy', 'yaml') if n in sys.modules])"
+    script = f"import sys, atexit, cutjoint.cli; atexit.register(lambda: {known}); cutjoint.cli.main()"
+    done = subprocess.run([sys.executable, "-c", script, "--help"], capture_output=True, text=True, check=True, env=environment())
+    assert done.stdout.endswith("[]\n")
+    context = click.Context(main)
+    for name in main.list_commands(context):
+        known = main.get_command(context, name)
+        assert known is not None
+        assert f"  {name}  ".ljust(len("  equilibrium  ")) + known.get_short_help_str(61) in done.stdout
 
 
 @needs_cpp
