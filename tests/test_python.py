@@ -21,6 +21,7 @@ import cutjoint
 from cutjoint.cli import main
 from cutjoint.compile import pipeline
 from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.model.read import read_model_text
 from cutjoint.run.artifact import Artifact
 from cutjoint.run.scenes import find_scene
 from cutjoint.tasks.batch import BatchArtifact
@@ -94,6 +95,14 @@ def test_a_run_that_fails_raises_what_the_command_line_says(tmp_path: Path) -> N
     assert returned.failure is not None
     assert returned.failure.what == run.failure.what
     assert np.array_equal(returned["slider.x"], run["slider.x"])
+
+
+def test_models_are_compiled_by_the_method_of_their_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "compile_scene", lambda model, scene, options: options.method)
+    text = PRESS.read_text(encoding="utf-8").replace("turn: {", "turn: {method: augmented, ")
+    named = read_model_text(text, "press.yaml")
+    found = [cutjoint.compile_model(PRESS), cutjoint.compile_model(named), cutjoint.compile_model(named, method="classical")]
+    assert found == ["recursive", "augmented", "classical"]
 
 
 @needs_cpp

@@ -42,13 +42,14 @@ from cutjoint.topology.build import build_topology
 
 
 def compile_model(model: ModelLike, *, scene: str | None = None, tunable: Sequence[str] = (), **choices: Any) -> Artifact:
-    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`.
+    """Compile a model or its file for a scene, by default the only one; further ``choices`` as of `CompileOptions`,
+    the method by default the scene's.
 
     Args:
         tunable: patterns such as "*.stiffness"; constants whose names match become parameters.
     """
     read, chosen = load_model(model, scene, tunable)  # model.yaml -> Model
-    options = CompileOptions(**choices)
+    options = CompileOptions(**{"method": method_of(chosen), **choices})
     return compile_scene(with_inputs(read, external_wrenches=options.external_wrenches, terrain=options.terrain), chosen, options)
 
 
