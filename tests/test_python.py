@@ -190,7 +190,7 @@ def test_the_earlier_name_of_the_solver_s_tolerance_works_with_a_warning() -> No
 def test_what_is_no_model_is_reported() -> None:
     with pytest.raises(TypeError, match="a model is its file, what read_model has made of it, or an artifact, not int"):
         cutjoint.simulate(5)  # type: ignore[arg-type]
-    with pytest.raises(cutjoint.RunError, match=r"numbers are opened while the file is read; give the file, or read_model\(path, opened="):
+    with pytest.raises(cutjoint.RunError, match=r"constants become tunable while the file is read; .* read_model\(path, tunable="):
         cutjoint.find_equilibrium(cutjoint.read_model(PRESS), tunable=["B.*"])
     with pytest.raises(cutjoint.RunError, match="no scene 'fast'; the model has turn"):
         cutjoint.find_equilibrium(cutjoint.read_model(PRESS), scene="fast")

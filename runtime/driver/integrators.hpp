@@ -7,7 +7,7 @@
 #include "cutjoint/core/runge_kutta/scheme.hpp"
 #include "cutjoint/core/runge_kutta/tables.hpp"
 #include "cutjoint/core/runge_kutta/closed_loop_dynamics.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 #include "cutjoint/core/stepping/stepper.hpp"
 #include "cutjoint/core/trapezoidal.hpp"
 #include "cutjoint/mechanism.hpp"
@@ -24,7 +24,7 @@ using CompiledDynamics = runge_kutta::ClosedLoopDynamics<CompiledMechanism>;
 
 CUTJOINT_INSTANTIATE class Projection<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Trapezoidal<CompiledMechanism>;
-CUTJOINT_INSTANTIATE class stepping::SwitchCells<CompiledMechanism>;
+CUTJOINT_INSTANTIATE class stepping::IndicatorCells<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism>;
 CUTJOINT_INSTANTIATE class Relative<CompiledMechanism, runge_kutta::Solved<CompiledMechanism>>;
 CUTJOINT_INSTANTIATE class runge_kutta::Solved<CompiledMechanism>;

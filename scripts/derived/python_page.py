@@ -11,8 +11,12 @@ import cutjoint
 HEAD = """# Python reference
 
 `import cutjoint` gives these functions, classes and exceptions. Values are in SI units, paths are `str` or `Path`.
-[Use cutjoint from Python](../how-to/python.md) shows them at work.
+[Use cutjoint from Python](../how-to/python.md) shows them at work. Members of a `Simulation` that need a
+state raise `SimulationError` before its first `reset`.
 """
+
+#: What the head says once, with what takes its place in each entry.
+_NO_RESET = {"; or there was no `reset`": "", ", ([^,;:]+), or there was no `reset`": r" or \1", ",?(?: or)? there was no `reset`": ""}
 
 
 def page() -> str:
@@ -72,8 +76,16 @@ def _prose(found: object) -> str:
     body, *sections = re.split(r"^(Args|Returns|Raises|Attributes|Source):\n", text, flags=re.MULTILINE)
     parts = [body.strip()]
     for title, lines in zip(sections[::2], sections[1::2], strict=True):
-        parts.append(f"**{title}**\n\n" + "\n".join(_items(inspect.cleandoc("\n" + lines))))
+        if items := [item for item in map(_without_reset, _items(inspect.cleandoc("\n" + lines))) if item != "* SimulationError:."]:
+            parts.append(f"**{title}**\n\n" + "\n".join(items))
     return "\n\n".join(parts) + "\n"
+
+
+def _without_reset(entry: str) -> str:
+    """An entry without what the head of the page says of all."""
+    for pattern, text in _NO_RESET.items():
+        entry = re.sub(pattern, text, entry)
+    return entry
 
 
 def _items(text: str) -> Iterator[str]:

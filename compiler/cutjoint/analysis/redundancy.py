@@ -144,7 +144,7 @@ def reaction_outputs(model: Model) -> tuple[Output, ...]:
 
 def find_indeterminate(topology: Topology, scene: Scene, outputs: Sequence[Output]) -> tuple[str, ...]:
     """The columns among ``outputs`` that are components of reactions and indeterminate, in the design position or in poses near it."""
-    if topology.held:  # by the equations of the joints that functions close
+    if topology.embedded:  # by the equations of the joints that functions close
         topology = build_topology(replace(topology.model, assemblies=()))
     names = {reaction.name for reaction in topology.model.reactions if isinstance(reaction, Reaction)}
     asked = tuple({read.column: read for o in outputs for read in read_by(topology.model, o) if read.element in names}.values())
@@ -202,9 +202,9 @@ def _shares(equations: RecursiveEquations, pose: Pose) -> Array:
 def _changes(equations: RecursiveEquations, pose: Pose, each: Array) -> Array:
     """The change of each column by the multipliers of each row."""
     still = make_inputs(equations, pose.q, np.zeros(equations.speeds))
-    pushed = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}
+    loaded = {f"lambda:{c.joint}": each[:, c.first : c.first + len(c.names)] for c in equations.closures}
     results = equations.function("report").results
     roads = {name: FlatRoad() for name in equations.roads}
-    with_each, without = (interpret_blocks(results.values(), inputs, roads) for inputs in ({**still, **pushed}, still))
+    with_each, without = (interpret_blocks(results.values(), inputs, roads) for inputs in ({**still, **loaded}, still))
     columns = [np.broadcast_to(with_each[block][..., 0, 0] - without[block][..., 0, 0], len(each)) for block in results.values()]
     return np.stack(columns, axis=1)

@@ -28,11 +28,11 @@ from cutjoint.emit.source import (
     Page,
     amalgamate,
     code_file,
+    indicators_of,
     name_of_residual,
     name_of_system,
     name_of_transposed,
     quotable,
-    switches_of,
 )
 from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.forces import guards_in
@@ -193,12 +193,13 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     if hosted := functions_of_host(model):
         tables.append({"name": "function_names", "entries": list(hosted)})
     programs = [parts.program, *([] if parts.system is None else [parts.system.program])]
+    class_name = Page.of(equations, parts.method).class_name
     return {
         **sizes_of(equations), "start_sizes": sizes_of(start)["sizes"], "dofs": parts.dofs, "poses": parts.poses,
         "poses_digest": digest_of_poses(model.name, parts.poses),
         "joint_speeds": start.speeds, "step_derivatives": _derives_steps(parts, steps), "seed_rows": seed_rows(parts),
-        "transposed": parts.transposed and name_of_transposed(Page.of(equations, parts.method).class_name),
-        "balance": parts.balance and _residual_view(parts.balance, name_of_residual(Page.of(equations, parts.method).class_name)),
+        "transposed": parts.transposed and name_of_transposed(class_name),
+        "force_residual": parts.force_residual and _residual_view(parts.force_residual, name_of_residual(class_name)),
         "loaded": parts.transposed and parts.transposed.loaded, "tape": record_length(parts, steps), "fitted": bool(parts.mechanism.fits),
         "natural": METHODS[parts.method].formulation is Formulation.NATURAL,
         "limits": _limits(), "numbered": _numbered(equations, parts.poses),
@@ -223,14 +224,14 @@ def _view(parts: SimulationCode, begin: Beginning, digest: str) -> dict[str, obj
     }  # fmt: skip
 
 
-def _residual_view(balance: Linearised, name: str) -> dict[str, object]:
-    """The places of the slopes of the balance of forces, and the ``name`` of the class that has them."""
-    starts = list(accumulate(map(len, balance.columns), initial=0))
-    middles = [first + sum(c < balance.unknowns for c in row) for first, row in zip(starts, balance.columns, strict=False)]
+def _residual_view(force_residual: Linearised, name: str) -> dict[str, object]:
+    """The places of the derivatives of the residual of the equations of motion, and the ``name`` of the class that has them."""
+    starts = list(accumulate(map(len, force_residual.columns), initial=0))
+    middles = [first + sum(c < force_residual.unknowns for c in row) for first, row in zip(starts, force_residual.columns, strict=False)]
     return {
-        "name": name, "loaded": balance.loaded, "starts": starts, "middles": middles, "derivatives": balance.places,
-        "columns": [c for row in balance.columns for c in row], "parts": balance.sides.parts,
-        "beside": balance.sides.numbers, "groups": list(map(len, balance.sides.groups)),
+        "name": name, "loaded": force_residual.loaded, "starts": starts, "middles": middles, "derivatives": force_residual.places,
+        "columns": [c for row in force_residual.columns for c in row], "parts": force_residual.sides.parts,
+        "beside": force_residual.sides.numbers, "groups": list(map(len, force_residual.sides.groups)),
     }  # fmt: skip
 
 
@@ -307,7 +308,8 @@ def _tables(equations: RecursiveEquations | SystemEquations) -> list[dict[str, A
         "parameter_names": [p.name for p in equations.parameters], "parameter_units": [p.unit for p in equations.parameters],
         "input_names": [p.name for p in equations.inputs], "input_units": [p.unit for p in equations.inputs],
         **_state_tables(equations, ""), **_state_tables(equations.mechanism, "start_"),
-        "switch_names": [s.element for s in equations.switches], "switch_places": [str(s["place"]) for s in switches_of(equations)],
+        "indicator_names": [s.element for s in equations.indicators],
+        "indicator_places": [str(s["place"]) for s in indicators_of(equations)],
         "guard_names": [guard.name for guard in guards], "guard_places": [quotable(guard.span.place) for guard in guards],
         "output_names": [c.name for c in equations.columns], "output_units": [c.unit for c in equations.columns],
     }  # fmt: skip

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 class Steps:
     """An integrator of the core: its header and its C++ class for a mechanism, or for that and a system.
 
-    ``stages`` is the number of slopes that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether its
-    steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
-    ``differentiable`` whether steps have derivatives, ``by_residual`` whether these need the slopes of the balance of forces.
+    ``stages`` is the number of derivatives that an explicit one holds, with parts of its interpolant beyond five, ``finds_events`` whether
+    its steps can end at events, ``is_iterated`` whether a number of iterations can be set, ``adaptive`` whether tolerances can,
+    ``differentiable`` whether steps have derivatives, ``by_residual`` whether these need the derivatives of the residual of the equations
+    of motion.
     """
 
     header: str

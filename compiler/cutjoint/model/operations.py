@@ -1,7 +1,7 @@
 """Operations on terms: expressions with their dimensions, their values if constant, and their sizes.
 
 Constants are tried in plain floats before SymPy sees them, so that nothing overflows or grows without bound.
-Functions with kinks (min, max, abs, sign, where) become cases, so that derivatives are exact.
+Functions with non-smooth points (min, max, abs, sign, where) become cases, so that derivatives are exact.
 """
 
 from __future__ import annotations
@@ -359,7 +359,7 @@ def _sign(terms: list[Term]) -> Term:
     return where(compare(ast.Gt(), term, constant(0)), constant(1), below, term.size)
 
 
-#: Functions with kinks.
+#: Functions with non-smooth points.
 SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
     "min": _extreme(ast.LtE()),
     "max": _extreme(ast.GtE()),

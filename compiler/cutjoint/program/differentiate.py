@@ -363,7 +363,7 @@ def partial_derivatives(b: Algebra[X], y: X) -> list[X]:
         call = SuppliedCall.read(function)
         if call.by is not None:
             raise MissingPartialsError(call.name, second=True)
-        count = len(y.args) - call.memory  # which is held: it has no slope
+        count = len(y.args) - call.memory  # which is held: it has no derivative
         return [*(b.call(f"{function}.{j}", *y.args) for j in range(count)), *(b.zero(1) for _ in range(call.memory))]
     if function not in _PARTIALS:
         raise ValueError(f"{function} has no derivative")

@@ -81,8 +81,8 @@ KINEMATIC = "kinematic: guides drive all freedom; runs have the forces of the gu
 
 def _assemblies(model: Model) -> str:
     """Loops that functions close, with the largest gap and the ranges of the coordinates that lead."""
-    gap = max(assembly.functions.gap for assembly in model.assemblies)
-    found = [(a.leader, a.functions) for a in model.assemblies]
+    gap = max(assembly.functions.violation for assembly in model.assemblies)
+    found = [(a.independent, a.functions) for a in model.assemblies]
     ranges = "; ".join(f"{x} {'turns' if f.turns else f'from {f.range.lower:.4g} to {f.range.upper:.4g}'}" for x, f in found)
     return f"{len(model.assemblies)}, whose loops functions close to {gap:.1g} m or rad: {ranges}"
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from cutjoint.analysis.redundancy import find_indeterminate
 from cutjoint.emit.source import Source
+from cutjoint.formulate.events import jump_times
 from cutjoint.formulate.inputs import TIME, input_parameters
 from cutjoint.formulate.records import Equations, RecursiveEquations
-from cutjoint.formulate.switches import jump_times
 from cutjoint.methods import (
     DEFAULT_METHOD,
     DEFAULT_PRECISION,
@@ -214,7 +214,7 @@ def _onward(
 
     exact = cache(compile_exact)
     return Onward(
-        guards=tuple(assembly.leader for assembly in model.assemblies),
+        guards=tuple(assembly.independent for assembly in model.assemblies),
         prepare=lambda: make_simulator_run(exact(), options, parameters),
         begin=lambda file, kept: state_of_loops(artifact.mechanism, exact().mechanism, kept, file.parameters),
     )  # fmt: skip

@@ -128,7 +128,7 @@ class NearJump:
 
 @dataclass(frozen=True, kw_only=True)
 class RunStatistics:
-    """The effort of a run's steps besides evaluations.
+    """The statistics of a run's steps besides evaluations.
 
     The recursive method has no linear ``solver`` (""), and residuals only where its steps were measured or energy was balanced.
     ``penalty`` is that of the augmented method; ``pivoting_fallbacks`` counts the matrices for which a fixed pivot order had to give way to
@@ -346,7 +346,7 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
 
 
 def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:
-    """The effort that a simulator's summary reports."""
+    """The statistics that a simulator's summary reports."""
     residuals = {name: nan if value is None else value for name, value in summary.get("residuals", {}).items()}
     return RunStatistics(
         solver=summary.get("solver", ""), penalty=summary.get("penalty", nan), iterations=summary.get("iterations", 0),

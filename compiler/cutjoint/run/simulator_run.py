@@ -134,7 +134,7 @@ def start(
             run_file |= {"begin": begin, "pose": "design"}
             rest = call_simulator(other.simulator, run_file, progress, seconds=seconds, description=other.description)
             summary, indeterminate = joined(summary, rest), tuple(dict.fromkeys((*indeterminate, *other.indeterminate)))
-            left = join_and([f"'{leader}'" for leader in ended.guards])
+            left = join_and([f"'{independent}'" for independent in ended.guards])
             fallback = f"the loops' equations at t = {begin['t']:g} s, since the functions of {left} end at t = {ended.time:.6g} s"
         coordinates = None if file is None else read_coordinates(file)
         t, columns = read_run_table(tables.rows, tuple(run.units), summary.get("rows", 0))

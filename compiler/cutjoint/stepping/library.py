@@ -29,7 +29,7 @@ class StatisticsRecord(ctypes.Structure):
 
 
 class TrajectoryRecord(ctypes.Structure):
-    """The course of an input in C."""
+    """The trajectory of an input in C."""
 
     _fields_ = (
         ("input", ctypes.c_int), ("jumps", ctypes.c_int), ("pieces", ctypes.c_long),
@@ -37,7 +37,7 @@ class TrajectoryRecord(ctypes.Structure):
     )  # fmt: skip
 
 
-#: The numbers of an effort that have limits, in their order.
+#: The numbers of a step's statistics that have limits, in their order.
 LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")
 
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.

@@ -490,9 +490,9 @@ class Simulation:
                 f"the mechanism moves: a state changes by {np.abs(rates).max():.3g} (SI units) in a second; begin at rest, or "
                 "take `initial_state_sensitivities`, on the command line --objective start, of a start that moves"
             )
-        pushed = np.hstack([near.B, E])[:, numbers]
-        states = np.asarray(-np.linalg.lstsq(near.A, pushed, rcond=_SINGULAR)[0], dtype=np.float64)
-        left, size = np.abs(near.A @ states + pushed).max(axis=0), np.abs(pushed).max(axis=0)
+        forcing = np.hstack([near.B, E])[:, numbers]
+        states = np.asarray(-np.linalg.lstsq(near.A, forcing, rcond=_SINGULAR)[0], dtype=np.float64)
+        left, size = np.abs(near.A @ states + forcing).max(axis=0), np.abs(forcing).max(axis=0)
         for name, rest in zip(by, left > 1e-6 * size, strict=True):
             if rest:
                 raise ValueError(f"with another '{name}' the mechanism rests in no pose near this one")
@@ -509,7 +509,7 @@ class Simulation:
         Raises:
             TypeError: the model was loaded without derivatives, or its steps have none.
             KeyError: there is no such output, parameter or input.
-            ValueError: the present state is not the start, or it has a kink at a number.
+            ValueError: the present state is not the start, or a number is at a non-smooth point.
             SimulationError: no start was found, or the pose is singular.
         """
         _require_list("by", by)
@@ -544,7 +544,7 @@ class Simulation:
         Raises:
             TypeError: the model was loaded without derivatives.
             KeyError: there is no such parameter, input or mode.
-            ValueError: an eigenvalue repeats, or a force has a kink at the state, so that there is no derivative; or as of
+            ValueError: an eigenvalue repeats, or the state is a non-smooth point of a force, so that there is no derivative; or as of
                 `equilibrium_sensitivities`.
             SimulationError: the pose is singular, or there was no `reset`.
         """
@@ -567,7 +567,7 @@ class Simulation:
         """The difference of fourth order of what is found where a number, a parameter or an input, has changed; the state stays.
 
         Raises:
-            ValueError: it has a kink, or jumps, at the number.
+            ValueError: the number is at a non-smooth point or a jump.
         """
         here, numbers = self.snapshot(), self.parameters if name in self.parameters else self.inputs
         places = {each: i for i, each in enumerate((*self.parameters, *self.inputs))}
@@ -586,7 +586,7 @@ class Simulation:
             if not is_non_smooth(found, h):
                 return difference(found, h)
         raise ValueError(
-            f"by '{name}' there is no derivative: what changes with it jumps or has a kink at this state, as where a damper has other "
+            f"by '{name}' there is no derivative: what changes with it jumps or is not smooth at this state, as where a damper has other "
             "rates for bump and rebound; make that law smooth here, or take a state beside it"
         )
 
@@ -671,13 +671,13 @@ class Simulation:
             events=at)
 
     def _trajectories(self, inputs: Mapping[str, InputTrajectoryLike] | None, steps: int) -> tuple[InputTrajectory, ...]:
-        """The courses of inputs of a run of so many steps from now on."""
+        """The input trajectories of a run of so many steps from now on."""
         return make_trajectories(self.library.names["input"], inputs or {}, self.time, steps, self.settings.step)
 
     def _follow(
         self, trajectories: Sequence[InputTrajectory], *, changes: Sequence[Array | None] = (), derivatives: Sequence[Array] = ()
     ) -> None:  # fmt: skip
-        """Let the next run follow courses, with their changes along its directions, or room for slopes."""
+        """Let the next run follow trajectories, with their changes along its directions, or room for derivatives."""
         if not trajectories:
             return
         records = (TrajectoryRecord * len(trajectories))()

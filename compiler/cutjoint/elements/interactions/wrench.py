@@ -32,7 +32,7 @@ class Wrench(Interaction):
             components = m.in_motion(components)
         vector = m.from_body(self.point.carrier, components) if force.in_body else m.from_global(components)
         if force.point is None:
-            m.turn(self.point.carrier, vector)
+            m.apply_torque(self.point.carrier, vector)
         else:
             m.apply_force(self.point, vector)
         return {name: b.element(components, i) for i, name in enumerate(force.quantities)}
@@ -57,7 +57,7 @@ class Wrench(Interaction):
             notes.append("Absent while the equilibrium is sought.")
         turned = page.either("R F", r"E F, \quad E = [e_x, e_y, e_z]") if force.in_body else "F"
         spin = page.either("", r", \quad \omega = \sum\nolimits_{i} e_i \times \dot e_i / 2")
-        action = page.turn(turned) + spin if force.point is None else page.apply_force("p", turned)
+        action = page.apply_torque(turned) + spin if force.point is None else page.apply_force("p", turned)
         return Explanation(
             notes=tuple(notes), actions=(action,), laws=page.vector("F", force.components, {"r": "x y z", "v": "vx vy vz"})
         )

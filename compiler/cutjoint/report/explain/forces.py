@@ -101,7 +101,7 @@ class BodyPage(LawPage):
         """The text for bodies."""
         return bodies
 
-    def pull(self, start: str, end: str, force: str) -> str:
+    def apply_force_pair(self, start: str, end: str, force: str) -> str:
         """Opposite wrenches."""
         return on_both("-", force, rf"{end} \times {force}")
 
@@ -113,7 +113,7 @@ class BodyPage(LawPage):
         """The wrench of a force."""
         return _joins(body, force, rf"{at} \times {force}")
 
-    def turn(self, torque: str, body: str = "") -> str:
+    def apply_torque(self, torque: str, body: str = "") -> str:
         """The wrench of a torque."""
         return _joins(body, "0", torque)
 
@@ -130,7 +130,7 @@ class PointPage(LawPage):
         """The text for points."""
         return points
 
-    def pull(self, start: str, end: str, force: str) -> str:
+    def apply_force_pair(self, start: str, end: str, force: str) -> str:
         """Opposite forces on both points."""
         return pair(end, start, "-", force)
 
@@ -142,7 +142,7 @@ class PointPage(LawPage):
         """A force on a point."""
         return gets(at, "+", force)
 
-    def turn(self, torque: str, body: str = "") -> str:
+    def apply_torque(self, torque: str, body: str = "") -> str:
         """A torque on the directions of its body."""
         on_directions = gets(f"e_{{{body} i}}" if body else "e_i", "+", r"T \times e_i / 2")
         return rf"T = {torque}, \quad {on_directions}"

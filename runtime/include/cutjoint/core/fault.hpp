@@ -39,16 +39,16 @@ enum class Cause : int {
   sample_not_finite = 31,         ///< a controller computes a value that is not finite
   limit_exceeded = 32,            ///< the step is made, and exceeds a limit that the host has set
   step_subdivided = 33,              ///< a step was taken in parts, as at an event, so that it has no derivative
-  simultaneous_events = 34,               ///< switches that leave their formulas together would not with other numbers, so that the run has no derivative
+  simultaneous_events = 34,               ///< events at the same instant that other numbers would separate, so that the run has no derivative
   speeds_jump = 35,               ///< speeds jump at an event, so that the run has no derivative
   event_at_step_end = 36,              ///< an event that moves lies where a step ends or a sample is taken, so that the run has no derivative
 };
 
 /// The list in which what failed most has its place.
-enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, switches = 5, controllers = 6, limits = 7 };
+enum class FaultList : int { none = 0, speeds = 1, equations = 2, guards = 3, coordinates = 4, indicators = 5, controllers = 6, limits = 7 };
 
 /// A failure: nothing if the cause is none.  `index` is the place of the worst number in its list, `value` its remainder (SI units), `size` the
-/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a gap beyond a limit.  The lists are those of the stepped mechanism or system, or
+/// bound, `iterations` their number, `closer` whether the last of them came closer, `equation` that of a violation beyond a limit.  The lists are those of the stepped mechanism or system, or
 /// `at_start` of the mechanism that finds the start.
 struct Fault {
   Cause cause = Cause::none;

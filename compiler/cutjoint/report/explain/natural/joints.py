@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy
 
-from cutjoint.elements.joint import Direction, End, JointGap
+from cutjoint.elements.joint import Direction, End, JointDisplacement
 from cutjoint.formulate.natural.joint_rows import AngleRow, Arm, JointRow, SumRow, Term, joint_rows
 from cutjoint.formulate.natural.layout import Layout
 from cutjoint.formulate.natural.nodes import Node, NodeKind
@@ -78,9 +78,9 @@ def _term(joint: Joint, term: Term) -> str:
     return rf"{weight}{_symbol(joint, term.left)} \cdot {_symbol(joint, term.right)}"
 
 
-def _symbol(joint: Joint, factor: Arm | JointGap) -> str:
+def _symbol(joint: Joint, factor: Arm | JointDisplacement) -> str:
     """The LaTeX of a factor: the way, the axis, a direction across it."""
-    if isinstance(factor, JointGap):
+    if isinstance(factor, JointDisplacement):
         return "d"
     direction = factor.carried.direction
     if direction in (Direction.ACROSS_1, Direction.ACROSS_2):

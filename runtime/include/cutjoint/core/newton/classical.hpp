@@ -99,8 +99,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return {};
   }
 
-  /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on
-  /// another branch silently.
+  /// A fault where a projection changes values by a leap: one equation nearly depends on others, and the state would land on another branch silently.
   Fault require_small(const Speeds<S>& values) const {
     using std::abs;
     std::size_t worst = 0;
@@ -110,7 +109,7 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
     return this->fault_in_row(Cause::pose_singular, static_cast<int>(worst), x_[worst]);
   }
 
-  /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -gap)
+  /// [M, Phi_q^T; Phi_q, 0] (change; .) = (0; -violation)
   template <class Numbers>
   Fault close(const Equations<S>& violation, Numbers& values) {
     std::fill_n(x_.begin(), n_, Real(0));

@@ -36,8 +36,8 @@ class Stages : public StepStart<S, Solver> {
   using typename Base::Real;
   using Base::charts;
 
-  Stages(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
-      : Base(system, solver, other, std::move(switches), roads), complex_(system), points_{at_, at_, at_},
+  Stages(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
+      : Base(system, solver, other, std::move(indicators), roads), complex_(system), points_{at_, at_, at_},
         changes_(derivatives_), guess_(derivatives_), kept_(derivatives_), places_(derivatives_), violations_(forces_), kept_forces_(forces_), mass_(this->tangent_),
         damping_(mass_), stiffness_(mass_), re_(mass_), im_(mass_), x_re_(n_), x_im_(n_) {}
 

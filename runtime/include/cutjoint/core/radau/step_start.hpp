@@ -22,7 +22,7 @@
 #include "cutjoint/core/road.hpp"
 #include "cutjoint/core/state.hpp"
 #include "cutjoint/core/stepping/step_control.hpp"
-#include "cutjoint/core/stepping/switch_cells.hpp"
+#include "cutjoint/core/stepping/indicator_cells.hpp"
 
 namespace cutjoint::radau {
 
@@ -40,11 +40,11 @@ class StepStart : public Workspace<S, Solver> {
   static constexpr int order = Table::order;
   static constexpr bool estimates = true;  ///< an error
 
-  /// `other` solves for the accelerations of single states; `switches` are where those stand at which steps end, all or none of the system's, and
+  /// `other` solves for the accelerations of single states; `indicators` are where those stand at which steps end, all or none of the system's, and
   /// `roads` those of its tyres.
-  StepStart(S& system, Solver& solver, Solver& other, SwitchPlaces<S> switches, const Road<Real>* roads)
+  StepStart(S& system, Solver& solver, Solver& other, IndicatorPlaces<S> indicators, const Road<Real>* roads)
       : Base(system, solver), other_(other), single_(system, other, {.dt = 1.0, .penalty = std::nullopt, .tolerance = 1e-6, .iterations = 100, .multiplier_updates = 4}),
-        closing_(system), cells_(std::move(switches), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
+        closing_(system), cells_(std::move(indicators), roads), turns_(unit_turns(system)), row_(design_state(system)), start_(row_), at_(row_), probe_(row_), pose_(row_.q),
         moved_(pose_), push_(m_), way_(n_), delta_(n_), trial_(n_), rates_(repeat<Table::stages + 1>(delta_)), derivatives_(rates_),
         forces_(repeat<Table::stages + 1>(push_)) {}
 
@@ -145,25 +145,25 @@ class StepStart : public Workspace<S, Solver> {
   /// Go over to the regime of the present state.
   void adopt() {
     if (cells_.empty()) return;
-    switch_at(start_);
+    evaluate_at(start_);
     cells_.adopt();
   }
 
-  /// Seek the switches that a state has out of the regime; whether there are any.
+  /// Seek the indicators that a state has out of the regime; whether there are any.
   bool seek(const StateOf<S>& state) {
     if (cells_.empty()) return false;
-    switch_at(state);
+    evaluate_at(state);
     return cells_.seek();
   }
 
-  /// The first of them that a state has out of the regime; as many as there are switches if there is none.
+  /// The first of them that a state has out of the regime; as many as there are indicators if there is none.
   std::size_t found(const StateOf<S>& state) {
     if (cells_.empty()) return 0;
-    switch_at(state);
+    evaluate_at(state);
     return cells_.found();
   }
 
-  stepping::SwitchCells<S>& cells() { return cells_; }
+  stepping::IndicatorCells<S>& cells() { return cells_; }
 
   /// Close the loops of a state, positions first, then speeds.
   Fault project(StateOf<S>& state) {
@@ -203,7 +203,7 @@ class StepStart : public Workspace<S, Solver> {
     Entries<S> tangent;
     Real alpha, factored_w, last_h, share;
     long has_factors, factored, slow;
-    typename stepping::SwitchCells<S>::Memory cells;
+    typename stepping::IndicatorCells<S>::Memory cells;
     typename Solver::Memory solver, other;
     typename RecursiveNewton<S, Solver>::Memory single;
   };
@@ -255,13 +255,13 @@ class StepStart : public Workspace<S, Solver> {
     forces_[0] = start_.lambda;
   }
 
-  void switch_at(const StateOf<S>& state) {
+  void evaluate_at(const StateOf<S>& state) {
     system_.begin_step(state.t, Real(1));
     look_at(state);
   }
 
   void look_at(const StateOf<S>& state) {
-    if constexpr (stepping::SwitchCells<S>::can_switch) system_.events(state.q.data(), state.v.data(), cells_.values());
+    if constexpr (stepping::IndicatorCells<S>::has_indicators) system_.events(state.q.data(), state.v.data(), cells_.values());
   }
 
   void note(Real size, std::size_t speed, Real& largest) {
@@ -291,7 +291,7 @@ class StepStart : public Workspace<S, Solver> {
   Solver& other_;
   RecursiveNewton<S, Solver> single_;
   Closing<S> closing_;
-  stepping::SwitchCells<S> cells_;
+  stepping::IndicatorCells<S> cells_;
   Turns<S> turns_;
   StateOf<S> row_, start_, at_, probe_;  ///< room, at the step's start, of a stage and at last the end, and beside it
   Coordinates<S> pose_, moved_;          ///< that of the factors
