@@ -112,6 +112,18 @@ def test_what_nobody_chose_gives_way_to_what_can() -> None:
     assert simulate(block(), integrator="dormand-prince", check=False).failure is not None
 
 
+@pytest.mark.parametrize("accuracy", [1e-5, 1e-8])
+def test_what_takes_over_keeps_the_accuracy(accuracy: float) -> None:
+    """The block stops at 0.25 m; the same steps for all accuracies leave 1.6e-8 m."""
+    model = read_model_text(BLOCK, "block.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["stop"]), accuracy=accuracy, end=0.51)
+    assert run.fallback.startswith("events crossed")
+    assert abs(run["block.x"][-1] - 0.25) < accuracy
+    assert run.error["block.x"] < accuracy
+    assert run.error.converged
+    assert run.error.goal == accuracy
+
+
 def test_a_method_that_somebody_names_stays(tmp_path: Path) -> None:
     model, out = tmp_path / "block.yaml", tmp_path / "run.csv"
     model.write_text(BLOCK, encoding="utf-8")

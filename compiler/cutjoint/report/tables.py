@@ -300,12 +300,15 @@ def error_facts(error: ErrorEstimate) -> Table:
         by_unit[unit] = max(by_unit.get(unit, (-1.0, "")), (value, name))
     promised = "yes: one such run in 200 at most is off by more than three times as much"
     doubt = "no: finer steps bring the outputs no nearer, errors may be larger"
+    if error.goal is not None:
+        doubt = "no, accuracy not reached: the finest steps leave larger errors, or errors that fall no further"
     if inf in error.max_error.values():
         by_unit, doubt = {}, "not known: no run with finer or coarser steps came to its end, so that nothing says how wrong this one is"
     rows = [("converged", promised if error.converged else doubt)]
     if error.converged and error.rough:
         names = ", ".join(error.rough[:_NAMED]) + (f" and {len(error.rough) - _NAMED} more" if len(error.rough) > _NAMED else "")
-        rows = [("converged", f"{promised}; but not {names}: off by more than a tenth of what they reach; a smaller accuracy helps")]
+        why = "off by more than a tenth of what they reach, or no nearer with finer steps; a smaller accuracy helps"
+        rows = [("converged", f"{promised}; but not {names}: {why}")]
     rows += [(unit or "1", f"{value:.1e} ({name})") for unit, (value, name) in by_unit.items()]
     rows += [("warning", warning) for warning in error.warnings]
     return facts("errors of the steps at most", rows)

@@ -83,7 +83,8 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     A run with coarser steps comes before the first one, so that two differences show whether they fall, which alone is convergence.
     """
     change = _change_of(plan)
-    last, before = start(plan), None
+    last, before, errors = start(plan), None, dict[str, float]()
+    reached, slow = False, tuple[str, ...]()
     coarser = _try(plan, change, -1) if last.failure is None else None
     runs = [last] if coarser is None else [coarser, last]
     if coarser is not None:
@@ -91,10 +92,11 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
     for level in range(1, change.levels + 1):
         run = begin(_finer(plan, change, level))
         if run.failure is not None:
-            if last.failure is not None and change.heals and level < change.levels:
+            if last.failure is None:
+                return _last_kept(_finer(plan, change, level - 1), goal, begin)
+            if change.heals and level < change.levels:
                 continue
-            kept = run if last.failure is not None else begin(_finer(plan, change, level - 1))
-            return _estimated(plan, kept, before or _unknown(run), converged=False)
+            return _estimated(plan, run, _unknown(run), converged=False)
         if last.failure is None:
             apart = differences(plan.jumps, last, run)
             if _are_bound(change, last, run) and (other := _unlike(_finer(plan, change, level), run)) is not None:
@@ -102,14 +104,24 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
                 return _estimated(plan, run, errors, converged=_keeps(run, errors, goal), others=[other])
             left = defect_left(last, run)
             errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
-            if before is not None and _keeps(run, errors, goal) and all_fall(run, before, apart):
-                return _estimated(plan, run, errors, converged=True, others=runs)
-            if before is not None and not any(falls(run[name], before[name], apart[name]) for name in apart):
-                return _estimated(plan, run, errors, converged=False, others=runs)
+            if before is not None:
+                slow = find_slow(run, before, apart)
+                reached = _keeps(run, errors, goal) and not _judged_by(run, errors).keys() & slow
+                if (reached and not slow) or not any(falls(run[name], before[name], apart[name]) for name in apart):
+                    break
             before = apart
         last = run
         runs = [*runs[-1:], run]
-    return _estimated(plan, last, before or _unknown(last), converged=False)
+    others = [other for other in runs if other is not run]
+    return _estimated(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow)
+
+
+def _last_kept(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
+    """The finest run that comes to its end, judged as one with given steps, and by the goal."""
+    run = begin(plan)
+    found = estimate_error(plan, run)
+    estimate = replace(found, converged=found.converged and _keeps(run, found.max_error, goal), goal=goal)
+    return replace(run, estimator=lambda _: estimate)
 
 
 def _change_of(plan: SimulatorRun) -> Change:
@@ -131,10 +143,14 @@ def _left(change: Change, apart: float, before: float | None, defect: float) -> 
 
 
 def _keeps(run: Trajectory, errors: Mapping[str, float], goal: float) -> bool:
-    """Return whether places and angles keep the goal; in a run without any, whether all other outputs do by their size."""
+    """Return whether the outputs that are judged by a goal keep it."""
+    return all(errors[name] <= goal * size for name, size in _judged_by(run, errors).items())
+
+
+def _judged_by(run: Trajectory, errors: Mapping[str, float]) -> dict[str, float]:
+    """The sizes of the outputs that are judged by a goal: of places and angles one, of a run without any all outputs with their own."""
     judged = {name: 1.0 / PLACES[run.units[name]] for name in errors if run.units[name] in PLACES}
-    judged = judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
-    return all(errors[name] <= goal * size for name, size in judged.items())
+    return judged or {name: float(np.max(np.abs(run[name]))) for name in errors}
 
 
 def _unknown(run: Trajectory) -> dict[str, float]:
@@ -142,15 +158,17 @@ def _unknown(run: Trajectory) -> dict[str, float]:
 
 
 def _estimated(
-    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = ()
+    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = (),
+    slow: Sequence[str] = (),
 ) -> Trajectory:  # fmt: skip
-    """The run with its errors; ``others`` are runs of the same with other steps."""
-    estimate = _judged(plan, run, errors, converged=converged, others=others)
+    """The run with its errors; ``others`` are runs of the same with other steps, of which the outputs that are ``slow`` come no nearer."""
+    estimate = _judged(plan, run, errors, converged=converged, others=others, slow=slow)
     return replace(run, estimator=lambda _: estimate)
 
 
 def _judged(
-    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory]
+    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory],
+    slow: Sequence[str] = (),
 ) -> ErrorEstimate:  # fmt: skip
     """The errors of a run, with the effect of open loops, jumps beside rows, and warnings; the last of the others is nearest."""
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
@@ -163,7 +181,8 @@ def _judged(
         converged = converged and closed is not None and (plan.goal is None or _keeps(run, errors, plan.goal))
         warnings.append(open_loops(gap, is_known=closed is not None))
     return ErrorEstimate(
-        max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)), rough=_rough(run, errors)
+        max_error=Columns(errors), units=run.units, converged=converged, warnings=tuple(filter(None, warnings)),
+        rough=tuple(dict.fromkeys((*_rough(run, errors), *slow))), goal=plan.goal,
     )  # fmt: skip
 
 
@@ -180,8 +199,8 @@ def _rough(run: Trajectory, errors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _reach_of(run: Trajectory) -> dict[str, float]:
-    """The largest value of the outputs of each unit."""
-    reach: dict[str, float] = {}
+    """The largest value of the outputs of each unit, of angles at least a radian: nothing else says what is small for them."""
+    reach = {unit: 1.0 / PLACES[unit] for unit in ("rad", "mrad", "deg")}
     for name, values in run.columns.items():
         reach[run.units[name]] = max(reach.get(run.units[name], 0.0), float(np.max(np.abs(values), initial=0.0)))
     return reach
@@ -342,8 +361,13 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
 
 def all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
     """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
+    return not find_slow(run, before, after)
+
+
+def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
+    """The outputs of which that is not so."""
     reach = _reach_of(run)
-    return all(after[c] <= _ROUNDING * reach[run.units[c]] or falls(run.columns[c], before[c], after[c]) for c in after)
+    return tuple(c for c in after if after[c] > _ROUNDING * reach[run.units[c]] and not falls(run.columns[c], before[c], after[c]))
 
 
 def falls(values: Array, before: float, after: float) -> bool:

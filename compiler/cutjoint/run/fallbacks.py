@@ -38,7 +38,7 @@ class Fallback:
 
     def applied_to(self, plan: SimulatorRun) -> SimulatorRun:
         """The run with these settings, whose steps follow from nothing else."""
-        return replace(self.plan or plan, run_file=self.run_file, goal=None)
+        return replace(self.plan or plan, run_file=self.run_file, goal=(self.plan or plan).goal)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -159,11 +159,12 @@ class ErrorEstimate:
 
     ``max_error`` has the largest error of each column over all rows, in its unit of ``units``; infinite where no second run reached the
     end. ``converged`` are runs whose differences fall from coarser steps to finer ones; of those, no more than one in two hundred tells
-    less than a third of an error.  Laws, masses and places are taken as they are given.
+    less than a third of an error.  Where steps follow from an accuracy, the ``goal`` (None elsewhere), they are those whose places and
+    angles keep it.  Laws, masses and places are taken as they are given.
 
     ``warnings`` tell of faults that errors of the steps do not show: work and energy that differ by more than the steps explain, loops that
-    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value; accelerations and forces may be, where
-    places keep an accuracy.
+    stay open.  ``rough`` are outputs that are off by more than a tenth of their largest value, or come no nearer with finer steps;
+    accelerations and forces may be, where places keep an accuracy.
     """
 
     max_error: Mapping[str, float]
@@ -171,6 +172,7 @@ class ErrorEstimate:
     converged: bool
     warnings: tuple[str, ...] = ()
     rough: tuple[str, ...] = ()
+    goal: float | None = None
 
     def __getitem__(self, column: str) -> float:
         return self.max_error[column]
