@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -210,8 +210,20 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
+#: The name of the fact about a start that something holds.
+HELD = "held at the start by"
+
+
+def held_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
+    """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
+    forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= _LARGE else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
+    return [(HELD, f"{', '.join(forces)}, released at t = 0")] if forces else []
+
+
+#: A force (N, N m) from which on it is told in thousands.
+_LARGE = 1e4
 #: The facts that a run tells in any case.
-_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate")
+_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate", HELD)
 
 #: The words about a run that is interpreted since there is no compiler.
 _GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
@@ -261,6 +273,7 @@ def _run_rows(compilation: Compilation, run: Trajectory) -> list[tuple[str, str]
         *([("went over to", run.fallback)] if run.fallback else []),
         *_statistics_facts(run.statistics),
         *_balance_facts(run.energy),
+        *held_facts(run.held),
         *_speeds_not_given(c.start, run.undetermined),
         *([("indeterminate", f"{', '.join(run.indeterminate)}: {LEAST}")] if run.indeterminate else []),
     ]  # fmt: skip

@@ -196,7 +196,8 @@ class Trajectory(Columns[Array]):
     there is one.  ``fallback`` says which settings took over, and why, "" if none did.  ``estimator`` finds how wrong the run is, None
     where nothing can.  ``energy`` is the balance of work and energy, None where none was asked for.  ``near_jumps`` are the rows that a
     column jumps so close to that another run may have the value of its other side, where they were looked for.  ``coordinates`` are the
-    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.
+    method's own at the times of the rows (rows, coordinates), None where nobody asked for them.  ``held`` is that of a `MechanismState`,
+    of a start in static equilibrium: these forces are released at t = 0.
     """
 
     t: Array
@@ -214,6 +215,7 @@ class Trajectory(Columns[Array]):
     coordinates: Array | None = field(default=None, repr=False, compare=False)
     table: Path | None = None
     fallback: str = ""
+    held: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     estimator: Callable[[Trajectory], ErrorEstimate] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -345,6 +347,21 @@ def _html_table(run: Trajectory) -> str:
 
 def _html_row(cell: str, texts: Iterable[str]) -> str:
     return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
+
+
+#: A force along a held coordinate that is this share of the largest is rounding.
+_NO_FORCE = 1e-9
+
+
+def read_held(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """The force with its unit along each coordinate that holds a pose at rest, by a simulator's summary, which names their rates."""
+    found: Mapping[str, float] = summary.get("held", {})
+    least = _NO_FORCE * max(map(abs, found.values()), default=0.0)
+    named = {name: name.rpartition(".")[2] for name, force in found.items() if abs(force) > least}
+    return {
+        name.removesuffix(rate) + (rate[1:] if rate in ("vx", "vy", "vz") else rate.removesuffix("_rate")):
+        (found[name], "N" if rate.startswith(("v", "displacement")) else "N*m") for name, rate in named.items()
+    }  # fmt: skip
 
 
 def read_statistics(summary: Mapping[str, Any]) -> RunStatistics:

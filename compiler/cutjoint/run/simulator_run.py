@@ -19,6 +19,7 @@ from cutjoint.run.results import (
     Trajectory,
     read_coordinates,
     read_energy,
+    read_held,
     read_near_jumps,
     read_run_table,
     read_statistics,
@@ -145,7 +146,7 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_held(summary),
     )  # fmt: skip
 
 
