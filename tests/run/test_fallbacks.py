@@ -80,7 +80,7 @@ def test_what_is_said_to_help_helps(case: str) -> None:
     assert trials.helped
 
     def ends(fallback: Fallback) -> bool:
-        other = fallback.applied_to(plan)
+        other = fallback.plan
         return start(replace(other, run_file=replace(other.run_file, end=trials.past))).failure is None
 
     assert all(ends(fallback) for fallback in trials.helped)

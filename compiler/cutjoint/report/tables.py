@@ -210,20 +210,15 @@ def indeterminate_reactions(columns: Iterable[str]) -> str:
     return f"indeterminate reactions: {', '.join(columns)}; a run reports {LEAST}"
 
 
-#: The name of the fact about a start that something holds.
-HELD = "held at the start by"
-
-
 def held_facts(held: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
     """The forces that hold coordinates of a start at rest and are gone in motion; none where nothing holds it."""
-    forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= _LARGE else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
-    return [(HELD, f"{', '.join(forces)}, released at t = 0")] if forces else []
+    forces = [f"{name} {f'{force / 1e3:.4g} k' if abs(force) >= 1e4 else f'{force:.4g} '}{unit}" for name, (force, unit) in held.items()]
+    return [("held at the start by", f"{', '.join(forces)}, released at t = 0")] if forces else []
 
 
-#: A force (N, N m) from which on it is told in thousands.
-_LARGE = 1e4
 #: The facts that a run tells in any case.
-_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "speeds not given", "indeterminate", HELD)
+_REPORTED = ("motion", "warning", "note", SHIPPED, "went over to", "impacts", "stiff", "held at the start by", "speeds not given",
+             "indeterminate")  # fmt: skip
 
 #: The words about a run that is interpreted since there is no compiler.
 _GAIN = f"interpreted; generated code takes steps 5 to 20 times as fast: {ADVICE}"
@@ -288,9 +283,8 @@ def _compiled(c: Compilation) -> str:
 
 def _balance_facts(energy: EnergyBalance | None) -> list[tuple[str, str]]:
     """The difference of kinetic energy and work."""
-    if energy is None:
-        return []
-    return [("work and energy", f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J")]
+    words = "" if energy is None else f"apart by {energy.defect:.1e} J at most, of {energy.kinetic + energy.exchanged:.2g} J"
+    return [("work and energy", words)] if words else []
 
 
 def _speeds_not_given(start: Start, undetermined: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -96,12 +96,12 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
                 return _last_kept(_finer(plan, change, level - 1), goal, begin)
             if change.heals and level < change.levels:
                 continue
-            return _estimated(plan, run, _unknown(run), converged=False)
+            return _with_estimate(run, _judged(plan, run, _unknown(run), converged=False))
         if last.failure is None:
             apart = differences(plan.jumps, last, run)
             if _are_bound(change, last, run) and (other := _unlike(_finer(plan, change, level), run)) is not None:
                 errors = differences(plan.jumps, run, other)
-                return _estimated(plan, run, errors, converged=_keeps(run, errors, goal), others=[other])
+                return _with_estimate(run, _judged(plan, run, errors, converged=_keeps(run, errors, goal), others=[other]))
             left = defect_left(last, run)
             errors = {name: _left(change, apart[name], None if before is None else before[name], left) for name in apart}
             if before is not None:
@@ -113,14 +113,17 @@ def _reach(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Traj
         last = run
         runs = [*runs[-1:], run]
     others = [other for other in runs if other is not run]
-    return _estimated(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow)
+    return _with_estimate(run, _judged(plan, run, errors or _unknown(run), converged=reached, others=others, slow=slow))
 
 
 def _last_kept(plan: SimulatorRun, goal: float, begin: Callable[[SimulatorRun], Trajectory]) -> Trajectory:
     """The finest run that comes to its end, judged as one with given steps, and by the goal."""
     run = begin(plan)
     found = estimate_error(plan, run)
-    estimate = replace(found, converged=found.converged and _keeps(run, found.max_error, goal), goal=goal)
+    return _with_estimate(run, replace(found, converged=found.converged and _keeps(run, found.max_error, goal)))
+
+
+def _with_estimate(run: Trajectory, estimate: ErrorEstimate) -> Trajectory:
     return replace(run, estimator=lambda _: estimate)
 
 
@@ -157,20 +160,14 @@ def _unknown(run: Trajectory) -> dict[str, float]:
     return dict.fromkeys(run.columns, inf)
 
 
-def _estimated(
+def _judged(
     plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory] = (),
     slow: Sequence[str] = (),
-) -> Trajectory:  # fmt: skip
-    """The run with its errors; ``others`` are runs of the same with other steps, of which the outputs that are ``slow`` come no nearer."""
-    estimate = _judged(plan, run, errors, converged=converged, others=others, slow=slow)
-    return replace(run, estimator=lambda _: estimate)
-
-
-def _judged(
-    plan: SimulatorRun, run: Trajectory, errors: Mapping[str, float], *, converged: bool, others: Sequence[Trajectory],
-    slow: Sequence[str] = (),
 ) -> ErrorEstimate:  # fmt: skip
-    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings; the last of the others is nearest."""
+    """The errors of a run, with the effect of open loops, jumps beside rows, and warnings.
+
+    ``others`` are runs of the same with other steps, the last the nearest; outputs that are ``slow`` come no nearer by them.
+    """
     gap, warnings = find_open_gap(run, others), [find_imbalance(run, others)]
     jumps = uncertain_jumps(run, others[-1], plan.run_file.jumps_within or 0.0) if others else {}
     errors = {name: max(error, jumps.get(name, 0.0)) for name, error in errors.items()}
@@ -220,9 +217,7 @@ def estimate_error(plan: SimulatorRun, run: Trajectory) -> ErrorEstimate:
         return (_unlike(plan, run) if bound else None) or other
 
     compared = compare(run, again, left=change.left, jumps=plan.jumps)
-    return compared.estimate if not compared.others else _judged(
-        plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others
-    )  # fmt: skip
+    return _judged(plan, run, compared.estimate.max_error, converged=compared.estimate.converged, others=compared.others)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,7 +242,7 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     if finer is None:
         apart = _unknown(run) if coarser is None else differences(jumps, coarser, run)
         coarsest = None if coarser is None else again(-2)
-        falling = coarser is not None and coarsest is not None and all_fall(run, differences(jumps, coarsest, coarser), apart)
+        falling = coarser is not None and coarsest is not None and not find_slow(run, differences(jumps, coarsest, coarser), apart)
         estimate = ErrorEstimate(max_error=Columns(apart), units=run.units, converged=falling)
         return Comparison(estimate=estimate, others=[] if coarser is None else [coarser])
     apart = differences(jumps, run, finer)
@@ -259,9 +254,8 @@ def compare(run: Trajectory, again: Callable[[int], Trajectory | None], *, left:
     errors = {name: difference / (1 - left) for name, difference in apart.items()}
     if coarser is not None:
         errors = {name: max(error, (1 - _BELIEVED) * before[name]) for name, error in errors.items()}
-    estimate = ErrorEstimate(
-        max_error=Columns(errors), units=run.units, converged=all_fall(run, before, after), rough=_rough(run, errors)
-    )  # fmt: skip
+    converged = not find_slow(run, before, after)
+    estimate = ErrorEstimate(max_error=Columns(errors), units=run.units, converged=converged, rough=_rough(run, errors))
     return Comparison(estimate=estimate, others=[finer] if coarser is None else [coarser, finer])
 
 
@@ -324,10 +318,7 @@ def _changed(run_file: RunFile, change: Change, times: int, further: float) -> R
         finer = replace(settings, dt=settings.dt * factor)
         finer = _iterated_further(finer, times, further) if times > 0 else finer
         return replace(run_file, settings=finer, output_step=settings.dt * stride)
-    absolute = settings.absolute_tolerance
-    return run_file.with_settings(
-        tolerance=settings.tolerance * factor, absolute_tolerance=None if absolute is None else absolute * factor
-    )
+    return run_file.with_tolerance(factor)
 
 
 def _iterated_further(settings: Settings, times: int, further: float) -> Settings:
@@ -359,13 +350,8 @@ def differences(jumps: Sequence[float], one: Trajectory, other: Trajectory) -> d
     return {name: float(np.max(gap, initial=0.0)) for name, gap in gaps.items()}
 
 
-def all_fall(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """True where all differences fall from steps to finer ones, or are rounding beside what outputs of their unit reach."""
-    return not find_slow(run, before, after)
-
-
 def find_slow(run: Trajectory, before: Mapping[str, float], after: Mapping[str, float]) -> tuple[str, ...]:
-    """The outputs of which that is not so."""
+    """The outputs with differences that do not fall from steps to finer ones, nor are rounding beside what outputs of their unit reach."""
     reach = _reach_of(run)
     return tuple(c for c in after if after[c] > _ROUNDING * reach[run.units[c]] and not falls(run.columns[c], before[c], after[c]))
 
@@ -379,8 +365,7 @@ def defect_left(before: Trajectory, after: Trajectory) -> float:
     """The share of the defect of work and energy that finer steps leave, by two runs of the same; 1 where nothing shows it."""
     if before.energy is None or after.energy is None or not before.energy.defect > 0:
         return 1.0
-    share = after.energy.defect / before.energy.defect
-    return share if share < 1.0 else 1.0
+    return min(1.0, after.energy.defect / before.energy.defect)
 
 
 def uncertain_jumps(run: Trajectory, other: Trajectory, within: float) -> dict[str, float]:
@@ -444,24 +429,18 @@ _SMALL_GAP = 1e-6
 #: Gaps of runs with other steps that differ by less than this factor do not come from the steps.
 _SAME = 1.5
 
-_COUNTED = "the errors count it"
-_UNSEEN = "errors of the steps do not see what that changes"
-
 
 def find_open_gap(run: Trajectory, others: Sequence[Trajectory]) -> float:
     """The largest gap (m or rad) of the loops of a run where runs of the same with other steps have it too; 0 where they do not.
 
     It is an error that all these runs share, as behind a guide whose rate jumps.
     """
-    gap = run.statistics.residuals.position
-    return gap if gap > _SMALL_GAP and any(_is_same(gap, other.statistics.residuals.position) for other in others) else 0.0
+    gap, gaps = run.statistics.residuals.position, [other.statistics.residuals.position for other in others]
+    return gap if gap > _SMALL_GAP and any(gap / _SAME < other < gap * _SAME for other in gaps) else 0.0
 
 
 def open_loops(gap: float, *, is_known: bool) -> str:
     """The warning of such a gap; ``is_known`` tells that the errors of the run include its effect."""
-    known = f"a run with error control, whose loops are closed, shows what that changes, and {_COUNTED}" if is_known else _UNSEEN
+    counted = "a run with error control, whose loops are closed, shows what that changes, and the errors count it"
+    known = counted if is_known else "errors of the steps do not see what that changes"
     return f"loops stand open by up to {gap:.2g} m or rad, with other steps too: {known}; the closure proximal closes them"
-
-
-def _is_same(gap: float, other: float) -> bool:
-    return gap / _SAME < other < gap * _SAME

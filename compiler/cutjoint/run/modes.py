@@ -90,8 +90,7 @@ def _require_free(equations: ImplicitEquations, held: Mapping[str, tuple[float, 
     """A coordinate that the scene holds may carry a force: what is linearised has no such force, and does not rest without it."""
     if not held:
         return
-    scene, name = equations.scene, max(held, key=lambda name: abs(held[name][0]))
-    force, unit = held[name]
+    scene, (name, (force, unit)) = equations.scene, max(held.items(), key=lambda item: abs(item[1][0]))
     raise RunError(
         f"{scene.span}: scene '{scene.name}': {force:.3g} {unit} hold '{name}', so that small motions have no "
         "equilibrium; leave its coordinate out of positions, guide its joint, or linearise about a motion with --at"

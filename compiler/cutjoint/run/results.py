@@ -349,14 +349,10 @@ def _html_row(cell: str, texts: Iterable[str]) -> str:
     return f"<tr>{''.join(f'<{cell}>{escape(text)}</{cell}>' for text in texts)}</tr>"
 
 
-#: A force along a held coordinate that is this share of the largest is rounding.
-_NO_FORCE = 1e-9
-
-
 def read_held(summary: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """The force with its unit along each coordinate that holds a pose at rest, by a simulator's summary, which names their rates."""
+    """The force with its unit along each coordinate that holds a pose at rest, by a summary, which names their rates; but for rounding."""
     found: Mapping[str, float] = summary.get("held", {})
-    least = _NO_FORCE * max(map(abs, found.values()), default=0.0)
+    least = 1e-9 * max(map(abs, found.values()), default=0.0)
     named = {name: name.rpartition(".")[2] for name, force in found.items() if abs(force) > least}
     return {
         name.removesuffix(rate) + (rate[1:] if rate in ("vx", "vy", "vz") else rate.removesuffix("_rate")):
