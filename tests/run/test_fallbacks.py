@@ -13,16 +13,18 @@ from click.testing import CliRunner
 
 from cutjoint.cli import main
 from cutjoint.compile.pipeline import compile_interpreted, compile_scene, derive
+from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import run_facts
 from cutjoint.run.artifact import Artifact, make_simulator_run, start_of
 from cutjoint.run.failures import FailedRunError
-from cutjoint.run.fallbacks import Fallback, try_fallbacks
+from cutjoint.run.fallbacks import Fallback, Trials, try_fallbacks, with_trials
+from cutjoint.run.results import FailureReport
 from cutjoint.run.scenes import find_case, find_scene, with_closure
 from cutjoint.run.settings import Options
 from cutjoint.run.simulation import simulate
 from cutjoint.run.simulator import SimulatorError
-from cutjoint.run.simulator_run import Start, start
+from cutjoint.run.simulator_run import SimulatorRun, Start, start
 from cutjoint.tasks.batch import compile_scene_batch, simulate_batch
 from cutjoint.tasks.realtime import run_in_real_time
 from tests.conftest import MODELS, needs_cpp
@@ -78,7 +80,7 @@ def test_what_is_said_to_help_helps(case: str) -> None:
     assert trials.helped
 
     def ends(fallback: Fallback) -> bool:
-        other = fallback.applied_to(plan)
+        other = fallback.plan
         return start(replace(other, run_file=replace(other.run_file, end=trials.past))).failure is None
 
     assert all(ends(fallback) for fallback in trials.helped)
@@ -98,6 +100,50 @@ def test_the_message_has_what_was_tried_and_what_was_not() -> None:
     assert "method" not in str(error.value).partition("try: ")[2]
 
 
+def test_no_method_sends_to_one_that_sends_back() -> None:
+    """Methods that nobody has tried for a failure, by the advice of each method for the same failure."""
+    failure, plan = FailureReport(message="", time=1.0, step=5, element="a", residual=1.0, advice="try: a smaller dt"), _press_plan()
+    nothing = Trials(past=1.0, helped=(), failed=(), skipped=())
+    advice = {method: with_trials(failure, replace(plan, method=method), nothing).advice for method in METHODS}
+    named = {method: set(re.findall(r"method ([a-z-]+)", text)) for method, text in advice.items()}
+    assert any(named.values())
+    assert not [(one, other) for one in METHODS for other in named[one] if one in named[other]]
+
+
+def _press_plan() -> SimulatorRun:
+    model = read_model(MODELS / "press.yaml")
+    return make_simulator_run(compile_interpreted(model, find_scene(model, None)), Options())
+
+
+#: The sources of messages by the methods that have them.
+SOURCES = {
+    "recursive": ("trapezoidal.hpp", "runge_kutta/*.hpp"), "recursive-newton": ("newton/recursive_newton.hpp", "radau/*.hpp"),
+    "classical": ("newton/classical.hpp",),
+}  # fmt: skip
+
+
+def test_no_message_names_the_method_that_has_it() -> None:
+    """The advice of each cause beside the methods whose headers have that cause."""
+    core = Path("runtime/include/cutjoint/core")
+    text = (core / "fault.hpp").read_text(encoding="utf-8")
+    shared = re.search(r'shorter_steps = "(.*)"', text)
+    assert shared is not None
+    table = text.partition("advice_of(const Fault& fault)")[2].replace("shorter_steps", shared[1])
+    named = {
+        cause: {m for m in METHODS if re.search(rf"methods?\b.*[ ,]{m}(?![-a-z])", advice)}
+        for causes, advice in re.findall(r"((?:case Cause::\w+:\s*)+)return ([^;]*(?:;[^\n]*)?)", table)
+        for cause in re.findall(r"::(\w+)", causes)
+    }  # fmt: skip
+    found = 0
+    for method, patterns in SOURCES.items():
+        for path in (path for pattern in patterns for path in core.glob(pattern)):
+            causes = re.findall(r"Cause::(\w+)", path.read_text(encoding="utf-8"))
+            found += sum(bool(named.get(cause)) for cause in causes)
+            assert not [cause for cause in causes if method in named.get(cause, ())], path
+    assert found >= 5
+    assert named["pose_singular"] == {"augmented", "recursive"}
+
+
 def test_what_nobody_chose_gives_way_to_what_can() -> None:
     """2 N stop 1 kg at 1 m/s after 0.5 s and 0.25 m; steps that end where the law jumps never leave that place."""
     for check in (True, False):
@@ -110,6 +156,18 @@ def test_what_nobody_chose_gives_way_to_what_can() -> None:
     with pytest.raises(FailedRunError, match=r"tried up to .* events crossed"):
         simulate(block(), integrator="dormand-prince")
     assert simulate(block(), integrator="dormand-prince", check=False).failure is not None
+
+
+@pytest.mark.parametrize("accuracy", [1e-5, 1e-8])
+def test_what_takes_over_keeps_the_accuracy(accuracy: float) -> None:
+    """The block stops at 0.25 m; the same steps for all accuracies leave 1.6e-8 m."""
+    model = read_model_text(BLOCK, "block.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["stop"]), accuracy=accuracy, end=0.51)
+    assert run.fallback.startswith("events crossed")
+    assert abs(run["block.x"][-1] - 0.25) < accuracy
+    assert run.error["block.x"] < accuracy
+    assert run.error.converged
+    assert run.error.goal == accuracy
 
 
 def test_a_method_that_somebody_names_stays(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from cutjoint.run.results import (
     Trajectory,
     read_coordinates,
     read_energy,
+    read_held,
     read_near_jumps,
     read_run_table,
     read_statistics,
@@ -45,7 +46,7 @@ class SimulatorRun:
 
     ``simulator`` is the program, ``run_file`` its input, ``description`` the model's data for an interpreter (None for generated code),
     ``units`` has the unit of each column by its name.  ``goal`` is the largest error of places and angles (m, rad) that steps are to keep,
-    None where steps are given.
+    None where steps are given; ``is_asked`` is whether scene or caller ask for it.
 
     ``method`` is the program's, ``closes_loops`` whether it has equations of loops, ``indeterminate`` are the components of reactions that
     these do not determine, ``others`` the settings of other integrators that it has.  ``is_free`` is whether scene and
@@ -60,6 +61,7 @@ class SimulatorRun:
     description: Mapping[str, Any] | None
     units: Mapping[str, str]
     goal: float | None = None
+    is_asked: bool = False
     method: str = DEFAULT_METHOD
     closes_loops: bool = False
     indeterminate: Sequence[str] = ()
@@ -144,7 +146,7 @@ def start(
         t=t, columns=Columns(columns), units=Columns(run.units), steps=summary.get("steps", 0), evaluations=summary.get("evaluations", 0),
         seconds=summary.get("seconds", 0.0), undetermined=tuple(summary.get("undetermined", ())), failure=failure,
         indeterminate=indeterminate, statistics=read_statistics(summary), energy=read_energy(summary), table=table,
-        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback,
+        near_jumps=read_near_jumps(summary), coordinates=coordinates, fallback=fallback, held=read_held(summary),
     )  # fmt: skip
 
 

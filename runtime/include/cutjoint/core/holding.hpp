@@ -41,9 +41,9 @@ class Holding {
     for (std::size_t i = 0; i < n_; ++i) a[i] = held[i] ? Real(0) : a[i] + shift_[i];
   }
 
-  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + forces along these.
+  /// Bring accelerations and multipliers of a state to those with held coordinates, where M (a' - a) = -Phi_v^T dlambda + `forces` along these.
   template <class Flags>
-  void carry(StateOf<M>& state, const Flags& held) {
+  void carry(StateOf<M>& state, const Flags& held, Real* forces) {
     find_directions(state);
     find_change(held, state.vdot.data());
     find_momenta(state);
@@ -57,6 +57,7 @@ class Holding {
     }
     solve({right_.data(), n_, columns});
     for (std::size_t i = 0; i < m_; ++i) state.lambda[i] += x_[i];
+    for (std::size_t i = 0, column = m_; i < n_; ++i) forces[i] = held[i] ? x_[column++] : Real(0);
     for (std::size_t i = 0; i < n_; ++i) state.vdot[i] = held[i] ? Real(0) : state.vdot[i] + shift_[i];
   }
 

@@ -146,9 +146,10 @@ class Starter {
     return fault;
   }
 
-  /// Accelerations and multipliers of a state that `equilibrate` has found, with the forces along held coordinates if these `carry` some.
-  void hold(StateOf<M>& state, const SpeedFlags<M>& held) {
-    if (carries_) holding_.carry(state, held);
+  /// Accelerations and multipliers of a state that `equilibrate` has found, and the `forces` along held coordinates, of which some carry the weight.
+  void hold(StateOf<M>& state, const SpeedFlags<M>& held, Speeds<M>& forces) {
+    accelerate(state, Real(0));
+    if (carries_) holding_.carry(state, held, forces.data());
   }
   bool carries() const { return carries_; }
 
