@@ -118,7 +118,7 @@ def groups(every: bool) -> dict[str, Callable[[], Subjects]]:
     }
     texts = {name: partial(_text, make) for name, make in TEXTS.items()}
     simul1 = partial(_file, "iltis", ("simul1",))
-    reducible = {"iltis": simul1, "carriage": texts["carriage"], "planar swing": texts["planar swing"]}
+    reducible = {"iltis": simul1, "planar swing": texts["planar swing"]}
     reduced = {f"{name} reduced": partial(_reduced, read, every=every) for name, read in reducible.items()}
     return found | texts | reduced | (_all_random() if every else _some_random())
 

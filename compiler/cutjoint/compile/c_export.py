@@ -21,7 +21,6 @@ from cutjoint.emit.library import emit_library
 from cutjoint.emit.sizes import record_length, seed_rows, simulation_size
 from cutjoint.emit.source import Generated, Page, Source
 from cutjoint.emit.standalone import emit_standalone, mark_of
-from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.events import guides_jump
 from cutjoint.formulate.implicit.equations import formulate_residual
 from cutjoint.formulate.inputs import open_parameters
@@ -35,9 +34,11 @@ from cutjoint.methods import (
     DEFAULT_PRECISION,
     INTEGRATORS,
     METHODS,
+    STEPS,
     Events,
     Formulation,
     Implementation,
+    Steps,
     join_and,
     join_or,
     names_of,

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from cutjoint.emit.classes import LANES, Beginning, CppClass, SimulationCode, derived_classes, sized_mechanism_class, sized_system_class
 from cutjoint.emit.source import FACTORISATION, LIBRARY, SPACE, Page, Source, code_file, compiled
 from cutjoint.emit.standalone import OF_INTERFACE, headers_of, prepare, render_header
-from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.records import CLOSE
+from cutjoint.methods import STEPS, Steps
 
 #: The namespace of instances side by side.
 _SIDE = "side_by_side"

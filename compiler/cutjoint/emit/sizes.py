@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from cutjoint.emit.classes import SimulationCode, System, is_weighed
-from cutjoint.emit.steps import Steps
 from cutjoint.formulate.records import Equations
 from cutjoint.formulate.transposed import Derived, Linearised
+from cutjoint.methods import Steps
 from cutjoint.model.functions import functions_of_host
 from cutjoint.program.records import Program
 

@@ -34,13 +34,12 @@ from cutjoint.emit.source import (
     name_of_transposed,
     quotable,
 )
-from cutjoint.emit.steps import STEPS, Steps
 from cutjoint.formulate.forces import guards_in
 from cutjoint.formulate.inputs import guided_by
 from cutjoint.formulate.records import Equations, RecursiveEquations, SystemEquations
 from cutjoint.formulate.recursive.quantities import digest_of_poses
 from cutjoint.formulate.transposed import Linearised
-from cutjoint.methods import CLOSURES, METHODS, Formulation
+from cutjoint.methods import CLOSURES, METHODS, STEPS, Formulation, Steps
 from cutjoint.model.functions import SUPPLIED_FILE, functions_of_host
 from cutjoint.model.ranges import count_steps
 from cutjoint.model.records import Scene

@@ -16,6 +16,7 @@ from typing import Any
 
 import sympy
 
+from cutjoint import ops
 from cutjoint.elements.terms import Scalar
 from cutjoint.model.choices import Choice, Extent, measure
 from cutjoint.model.units import Dimension
@@ -369,28 +370,13 @@ SPECIAL: Mapping[str, Callable[[list[Term]], Term]] = {
 
 #: Differentiable functions: SymPy's and the plain one.
 SMOOTH: Mapping[str, tuple[Callable[..., Scalar], Callable[..., float]]] = {
-    name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name))
-    for name in (
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "sqrt",
-        "exp",
-        "log",
-    )
+    name: (Exponential if name == "exp" else getattr(sympy, name), getattr(math, name)) for name in ops.SMOOTH
 }
 
 MANY = -1
 #: The functions of expressions and the number of their arguments.
 FUNCTIONS: Mapping[str, int] = {
-    **{name: 2 if name == "atan2" else 1 for name in SMOOTH},
+    **{name: ops.OPERATIONS[name].arity for name in SMOOTH},
     "abs": 1,
     "sign": 1,
     "min": MANY,

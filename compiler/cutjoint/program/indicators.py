@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from cutjoint.ops import OPERATIONS, fact
 from cutjoint.program.blocks import SURFACE, BindingTime, Block, Builder
 from cutjoint.program.lower import reachable_blocks
 
@@ -43,22 +44,12 @@ def find_domains(builder: Builder, results: Iterable[Block]) -> list[Domain]:
 
 def _domain(b: Builder, block: Block) -> Domain | None:
     """The domain of a call; None of a power with a whole exponent."""
-    data: Any = block.data
-    function, argument = data[0], block.args[-1 if data[0] == "div" else 0]
-    match function:
-        case "sqrt" | "log":
-            margin = argument
-        case "asin" | "acos":
-            margin = b.sub(b.number(1.0), b.mul(argument, argument))
-        case "div":
-            margin = b.mul(argument, argument)
-        case _:
-            exponent: Any = block.args[1].data
-            if block.args[1].op == "const" and float(exponent[0][0]).is_integer():
-                return None
-            margin = argument
+    function = _function(block)[0]
+    margin = fact(function, "margin")(b, *block.args)
+    if margin is None:
+        return None
     cure = b.restricted[block]
-    strict = function in ("log", "div") or cure is not None
+    strict = OPERATIONS[function].strict or cure is not None
     return Domain(function=function, margin=margin, strict=strict, section=block.section, cure=cure)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cutjoint.compile.c_export import Standalone, lanes_break_even
 from cutjoint.emit.source import environment
-from cutjoint.emit.steps import Steps
+from cutjoint.methods import Steps
 from cutjoint.run.settings import StepSettings
 from cutjoint.stepping.values import Array
 

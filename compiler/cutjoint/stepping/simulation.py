@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
+from cutjoint.methods import describe_steps
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.renamed import renamed, with_old_members, with_old_words
 from cutjoint.run.settings import StepSettings
@@ -42,11 +43,9 @@ from cutjoint.stepping.values import (
 
 _WITHOUT_ADJOINT = "load the model with adjoint=True"
 _NOT_LINEARISED = "load the model with linearise=True"
-_WITHOUT_STEP_DERIVATIVES = (
-    "derivatives of steps are of method recursive, or of recursive-newton with integrator trapezoidal, radau5 or radau5-fixed"
-)
+_WITHOUT_STEP_DERIVATIVES = f"derivatives of steps are of {describe_steps(lambda s: s.differentiable)}"
 _WITHOUT_POSES = "load the model with poses=True"
-_OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
+_OVER_EVENTS = f"these steps go over events: load the model by {describe_steps(lambda s: s.finds_events)}"
 
 #: The status of a run of more parts than there are records for, and how many of these a run may take.
 _TOO_MANY_STEPS, _MOST_RECORDS = 14, 1 << 24
@@ -133,7 +132,7 @@ class Simulation:
             call(library.set_step, dt)
             self._settings = replace(self._settings, step=dt)
         if iterations is not None:
-            self._require(library.steps.is_iterated, "iterations are of the trapezoidal rule of method recursive")
+            self._require(library.steps.is_iterated, f"iterations are of {describe_steps(lambda s: s.is_iterated)}")
             call(library.set_iterations, iterations)
         if tolerance is not None:
             self._require(library.steps.adaptive, "a tolerance is of integrators that choose their steps")
@@ -174,7 +173,7 @@ class Simulation:
         """Take steps up to a time (s) or the first event, and return the event's element or None.
 
         Raises:
-            TypeError: the integrator goes over events: it is the trapezoidal rule.
+            TypeError: steps go over events.
             SimulationError: a step failed, the time has passed, or there was no `reset`.
         """
         self._require(self.library.steps.finds_events, _OVER_EVENTS)

@@ -146,7 +146,7 @@ class Holding {
     return true;
   }
 
-  /// way_ = N y, by which accelerations change.
+  /// shift_ = N y, by which accelerations change.
   template <class Flags>
   void find_change(const Flags& held, const Real* a) {
     using std::sqrt;
@@ -173,7 +173,7 @@ class Holding {
       for (std::size_t i = 0; i < n_; ++i) shift_[i] += x_[k] * N_[k * n_ + i];
   }
 
-  /// b_ = M way_.
+  /// b_ = M shift_.
   void find_momenta(const StateOf<M>& state) {
     const Real energy = energy_of(state, shift_.data());
     for (std::size_t i = 0; i < n_; ++i) {

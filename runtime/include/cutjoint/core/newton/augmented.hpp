@@ -7,6 +7,7 @@
 
 #include "cutjoint/core/newton/closing.hpp"
 #include "cutjoint/core/newton/newton.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 
 namespace cutjoint {
 
@@ -175,5 +176,9 @@ class AugmentedNewton final : public AugmentedBase<AugmentedNewton<S, Solver>, S
  public:
   using AugmentedBase<AugmentedNewton, S, Solver>::AugmentedBase;
 };
+
+/// Steps of a simulation over a system in natural coordinates, whose tangent is positive definite: any pivot order is safe.
+template <class M, class S>
+using AugmentedSteps = NewtonSteps<M, S, AugmentedNewton<S, StaticSolver<S>>, StaticSolver<S>>;
 
 }  // namespace cutjoint

@@ -6,9 +6,12 @@
 #include <cstddef>
 #include <limits>
 
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 #include "cutjoint/core/newton/newton.hpp"
 #include "cutjoint/core/newton/scaled.hpp"
 #include "cutjoint/core/newton/system.hpp"
+#include "cutjoint/core/newton_steps.hpp"
 
 namespace cutjoint {
 
@@ -135,5 +138,9 @@ class ClassicalNewton final : public Newton<ClassicalNewton<S, Solver>, S, Solve
   Scaled<S> scaled_;
   Rows<S> probe_;
 };
+
+/// Steps of a simulation over a system in natural coordinates with its multipliers.
+template <class M, class S>
+using ClassicalSteps = NewtonSteps<M, S, ClassicalNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>>;
 
 }  // namespace cutjoint

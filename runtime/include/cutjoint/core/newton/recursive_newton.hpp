@@ -6,6 +6,8 @@
 #include <cstddef>
 
 #include "cutjoint/core/newton/augmented.hpp"
+#include "cutjoint/core/newton/dense_solver.hpp"
+#include "cutjoint/core/newton/guarded_solver.hpp"
 
 namespace cutjoint {
 
@@ -113,5 +115,9 @@ class RecursiveNewton final : public AugmentedBase<RecursiveNewton<S, Solver>, S
   Speeds<S> penalised_, unclosed_;  ///< the last: rates before they were projected, whose violation is `violation_`
   Equations<S> violation_;
 };
+
+/// Steps of a simulation over a system in the coordinates of the mechanism M that starts.
+template <class M, class S>
+using RecursiveNewtonSteps = NewtonSteps<M, S, RecursiveNewton<S, GuardedSolver<S, DenseSolver<S>>>, GuardedSolver<S, DenseSolver<S>>>;
 
 }  // namespace cutjoint

@@ -60,7 +60,7 @@ struct Progress {
 /// - `attempt` tries a step of length h from the present state; it may end where it leaves the regime, but not if `whole`,
 /// - `advance` makes the regime go on at the end of the attempt, `accept` makes that end the present state,
 /// - `follow` puts the trial state at a share of the last step's length, which may be above 1, and returns its time,
-/// - `seek` seeks the indicators that the trial state has out of the regime, `found` is the first of these (see SwitchCells),
+/// - `seek` seeks the indicators that the trial state has out of the regime, `found` is the first of these (see IndicatorCells),
 /// - `finish` closes the loops of the trial state, which becomes the present one; these and `read` return a fault where loops do not close,
 /// - `restart` forgets what is known of the steps before, `adopt` too, and goes over to the regime of the present state; they return a fault where it has
 ///   no accelerations,
