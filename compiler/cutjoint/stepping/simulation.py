@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from cutjoint.emit.statuses import LIMITED, STATUSES
 from cutjoint.formulate.recursive.quantities import NUMBERS_PER_POSE, digest_of_poses
 from cutjoint.package.errors import CutjointError
 from cutjoint.package.renamed import renamed, with_old_members, with_old_words
 from cutjoint.run.settings import StepSettings
-from cutjoint.stepping.library import LIMITED, Library, StatisticsRecord, TrajectoryRecord
+from cutjoint.stepping.library import Library, StatisticsRecord, TrajectoryRecord
 from cutjoint.stepping.trajectories import Columns, InputTrajectory, InputTrajectoryLike, make_trajectories
 from cutjoint.stepping.values import (
     STEPS_BESIDE,
@@ -48,8 +49,8 @@ _WITHOUT_STEP_DERIVATIVES = (
 _WITHOUT_POSES = "load the model with poses=True"
 _OVER_EVENTS = "steps of the trapezoidal rule go over events: load the model with rk4, or method recursive-newton with radau5-fixed"
 
-#: The status of a run of more parts than there are records for, and how many of these a run may take.
-_TOO_MANY_STEPS, _MOST_RECORDS = 14, 1 << 24
+#: How many records a run may take.
+_MOST_RECORDS = 1 << 24
 
 #: Rates of states (SI units) that count as rest, and singular values, as a share of the largest, of directions in which a pose may go on.
 _AT_REST, _SINGULAR = 1e-3, 1e-11
@@ -756,7 +757,7 @@ class Simulation:
                 self.address, steps, len(chosen), chosen.ctypes.data, every, len(weighed), weighed.ctypes.data, values.ctypes.data,
                 tape.ctypes.data, records, *(each.ctypes.data for each in derivatives),
             )  # fmt: skip
-            if status != _TOO_MANY_STEPS or records > _MOST_RECORDS:
+            if status != STATUSES["too_many_steps"].number or records > _MOST_RECORDS:
                 break
             self.restore(begun)
             records *= 2
