@@ -9,8 +9,8 @@ import pytest
 from cutjoint.compile.c_export import make_standalone
 from cutjoint.compile.pipeline import generate
 from cutjoint.emit.statuses import FAULTS, LIMITED, STATUSES
-from cutjoint.package.locations import runtime_folder
 from cutjoint.model.read import read_model
+from cutjoint.package.locations import runtime_folder
 from tests.conftest import MODELS
 
 

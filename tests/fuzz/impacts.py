@@ -20,8 +20,9 @@ from cutjoint.model.records import Model
 from cutjoint.package.errors import RunError
 from cutjoint.run.results import Trajectory
 from cutjoint.run.simulation import simulate
+from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.simulation import Simulation
 
 from . import mechanisms
 from .drivers import build_interpreters
