@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cutjoint.analysis.inertia import NoInertiaError
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.model.errors import ModelError
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model

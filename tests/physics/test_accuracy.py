@@ -10,8 +10,8 @@ import pytest
 from rich.console import Console
 from scipy.linalg import expm
 
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import error_facts
 from cutjoint.run.accuracy import compare

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import cutjoint
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text
 from cutjoint.model.records import Model
