@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import cutjoint
 
@@ -31,7 +31,7 @@ def page() -> str:
     lines.append("## Classes\n")
     for name, found in classes.items():
         lines += [f"### {name}\n", _prose(found)]
-        for member, value in vars(found).items():
+        for member, value in _members(found, public):
             if not member.startswith("_") and (callable(value) or _is_property(value)):
                 lines += _entry("####", f"{name}.{member}", value)
     lines.append("## Exceptions\n\n| class | base | raised when |\n|---|---|---|")
@@ -39,6 +39,13 @@ def page() -> str:
         text = " ".join(_first_paragraph(error).split()).replace("|", "\\|")
         lines.append(f"| `{name}` | `{error.__mro__[1].__name__}` | {text} |")
     return "\n".join(lines) + "\n"
+
+
+def _members(found: type, public: Mapping[str, object]) -> Iterator[tuple[str, object]]:
+    """The members of a class and of those bases that have no section of their own."""
+    for kind in reversed(found.__mro__):
+        if kind is found or (kind.__module__.startswith("cutjoint.") and kind not in public.values()):
+            yield from vars(kind).items()
 
 
 def _entry(level: str, name: str, found: object) -> Iterator[str]:

@@ -15,7 +15,8 @@ from cutjoint.analysis.assembled import assemble_loops
 from cutjoint.analysis.closing import design_coordinates, retract
 from cutjoint.analysis.natural import call, evaluate_results
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_model, generate
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_model, generate
 from cutjoint.export.fmu.archive import make_fmu
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.model.records import Model, Scene

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from cutjoint.analysis.closing import FlatRoad, design_coordinates, evaluate_scene_inputs
-from cutjoint.compile.pipeline import compile_interpreted, generate
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import generate
 from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import INTEGRATORS, METHODS, names_of
 from cutjoint.model.read import read_model, read_model_text

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import cutjoint
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.simulator import emit_batch
 from cutjoint.formulate.lanes import schedule_recursive
 from cutjoint.methods import METHODS, PRECISIONS

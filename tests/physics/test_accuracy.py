@@ -13,8 +13,8 @@ from rich.console import Console
 from scipy.linalg import expm
 
 from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import error_facts
 from cutjoint.run.accuracy import compare

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 import cutjoint
 from cutjoint.cli import main
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted
 from cutjoint.elements.joints import JOINTS
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model_text

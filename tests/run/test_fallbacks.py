@@ -12,7 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 from cutjoint.cli import main
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene, derive
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.interpreted import compile_interpreted
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.methods import METHODS
 from cutjoint.model.read import read_model, read_model_text
 from cutjoint.report.tables import run_facts

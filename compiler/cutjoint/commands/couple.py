@@ -25,8 +25,9 @@ from cutjoint.run.outputs import require_apart
 from cutjoint.run.result_files import write_error
 from cutjoint.run.results import Trajectory
 from cutjoint.run.settings import Options, require_settings, with_options
+from cutjoint.stepping.handle import SimulationError
 from cutjoint.stepping.load import load_scene
-from cutjoint.stepping.simulation import Simulation, SimulationError
+from cutjoint.stepping.simulation import Simulation
 from cutjoint.view.views import require_view, show_run, write_shown
 
 

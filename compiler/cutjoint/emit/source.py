@@ -249,12 +249,9 @@ class Amalgamation:
 
 def amalgamate(headers: Iterable[str]) -> Amalgamation:
     """Headers of the runtime, such as ``cutjoint/core/state.hpp``, each behind those that it includes."""
-    texts: dict[str, str] = {}
-    for header in headers:
-        _add(header, texts)
     standard: set[str] = set()
     top, body = [], []
-    for text in texts.values():
+    for text in texts_of(headers).values():
         bare = _OWN.sub("", text.replace("#pragma once\n", ""))
         if "namespace cutjoint" in bare:
             standard |= set(_STANDARD.findall(bare))
@@ -262,6 +259,14 @@ def amalgamate(headers: Iterable[str]) -> Amalgamation:
         else:
             top.append(bare)
     return Amalgamation(standard=tuple(sorted(standard)), top=_joined(top), body=_joined(body))
+
+
+def texts_of(headers: Iterable[str]) -> dict[str, str]:
+    """The texts of headers of the runtime and of all that they include, each behind those that it includes."""
+    texts: dict[str, str] = {}
+    for header in headers:
+        _add(header, texts)
+    return texts
 
 
 def _add(header: str, texts: dict[str, str]) -> None:

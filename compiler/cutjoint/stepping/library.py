@@ -37,9 +37,6 @@ class TrajectoryRecord(ctypes.Structure):
     )  # fmt: skip
 
 
-#: The numbers of a step's statistics that have limits, in their order.
-LIMITED = ("violation", "violation_rate", "change", "pivot", "iterations", "evaluations")
-
 #: Quantities with names in every library; coordinates and speeds of the start are those of the spanning tree's joints.
 _NAMED = ("parameter", "coordinate", "speed", "equation", "start_coordinate", "start_speed", "output")
 

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from cutjoint.analysis.closing import evaluate_closures
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.elements.gear import FORCE_UNITS
 from cutjoint.formulate.inputs import TIME, guide_rates, input_parameters
 from cutjoint.formulate.layout import Chart

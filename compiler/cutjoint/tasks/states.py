@@ -14,8 +14,9 @@ import numpy as np
 from cutjoint.analysis.linearise import NoMassError
 from cutjoint.analysis.mobility import find_mobility
 from cutjoint.analysis.modes import Modes, find_mode_shapes
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.forces import is_active
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.methods import LINEARISED, PLAIN_CLOSURE, Loops

@@ -21,8 +21,9 @@ from rich.console import Console
 from rich.table import Table
 
 import cutjoint
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.compile.options import CompileOptions
-from cutjoint.compile.pipeline import compile_interpreted, compile_scene
+from cutjoint.compile.pipeline import compile_scene
 from cutjoint.formulate.events import jump_times
 from cutjoint.methods import INTEGRATORS, METHODS, Implementation
 from cutjoint.model.errors import ModelError

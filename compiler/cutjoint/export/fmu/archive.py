@@ -12,7 +12,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from cutjoint.compile.c_export import Standalone, for_hosts, frozen_words, make_standalone
-from cutjoint.compile.pipeline import derive, generate
+from cutjoint.compile.derivation import derive
+from cutjoint.compile.pipeline import generate
 from cutjoint.emit.source import Page
 from cutjoint.export.fmu.description import KINDS, Subject, write_build_description, write_description
 from cutjoint.export.fmu.variables import Interface, make_interface

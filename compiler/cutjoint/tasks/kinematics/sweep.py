@@ -9,7 +9,7 @@ import numpy as np
 
 from cutjoint.analysis.closing import Array, evaluate_rates, make_inputs
 from cutjoint.analysis.linearise import Linearisation, free_directions
-from cutjoint.compile.pipeline import compile_interpreted
+from cutjoint.compile.interpreted import compile_interpreted
 from cutjoint.formulate.implicit.equations import formulate_implicit
 from cutjoint.formulate.inputs import make_translator
 from cutjoint.formulate.records import RecursiveEquations
