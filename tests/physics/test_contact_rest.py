@@ -24,7 +24,7 @@ joints:
 forces:
   foot: {kind: contact, bodies: [ground, mass], at: [0, 0, 0], normal: z, along: x, centre: [0, 0, HEIGHT], radius: 1, force: [0, 0, LAW]}
   heel:
-    {kind: contact, bodies: [ground, bob], at: [0, 0, 0], normal: z, along: x, centre: [5, 0, 1.3], radius: 1, force: [0, 0, 2e4*deflection]}
+    {kind: contact, bodies: [ground, bob], at: [0, 0, 0], normal: z, centre: [5, 0, 1.3], radius: 1, force: [0, 0, 2e4*deflection]}
 outputs: [foot.Fz]
 scenes: {run: {end: 1, pose: equilibrium}}
 """  # fmt: skip
