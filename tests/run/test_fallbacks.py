@@ -304,3 +304,36 @@ def test_a_guide_that_leads_a_loop_past_its_reach_is_named(method: str) -> None:
     longest = 2 * np.hypot(0.3, 0.5)
     angle = np.arccos(1 - longest**2 / (2 * 0.8**2)) - np.pi / 2
     assert error.value.trajectory.failure.time == pytest.approx(2 * angle, abs=2e-3)
+
+
+#: A crank as long as half a bar leads its end C along z; where the foot passes the crank's axis, both could turn together.
+SCOTT_RUSSELL = """
+cutjoint: 1
+name: scott
+gravity: [0, 0, -9.81]
+points: {A: [0, 0, 0], B: [0.3, 0, 0.2], C: [0, 0, 0.4], D: [0.6, 0, 0]}
+bodies:
+  crank: {mass: 1, centre_of_mass: B, inertia: [0.01, 0.01, 0.01]}
+  bar: {mass: 2, centre_of_mass: C, inertia: [0.03, 0.03, 0.03]}
+  foot: {mass: 0.3, centre_of_mass: D, inertia: [0.001, 0.001, 0.001]}
+joints:
+  o: {kind: revolute, bodies: [ground, crank], at: A, axis: y}
+  b: {kind: revolute, bodies: [crank, bar], at: B, axis: y}
+  d: {kind: revolute, bodies: [bar, foot], at: D, axis: y}
+  ds: {kind: prismatic, bodies: [ground, foot], at: D, axis: x}
+forces: {lift: {kind: joint_force, joint: ds, law: "-200*(position + 0.4)"}}
+outputs: [bar.x, bar.z, foot.x]
+scenes: {run: {end: 0.4, output_step: 10 ms}}
+"""
+
+
+def test_a_singular_pose_is_named_with_the_method_that_crosses_it() -> None:
+    """Steps become short there, but no force jumps."""
+    model = read_model_text(SCOTT_RUSSELL, "scott.yaml")
+    run = simulate(compile_interpreted(model, model.scenes["run"], method="recursive"))
+    assert run["foot.x"].min() < -0.02
+    assert run["bar.x"] == pytest.approx(np.zeros(len(run.t)), abs=1e-4)
+    assert np.hypot(run["foot.x"], run["bar.z"]) == pytest.approx(np.full(len(run.t), np.hypot(0.6, 0.4)), abs=1e-4)
+    with pytest.raises(FailedRunError, match=r"the pose is singular, or nearly: .*tried up to .*method recursive\b(?!-)") as error:
+        simulate(compile_interpreted(model, model.scenes["run"], method="recursive-newton"), integrator="radau5")
+    assert "force that jumps" not in str(error.value)

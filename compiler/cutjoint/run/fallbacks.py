@@ -19,6 +19,8 @@ _OPEN = (
     "the run stands still: its steps have become too short for it to reach its end",
 )  # fmt: skip
 _BEYOND = "the guide of {} may lead further than the links reach: look at the last pose, such as by --view"
+#: The message of a run whose other integrators may go on, but not with its accuracy: other methods cross the pose.
+_SINGULAR = "the pose is singular, or nearly: equations depend on each other for a moment"
 #: Seconds that trials take together, if the run itself took no longer.
 _SECONDS = 2.0
 #: The number of equal steps beyond a failure, and the share of the time up to it, that a trial has to go.
@@ -59,7 +61,7 @@ def try_fallbacks(plan: SimulatorRun, run: Trajectory) -> Trials | None:
     for fallback in _fallbacks(plan):
         left = min(end - monotonic(), budget / 2)
         found[_goes_past(fallback.plan, past, left) if left > 0 else None].append(fallback)
-    for fallback in () if found[True] else _by_other_methods(plan):
+    for fallback in () if found[True] and failure.message != _SINGULAR else _by_other_methods(plan):
         found[_goes_past(fallback.plan, past, budget)].append(fallback)
     return Trials(past=past, helped=tuple(found[True]), failed=tuple(found[False]), skipped=tuple(found[None]))
 
@@ -91,7 +93,9 @@ def with_trials(failure: FailureReport, plan: SimulatorRun, trials: Trials | Non
         return failure
     known = failure.advice.partition(UNTRIED)[0].rstrip("; ")
     seen = " ".join(fallback.words for fallback in (*trials.helped, *trials.failed, *trials.skipped))
-    untried = [f"method {name}" for name in METHODS[plan.method].instead if plan.method not in METHODS[name].instead and name not in seen]
+    crosses = failure.message == _SINGULAR
+    others = (name for name in METHODS[plan.method].instead if crosses or plan.method not in METHODS[name].instead)
+    untried = [f"method {name}" for name in others if f"method {name}" not in seen]
     settings = plan.run_file.settings
     if plan.closes_loops and METHODS[plan.method].closures and not CLOSURES[settings.stabilisation.closure].penalty_of_each_cut:
         untried.insert(0, f"closure {INTEGRATORS[settings.integrator].closure}")

@@ -146,7 +146,7 @@ class AugmentedBase : public Newton<Own, S, Solver> {
   Fault project_on(const StateOf<S>& state, Speeds<S>& values, Equations<S>& violation) {
     const Real negligible = static_cast<const Own*>(this)->negligible(values);
     const Fault fault = closing_.close(values, violation, k_ * alpha_, negligible, [&](const auto& w, auto shift, auto closing) {
-      return this->follow_weight(pose_, state, w, shift, closing);
+      return this->follow_weight(pose_, state.q, w, shift, closing);
     });
     if (!fault && &values == &state.v) share_left_ = closing_.share_left();
     return fault;

@@ -62,11 +62,11 @@ class Workspace {
   Fault solve() { return fault_of(solver_.solve(x_.data())); }
 
   /// way = A^-1 Phi_q^T w and closing = Phi_q way, the first Phi_q that of a pose, with the factors of A.
-  Fault follow_weight(const Coordinates<S>& pose, const StateOf<S>& state, const Equations<S>& w, std::span<Real> shift, std::span<Real> closing) {
+  Fault follow_weight(const Coordinates<S>& pose, const Coordinates<S>& at, const Equations<S>& w, std::span<Real> shift, std::span<Real> closing) {
     system_.apply_jacobian_transposed(pose.data(), w.data(), x_.data());
     if (const Fault fault = solve()) return fault;
     std::copy_n(x_.begin(), n_, shift.begin());
-    system_.apply_jacobian(state.q.data(), shift.data(), closing.data());
+    system_.apply_jacobian(at.data(), shift.data(), closing.data());
     return {};
   }
 
@@ -76,7 +76,7 @@ class Workspace {
                    Residuals& left) {
     const auto bring = [&](Speeds<S>& values, Equations<S>& violation, Real negligible) {
       return closing.close(values, violation, constraint, negligible,
-                           [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state, weight, along, closed); });
+                           [&](const auto& weight, auto along, auto closed) { return follow_weight(pose, state.q, weight, along, closed); });
     };
     for (int round = 0;; ++round) {
       constraint_residual(state);

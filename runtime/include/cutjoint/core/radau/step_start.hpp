@@ -188,8 +188,8 @@ class StepStart : public Workspace<S, Solver> {
   long factorisations() const { return Base::factorisations() + factorisations_; }
 
   /// Why the last attempt, whose stages were `found` or not, is not taken in a shorter step; `size` is that of its error.
-  Fault give_up(bool found, bool adaptive, long number, Real size) const {
-    const Cause cause = found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
+  Fault give_up(bool found, bool adaptive, long number, Real size) {
+    const Cause cause = is_singular() ? Cause::pose_singular : found ? Cause::tolerance_not_met : adaptive ? Cause::stages_not_found : Cause::stage_not_converged;
     Fault fault = this->fault_in_row(cause, static_cast<int>(worst_), size);
     fault.t = static_cast<double>(start_.t);
     fault.step = number;
@@ -201,7 +201,7 @@ class StepStart : public Workspace<S, Solver> {
     StateOf<S> start;
     Coordinates<S> pose;
     Entries<S> tangent;
-    Real alpha, factored_w, last_h, share;
+    Real alpha, factored_w, last_h, share, before;
     long has_factors, factored, slow;
     typename stepping::IndicatorCells<S>::Memory cells;
     typename Solver::Memory solver, other;
@@ -209,7 +209,7 @@ class StepStart : public Workspace<S, Solver> {
   };
 
   Memory memory() const {
-    return {start_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, has_factors_, factored_, slow_, cells_.memory(), solver_.memory(), other_.memory(),
+    return {start_, pose_, tangent_, alpha_, factored_w_, last_h_, share_, before_, has_factors_, factored_, slow_, cells_.memory(), solver_.memory(), other_.memory(),
             single_.memory()};
   }
 
@@ -221,6 +221,7 @@ class StepStart : public Workspace<S, Solver> {
     factored_w_ = memory.factored_w;
     last_h_ = memory.last_h;
     share_ = memory.share;
+    before_ = memory.before;
     has_factors_ = memory.has_factors;
     factored_ = memory.factored;
     slow_ = memory.slow;
@@ -243,7 +244,7 @@ class StepStart : public Workspace<S, Solver> {
 
   void take_over() {
     alpha_ = single_.step_weights().constraint;
-    last_h_ = Real(0);
+    last_h_ = before_ = Real(0);
     has_factors_ = factored_ = slow_ = false;
     keep_start();
     adopt();
@@ -268,6 +269,20 @@ class StepStart : public Workspace<S, Solver> {
     if (size <= largest || largest != largest) return;
     largest = size;
     worst_ = speed;
+  }
+
+  /// Whether equations nearly depend on each other: a good part of the loops' force, Phi_q^T lambda, is by multipliers beside alpha Phi_q A^-1 Phi_q^T lambda, which
+  /// are those that the masses of the tangent A keep from the penalty.  What redundant equations leave open is beside it too, but has no force.
+  bool is_singular() { return m_ > 0 && has_factors_ && carries_open_part(start_.lambda); }
+
+  /// The part of multipliers that redundant equations leave open, which the penalty does not see, in push_; whether a tenth of their force is its.
+  bool carries_open_part(const Equations<S>& lambda) {
+    std::fill(push_.begin(), push_.end(), Real(0));
+    if (this->follow_weight(pose_, pose_, lambda, trial_, push_)) return false;
+    for (std::size_t i = 0; i < m_; ++i) push_[i] = lambda[i] - alpha_ * push_[i];
+    system_.apply_jacobian_transposed(pose_.data(), push_.data(), trial_.data());
+    system_.apply_jacobian_transposed(pose_.data(), lambda.data(), way_.data());
+    return largest(trial_) > largest(way_) / 10;
   }
 
   /// The difference (d, e) of the two orders in delta and v, into way_ and x_, without what is fast beside a step, which it overstates
@@ -301,7 +316,7 @@ class StepStart : public Workspace<S, Solver> {
   std::array<Equations<S>, Table::stages + 1> forces_;       ///< the same of multipliers
   Residuals residuals_;
   stepping::Tolerances<Real> tolerances_;
-  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5};  ///< the last: of a change by the iteration before
+  Real alpha_{1}, factored_w_{0}, last_h_{0}, share_{0.5}, before_{0};  ///< the last: of a change by the iteration before, and multipliers when their open part was sought
   bool has_factors_ = false;  ///< of a stage since the start
   bool factored_ = false, slow_ = false;  ///< whether these serve, and whether the iteration was slow
   std::size_t worst_ = 0;

@@ -192,7 +192,7 @@ class Stepper {
 
   /// A fault where a row's attempts bring a run so little forward that the rest of it would take a hundred million of them.  Forces that jump where
   /// a motion comes to rest make steps so short: at their events, or over these.
-  Fault keep(Pace& pace) const {
+  Fault keep(Pace& pace) {
     constexpr long some = 2000, rest = 50000;
     if (attempts() - pace.attempts < some) return {};
     const Real span_left = time() - pace.time;
@@ -203,7 +203,7 @@ class Stepper {
                 .t = static_cast<double>(time()), .step = now_.number};
     if (!has_events) {
       fault = scheme_.give_up(typename Scheme::Attempt{}, counts_.steps, now_.number);
-      fault.cause = Cause::step_size_too_small;
+      if (fault.cause != Cause::pose_singular) fault.cause = Cause::step_size_too_small;
     }
     fault.value = static_cast<double>(span_left) / some;
     return fault;
