@@ -153,7 +153,7 @@ constexpr Entry entries[] = {
     entry<Spread>("spread", 1, Entry::spreading),
     entry<LaneSum>("lane_sum", 1, Entry::summing),
     entry<Lookup<&Road<double>::height>>("road_height", 3, Entry::looking_up),
-    entry<Lookup<&Road<double>::derivative>>("road_slope", 3, Entry::looking_up),
+    entry<Lookup<&Road<double>::slope>>("road_slope", 3, Entry::looking_up),
     entry<Lookup<&Road<double>::height_dx>>("road_height_dx", 3, Entry::looking_up),
     entry<Lookup<&Road<double>::slope_dx>>("road_slope_dx", 3, Entry::looking_up),
     entry<SurfaceLookup<&Road<double>::surface, 0, 0>>("road_surface", 3, Entry::looking_up),
