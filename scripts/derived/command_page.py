@@ -13,7 +13,7 @@ from cutjoint.cli import main
 HEAD = """# Command line
 
 `cutjoint COMMAND --help` prints the same. Paths are relative to the current folder. Exit status: 0 success, 1 an error, whose
-message names the place and a remedy, 2 wrong use of the command.
+message names the place and a remedy, or an accuracy that was asked for and not reached, 2 wrong use of the command.
 
 ## Common options
 
