@@ -50,14 +50,15 @@ forces:
 scenes: {fall: {end: 1}}
 """
 
-TOKEN = re.compile(r"\\begin\{\w+\}|\\end\{\w+\}|\\text\{[^}]*\}|\\[A-Za-z]+|[\d.]+|[A-Za-z]|\S")
+TOKEN = re.compile(r"\\begin\{\w+\}|\\end\{\w+\}|\\text\{[^}]*\}|\\[A-Za-z]+|[\d.]+(?:e-?\d+)?|[A-Za-z]|\S")
 
 
 class Reading:
     """A reader of printed formulas with numbers for their letters."""
 
     def __init__(self, text: str, values: dict[str, Any]) -> None:
-        self._tokens, self._values = [*TOKEN.findall(text.replace(r"\left", "").replace(r"\right", "")), "$"], values
+        plain = re.sub(r"\\left\b|\\right\b", "", re.sub(r" \\cdot 10\^{(-?\d+)}", r"e\1", text))
+        self._tokens, self._values = [*TOKEN.findall(plain), "$"], values
 
     @property
     def _next(self) -> str:

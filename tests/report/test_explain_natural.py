@@ -16,9 +16,9 @@ from cutjoint.model.records import Scene
 from cutjoint.report.explain.document import explain
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
 from cutjoint.report.explain.natural.document import factorisation_rows
+from cutjoint.report.explain.natural.joints import explain_constraints
 from cutjoint.report.explain.natural.layout import explain_layout
 from cutjoint.report.explain.natural.nodes import count_sharing
-from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.run.scenes import find_scene
 from cutjoint.sparse.plan import plan_definite
 from tests.conftest import MODELS
@@ -122,8 +122,8 @@ def test_every_coordinate_constant_and_combination_has_a_row(one: Explained) -> 
 def test_every_equation_is_named(one: Explained) -> None:
     d = one.derivation
     joints = {j.name for j in d.model.joints}
-    of_bodies = [f"{c.element}.{name}" for c in d.full.constraints if c.element not in joints for name in c.names]
-    assert sorted(row[0] for row in one.table("equation | line | keeps")) == sorted(of_bodies)
+    named = [name for row in one.table("equation | line | residual") for name in row[0].split("`, `")]
+    assert named == [f"{c.element}.{name}" for c in d.full.constraints for name in c.names]
     shared = {row[0]: row[-1] for row in one.table("joint | line | kind")}
     assert shared.keys() == joints
     for c in d.full.constraints:
@@ -161,7 +161,7 @@ def test_explaining_does_not_change_the_layout(iltis: Explained) -> None:
     d = iltis.derivation
     before = list(d.full.layout.nodes)
     explain_layout(d)
-    explain_shapes(d, ())
+    explain_constraints(d)
     assert d.full.layout.nodes == before
 
 

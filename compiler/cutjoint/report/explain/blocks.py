@@ -6,14 +6,14 @@ What a formula uses more than once and has no name is called x_1, x_2 and so on.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from cutjoint.elements.interaction import Carrier
 from cutjoint.formulate.translate import Translator
 from cutjoint.program.blocks import BindingTime, Block, Builder, is_identity, is_zero
-from cutjoint.report.explain.latex import lines, matrix, number, words
+from cutjoint.report.explain.latex import NOISE, lines, matrix, number, words
 
 #: How tightly what is printed holds together: a sum, a product of vectors, a product, one thing.
 _SUM, _VECTORS, _PRODUCT, _ONE = range(4)
@@ -135,10 +135,29 @@ def print_blocks(b: Letters, named: Iterable[Block], used: Iterable[tuple[str, B
     return (*shown, *(f"{left} {names.show(block)}".replace("+ -", "- ", 1) for left, block in used))
 
 
+def print_residuals(residual: Block, names: Sequence[str], parameters: Sequence[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The equations of a column of natural coordinates, each with its names: a vector's components have one text."""
+    b = Letters()
+    whole = _Names(b, [residual])
+    rows = residual.args if residual.op == "stack" and len(residual.args) == len(names) else (residual,)
+    for block in whole.reached:
+        name = str(block.data).removeprefix("node:")
+        if name == "parameters" and len(parameters) == 1:
+            b.letters[block] = words(parameters[0])
+        elif block.op == "symbol":
+            b.letters[block] = words(name)
+        elif block.op == "take" and block.args[0].data in ("parameters", "inputs"):
+            data: Any = block.data
+            index, array = data[0][0], str(block.args[0].data)
+            b.letters[block] = words(parameters[index] if array == "parameters" else f"{array} {index + 1}")
+    for i, row in enumerate(rows):
+        yield ((names[i],) if len(rows) > 1 or len(names) == 1 else tuple(names)), _Names(b, [row], divide=False).show(row)
+
+
 class _Names:
     """The printer of some blocks over the letters of others."""
 
-    def __init__(self, b: Letters, roots: list[Block]) -> None:
+    def __init__(self, b: Letters, roots: list[Block], *, divide: bool = True) -> None:
         self._letters = dict(b.letters)
         uses, seen = Counter[Block](roots), set[Block]()
         todo = list(roots)
@@ -148,17 +167,17 @@ class _Names:
                 seen.add(block)
                 uses.update(block.args)
                 todo += block.args
-        self._reached = sorted(seen, key=lambda block: block.number)
+        self.reached = sorted(seen, key=lambda block: block.number)
         count = 0
-        for block in self._reached:
-            parted = block.op not in ("const", "symbol", "rate") and any(x.op == "take" and block in x.args for x in self._reached)
+        for block in self.reached if divide else ():
+            parted = block.op not in ("const", "symbol", "rate") and any(x.op == "take" and block in x.args for x in self.reached)
             if block not in self._letters and (parted or uses[block] > 1) and len(self.define(block)) > (0 if parted else _SHORT):
                 count += 1
                 self._letters[block] = f"x_{{{count}}}"
 
     def in_order(self) -> Iterator[tuple[Block, str]]:
         """The blocks with a letter, each behind those that it needs."""
-        return ((block, self._letters[block]) for block in self._reached if block in self._letters)
+        return ((block, self._letters[block]) for block in self.reached if block in self._letters)
 
     def show(self, block: Block, least: int = _SUM) -> str:
         """A block by its letter or as an expression, in brackets where it does not hold together."""
@@ -175,7 +194,7 @@ class _Names:
         args = block.args
         match block.op:
             case "const":
-                return self._constant(block), _ONE
+                return (text := self._constant(block)), (_SUM if text.startswith("-") else _ONE)
             case "symbol":
                 return str(block.data), _ONE
             case "rate":
@@ -218,7 +237,7 @@ class _Names:
             return "0"
         if is_identity(block) and block.shape != (1, 1):
             return r"\mathbf{1}"
-        rows = [[number(x, times=r" \cdot 10^{{{}}}") for x in row] for row in block.data]  # type: ignore[attr-defined]
+        rows = [[number(x if abs(x) > NOISE else 0.0, times=r" \cdot 10^{{{}}}") for x in row] for row in block.data]  # type: ignore[attr-defined]
         return rows[0][0] if block.shape == (1, 1) else matrix(rows)
 
     def _sum(self, block: Block) -> str:
@@ -238,10 +257,10 @@ class _Names:
             return rf"{self.show(first.args[0], _ONE)} \cdot {self.show(second, _ONE)}", _VECTORS
         if first.op == "call" and first.data == ("div", None) and first not in self._letters and _is_one(first.args[0]):
             return rf"\frac{{{self.show(second)}}}{{{self.show(first.args[1])}}}", _PRODUCT
-        left, right = self.show(first, _PRODUCT), self.show(second, _PRODUCT)
+        left, right = self.show(first, _SUM if first.op == "const" else _PRODUCT), self.show(second, _PRODUCT)
         if left == right:
             return f"{self.show(first, _ONE)}^2", _PRODUCT
-        return (rf"{left} \cdot {right}" if right[0].isdigit() else f"{left} {right}"), _PRODUCT
+        return (rf"{left} \cdot {right}" if right[0].isdigit() else f"{left} {right}"), (_SUM if left.startswith("-") else _PRODUCT)
 
     def _part(self, block: Block) -> str:
         (inner,), spans = block.args, block.data

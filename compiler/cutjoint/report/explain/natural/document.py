@@ -12,10 +12,9 @@ from cutjoint.report.explain.forces import POINT_NOTES, explain_forces
 from cutjoint.report.explain.graph import count_bodies, given_rows, operation_rows
 from cutjoint.report.explain.latex import number
 from cutjoint.report.explain.natural.derivation import Derivation, derive_natural
-from cutjoint.report.explain.natural.joints import explain_joint_constraints
+from cutjoint.report.explain.natural.joints import explain_constraints
 from cutjoint.report.explain.natural.layout import explain_layout, kinds
 from cutjoint.report.explain.natural.nodes import explain_masses, saving, sharing_table
-from cutjoint.report.explain.natural.shapes import explain_shapes
 from cutjoint.report.explain.operations import count_operations, operations_table
 from cutjoint.report.explain.views import Chapter, Entry, Explanation, Table, code, find_counterparts, make_table, plural, render
 from cutjoint.sparse.pattern import Pattern
@@ -110,8 +109,7 @@ def explain_natural(model: Model, scene: Scene, method: str, further: tuple[Chap
         sharing=sharing_table(d.full.layout, len(model.bodies)), layout=explain_layout(d),
         steps=explain_method(method, scene.numerics),
         chapters=(
-            explain_shapes(d, counterparts),
-            explain_joint_constraints(d, counterparts),
+            explain_constraints(d),
             explain_masses(d, counterparts),
             explain_forces(d.full, counterparts, POINT_NOTES),
             explain_dependence(d),
