@@ -76,7 +76,7 @@ def compare(equations: LagrangianEquations) -> int:
     for c in equations.constraints:
         for names, printed in print_residuals(c.residual, c.names, parameters):
             expected = [residuals[f"{c.element}.{name}"] for name in names]
-            assert np.ravel(Reading(printed, known).sum()) == pytest.approx(expected, rel=1e-5, abs=1e-5), names  # numbers of seven digits, some fifty
+            assert np.ravel(Reading(printed, known).sum()) == pytest.approx(expected, rel=1e-5, abs=1e-5), names  # seven digits each
             count += len(names)
     return count
 
